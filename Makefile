@@ -1,0 +1,89 @@
+# `make demo` and `make test` do everything: each makes the environment that it needs.
+# Needed before: make, and Python 3.11 or 3.12 with pip (or a sourced ROS 2 Jazzy).
+
+VENV := .venv
+# Used when the environment is made; empty: the first that fits of python3, python3.12, python3.11.
+PYTHON ?=
+DEMO_ARGS ?=
+TEST_ARGS ?= test
+# More arguments for pip install; .ci/run uses it.
+MORE :=
+
+ifeq ($(ROS_DISTRO),jazzy)
+  SOURCED := $(shell $(or $(PYTHON),python3) -c 'import rclpy' 2>/dev/null && echo yes)
+endif
+
+ifneq ($(SOURCED),)
+  # The distribution's rclpy, numpy and scipy stay; pip adds only what is missing.
+  PYTHONS := python3
+  VENV_FLAGS := --system-site-packages
+  EXTRAS := plot,test
+  READY := $(VENV)/.ready-sourced
+else
+  PYTHONS := python3 python3.12 python3.11
+  EXTRAS := ros,plot,test
+  READY := $(VENV)/.ready-wheels
+  # Only Fast DDS comes as a wheel. Another ROS in the calling shell must not mix with the wheels,
+  # nor may the library path of other wheels, which comes with their guard variable.
+  unexport RMW_IMPLEMENTATION
+  ifneq ($(ROS_DISTRO)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+    unexport ROS_DISTRO AMENT_PREFIX_PATH PYTHONPATH LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+  endif
+endif
+
+# Nothing leaves this machine, nothing is written to the home directory.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+unexport ROS_STATIC_PEERS ROS_LOCALHOST_ONLY
+export ROS_LOG_DIR := $(CURDIR)/build/ros_log
+export MPLCONFIGDIR := $(CURDIR)/build/matplotlib
+
+.PHONY: help demo test lint env clean
+.DEFAULT_GOAL := help
+
+help:  ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
+
+demo: env  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
+	$(VENV)/bin/python -m tsepm_ros.nodes.demo $(DEMO_ARGS)
+
+test: env  ## the whole test suite; TEST_ARGS="test/core -k merging" for a part
+	$(VENV)/bin/python -m pytest $(TEST_ARGS)
+
+lint: env  ## ruff and mypy
+	$(VENV)/bin/python -m ruff check .
+	$(VENV)/bin/python -m ruff format --check .
+	$(VENV)/bin/python -m mypy
+
+env: $(READY)  ## only the environment that these use, in .venv
+	@mkdir -p $(ROS_LOG_DIR) $(MPLCONFIGDIR)
+
+clean:  ## remove the environment and everything built
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+# A candidate must really run: a version manager's shim may exist and fail.
+FITS := import sys, venv; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
+# What the sourced distribution has of these stays, whatever pip would prefer.
+KEEP := from importlib.metadata import distributions as d; \
+  print(*{f"{p.name}=={p.version}" for p in d() if p.name in ("numpy", "scipy")}, sep="\n")
+
+# Editable, so that it never goes stale. Where the interpreter cannot put pip into an environment
+# (Debian without python3-venv), its own pip installs from outside.
+$(READY): setup.py package.xml $(filter %.txt,$(MORE))
+	@for python in $(or $(PYTHON),$(PYTHONS)) none; do \
+	  "$$python" -c '$(FITS)' 2>/dev/null && break; \
+	done; \
+	if [ "$$python" = none ]; then \
+	  echo 'No Python 3.11 or 3.12 found; name one: make PYTHON=/path/to/python3.12' >&2; exit 1; \
+	fi; \
+	echo "Making $(VENV) for $(EXTRAS) with $$("$$python" -V): about a minute"; \
+	set -e; \
+	if "$$python" -c 'import ensurepip' 2>/dev/null; then \
+	  "$$python" -m venv --clear $(VENV_FLAGS) $(VENV); pip="$(VENV)/bin/python -m pip"; \
+	else \
+	  "$$python" -m venv --clear --without-pip $(VENV_FLAGS) $(VENV); \
+	  pip="$$python -m pip --python $(VENV)/bin/python"; \
+	fi; \
+	$(if $(SOURCED),$(VENV)/bin/python -c '$(KEEP)',:) > $(VENV)/constraints.txt; \
+	$$pip install -qq --disable-pip-version-check -c $(VENV)/constraints.txt -e '.[$(EXTRAS)]' $(MORE)
+	@touch $@

@@ -1,0 +1,77 @@
+"""Build of tsepm_ros for both worlds: `colcon build` (ament_python) and pip."""
+
+from glob import glob
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+NAME = "tsepm_ros"
+MANIFEST = ElementTree.parse("package.xml").getroot()  # the one place that states the version
+
+
+def manifest(tag: str) -> str:
+    """Return the text of one element of package.xml, on one line."""
+    return " ".join(MANIFEST.findtext(tag, "").split())
+
+
+# ROS comes from apt through package.xml, so it never stands in install_requires; without apt it
+# comes as these wheels. Only the names with "ros-jazzy-" in front are sure to be Jazzy.
+ROS_WHEELS = [
+    "ros-jazzy-rclpy[fastrtps]",
+    "ros-jazzy-builtin-interfaces",
+    "ros-jazzy-diagnostic-msgs",
+    "ros-jazzy-geometry-msgs",
+    "ros-jazzy-nav-msgs",
+    "ros-jazzy-rcl-interfaces",
+    "ros-jazzy-rosgraph-msgs",
+    "ros-jazzy-sensor-msgs",
+    "ros-jazzy-std-msgs",
+    "ros-jazzy-std-srvs",
+    "ros-jazzy-visualization-msgs",
+]
+
+setup(
+    name=NAME,
+    version=manifest("version"),
+    description=manifest("description"),
+    license=manifest("license"),
+    maintainer=manifest("maintainer"),
+    maintainer_email=MANIFEST.find("maintainer").get("email"),
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
+    package_data={
+        NAME: ["py.typed", "simulation/scenarios/*.yaml"],
+        "msg_adapters": ["py.typed"],
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{NAME}/launch", sorted(glob("launch/*.xml"))),
+        (f"share/{NAME}/rviz", sorted(glob("rviz/*"))),
+    ],
+    zip_safe=False,
+    install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML"],
+    extras_require={
+        "ros": ROS_WHEELS,
+        "plot": ["matplotlib>=3.6", "tqdm"],
+        "distributed": ["distributed"],
+        "test": [
+            "distributed",
+            "pytest>=7.4",
+            "pytest-timeout",
+            "ruff>=0.9",
+            "mypy>=1.11",
+            "types-PyYAML",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "track_initiator = tsepm_ros.nodes.track_initiator:main",
+            "sonar_simulator = tsepm_ros.nodes.sonar_simulator:main",
+            "scan_player = tsepm_ros.nodes.scan_player:main",
+            "tsepm_demo = tsepm_ros.nodes.demo:main",
+            "tsepm = tsepm_ros.cli:main",
+        ],
+    },
+)
