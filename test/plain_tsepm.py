@@ -1,0 +1,742 @@
+"""Plain track initiation by splitting, evaluating, pruning and merging (TSEPM).
+
+A slow loop implementation, written to be compared with: every step is a short function that
+names the equation it stands for. Step and equation numbers are those of
+
+    Li, D. D., Lin, Y., Zhang, Y., 2018. A track initiation method for the underwater target
+    tracking environment. China Ocean Engineering 32(2), 206-215.
+    https://doi.org/10.1007/s13344-018-0022-0
+
+Units are metres, seconds and radians. Azimuth is counter-clockwise from the sensor's x axis, and
+a state is ``[x, vx, y, vy]`` in the fixed frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+WEIGHTED_PASSES = 2
+
+MEASUREMENT_MATRIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+"""H of Eqs. 10 and 18: the position within the state."""
+
+_CHOICES = {
+    "evaluation": ("normalized_distance", "clutter_statistic"),
+    "reading": ("literal", "squared"),
+    "merging": ("moments", "refit"),
+    "estimator": ("unweighted", "weighted"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """Parameters of the method.
+
+    Attributes
+    ----------
+    range_std, range_std_fraction : float
+        Range variance = range_std^2 + (range_std_fraction * range)^2.
+    azimuth_std : float
+        Standard deviation of the azimuth.
+    clutter_density : float
+        Lambda of Eq. 1, per square metre.
+    max_speed : float
+        v_max of Eq. 4.
+    min_hits, window : int
+        M and N: a track is confirmed by M hits within N scans.
+    gate_probability : float
+        P of Eq. 5 for the gate, Eq. 4.
+    evaluation : {"normalized_distance", "clutter_statistic"}
+        The figure that pruning tests: f1 of Eq. 23 or f2 of Eq. 25.
+    reading : {"literal", "squared"}
+        Whether f1, a squared distance, is compared with gamma of Eq. 26 or with its square.
+    pruning_probability : float
+        P_TP of Eq. 26.
+    clutter_test_size : float
+        Probability that a track of clutter alone is kept by the test of f2.
+    merging : {"moments", "refit"}
+        Merged state by Eqs. 31-33, or estimated again from all hits of the merged tracks.
+    merging_probability : float
+        P_TM, from which Eq. 5 gives the threshold of Eq. 30.
+    estimator : {"unweighted", "weighted"}
+        Least squares by Eqs. 19-20, or weighted with the inverse covariances of the hits.
+    """
+
+    range_std: float
+    range_std_fraction: float
+    azimuth_std: float
+    clutter_density: float
+    max_speed: float
+    min_hits: int
+    window: int
+    gate_probability: float = 0.9
+    evaluation: str = "normalized_distance"
+    reading: str = "literal"
+    pruning_probability: float = 0.99
+    clutter_test_size: float = 0.05
+    merging: str = "moments"
+    merging_probability: float = 0.9
+    estimator: str = "unweighted"
+
+    def __post_init__(self) -> None:
+        """Refuse what no reading of the method covers."""
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ValueError(f"{name} is {getattr(self, name)!r}, not one of {choices}")
+        if not 2 <= self.min_hits <= self.window:
+            raise ValueError("2 <= min_hits <= window does not hold")
+
+
+@dataclass(frozen=True, eq=False)
+class Sensing:
+    """How a detection was measured: what its covariance depends on besides its place.
+
+    Attributes
+    ----------
+    position : numpy.ndarray
+        The sensor's position in the fixed frame.
+    yaw : float
+        The sensor's yaw in the fixed frame.
+    pose_covariance : numpy.ndarray or None
+        Covariance of (x, y, yaw) of the sensor, where it is known.
+    range_std : float or None
+        The detection's own standard deviation of the range; None means the sensor's model.
+    azimuth_std : float
+        Standard deviation of the azimuth.
+    """
+
+    position: np.ndarray
+    yaw: float
+    pose_covariance: np.ndarray | None
+    range_std: float | None
+    azimuth_std: float
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """A detection, converted to the fixed frame.
+
+    Attributes
+    ----------
+    key : tuple of int
+        (scan index, detection index).
+    time : float
+        The time for which the position is valid.
+    point : numpy.ndarray
+        z of Eq. 9, the unbiased converted position.
+    covariance : numpy.ndarray
+        R of Eq. 11, evaluated at the measured range and azimuth.
+    sensing : Sensing
+        How the detection was measured.
+    """
+
+    key: tuple[int, int]
+    time: float
+    point: np.ndarray
+    covariance: np.ndarray
+    sensing: Sensing
+
+
+@dataclass(frozen=True, eq=False)
+class PotentialTrack:
+    """An unconfirmed hypothesis.
+
+    Attributes
+    ----------
+    hits : tuple of Detection
+        Associated detections, oldest first; their number is N_v.
+    scan_count : int
+        N_a, the scans received since the first hit, inclusive.
+    """
+
+    hits: tuple[Detection, ...]
+    scan_count: int
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """State and covariance at the confirming scan, and the R_k that Eq. 21 needs."""
+
+    state: np.ndarray
+    covariance: np.ndarray
+    hit_covariances: list[np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedTrack:
+    """A confirmed track with its estimate and both figures of Section 3.4."""
+
+    hits: tuple[Detection, ...]
+    estimate: Estimate
+    distance: float
+    clutter_statistic: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlainTrack:
+    """A track that the method puts out.
+
+    Attributes
+    ----------
+    stamp : float
+        Stamp of the confirming scan.
+    hits : tuple of (int, int)
+        (scan index, detection index) of each hit, oldest first; of the best member, the one of
+        the smallest evaluation, where tracks were merged.
+    members : frozenset
+        The hits of every merged track; of the track itself where nothing was merged.
+    state : numpy.ndarray
+        ``[x, vx, y, vy]`` at the stamp.
+    covariance : numpy.ndarray
+        Covariance of the state, 4 x 4.
+    evaluation : float
+        The best member's f1 or f2, whichever the pruning tests.
+    distance : float
+        The best member's f1.
+    """
+
+    stamp: float
+    hits: tuple[tuple[int, int], ...]
+    members: frozenset[tuple[tuple[int, int], ...]]
+    state: np.ndarray
+    covariance: np.ndarray
+    evaluation: float
+    distance: float
+
+
+@dataclass(frozen=True)
+class PlainCounts:
+    """Numbers of tracks of one scan.
+
+    Attributes
+    ----------
+    potential : int
+        Potential tracks held after the scan, new ones included.
+    confirmed : int
+        Tracks confirmed, before pruning.
+    retained : int
+        Tracks confirmed and left by the pruning, before merging.
+    """
+
+    potential: int
+    confirmed: int
+    retained: int
+
+
+def plain_tsepm(scans: Sequence[Mapping[str, Any]], **parameters: Any) -> list[list[PlainTrack]]:
+    """Run the method over all scans.
+
+    Parameters
+    ----------
+    scans : sequence of mapping
+        In order of time. Keys: ``stamp``; ``range`` and ``azimuth``, one value per detection;
+        optional ``sensor_pose``, (x, y, yaw) or a list of one per detection, (0, 0, 0) unless
+        given; ``sensor_pose_covariance``, 3 x 3; and, with one value per detection,
+        ``time_offset`` after the stamp and ``range_std`` and ``azimuth_std`` in place of the
+        sensor's.
+    **parameters
+        The fields of `Parameters`, by name.
+
+    Returns
+    -------
+    list of list of PlainTrack
+        For each scan its newly confirmed tracks, after pruning and merging.
+    """
+    tracks, _ = plain_tsepm_with_counts(scans, **parameters)
+    return tracks
+
+
+def plain_tsepm_with_counts(
+    scans: Sequence[Mapping[str, Any]], **parameters: Any
+) -> tuple[list[list[PlainTrack]], list[PlainCounts]]:
+    """Run the method over all scans, and count the tracks of each scan.
+
+    Parameters
+    ----------
+    scans, **parameters
+        As in `plain_tsepm`.
+
+    Returns
+    -------
+    tracks : list of list of PlainTrack
+        For each scan its newly confirmed tracks, after pruning and merging.
+    counts : list of PlainCounts
+        For each scan its numbers of tracks.
+    """
+    settings = Parameters(**parameters)
+    potential: list[PotentialTrack] = []
+    all_tracks = []
+    all_counts = []
+    for scan_index, scan in enumerate(scans):
+        stamp = float(scan["stamp"])
+        detections = convert_scan(scan, scan_index, settings)  # Step 1
+        updated = update_tracks(potential, detections, settings)  # Step 2
+        confirmed, alive = confirm_tracks(updated, settings)  # Step 3
+        evaluated = []
+        for track in confirmed:
+            estimate = estimate_track(track.hits, stamp, settings)  # Step 4
+            evaluated.append(evaluate_track(track.hits, estimate, stamp, settings))  # Step 5
+        retained = [track for track in evaluated if is_retained(track, settings)]  # Step 6
+        merged = merge_tracks(retained, stamp, settings)  # Step 7
+        potential = alive + start_tracks(potential, detections, settings)  # Step 8
+        all_tracks.append(merged)
+        all_counts.append(PlainCounts(len(potential), len(confirmed), len(retained)))
+    return all_tracks, all_counts
+
+
+# --- Step 1: obtain and convert measurements -----------------------------------------------------
+
+
+def convert_scan(scan: Mapping[str, Any], scan_index: int, settings: Parameters) -> list[Detection]:
+    """Convert every detection of a scan to the fixed frame (Step 1, Eqs. 6-11)."""
+    return [convert_detection(scan, scan_index, j, settings) for j in range(len(scan["range"]))]
+
+
+def convert_detection(
+    scan: Mapping[str, Any], scan_index: int, detection_index: int, settings: Parameters
+) -> Detection:
+    """Convert one detection without bias to z and R of Eqs. 9 and 11.
+
+    E[cos(azimuth)] shrinks by exp(-azimuth_std^2 / 2), so the point is divided by it.
+    """
+    measured_range = float(scan["range"][detection_index])
+    measured_azimuth = float(scan["azimuth"][detection_index])
+    time_offset = detection_value(scan, "time_offset", detection_index)
+    sensing = sensing_of(scan, detection_index, settings)
+
+    shrinkage = math.exp(-(sensing.azimuth_std**2) / 2.0)
+    sensor_point = np.array(
+        [
+            measured_range * math.cos(measured_azimuth) / shrinkage,
+            measured_range * math.sin(measured_azimuth) / shrinkage,
+        ]
+    )
+    offset = rotation_matrix(sensing.yaw) @ sensor_point
+    return Detection(
+        key=(scan_index, detection_index),
+        time=float(scan["stamp"]) + (0.0 if time_offset is None else time_offset),
+        point=sensing.position + offset,
+        covariance=fixed_frame_covariance(
+            measured_range, measured_azimuth, offset, sensing, settings
+        ),
+        sensing=sensing,
+    )
+
+
+def detection_value(scan: Mapping[str, Any], name: str, detection_index: int) -> float | None:
+    """Return an optional value of one detection, None where the scan does not have it."""
+    values = scan.get(name)
+    return None if values is None else float(values[detection_index])
+
+
+def sensing_of(scan: Mapping[str, Any], detection_index: int, settings: Parameters) -> Sensing:
+    """Return how one detection of a scan was measured."""
+    pose = scan.get("sensor_pose")
+    if pose is None:
+        pose = (0.0, 0.0, 0.0)
+    elif np.ndim(pose) == 2:
+        pose = pose[detection_index]
+    x, y, yaw = (float(value) for value in pose)
+
+    pose_covariance = scan.get("sensor_pose_covariance")
+    azimuth_std = detection_value(scan, "azimuth_std", detection_index)
+    return Sensing(
+        position=np.array([x, y]),
+        yaw=yaw,
+        pose_covariance=None if pose_covariance is None else np.array(pose_covariance, float),
+        range_std=detection_value(scan, "range_std", detection_index),
+        azimuth_std=settings.azimuth_std if azimuth_std is None else azimuth_std,
+    )
+
+
+def rotation_matrix(angle: float) -> np.ndarray:
+    """Return the matrix that turns a vector counter-clockwise by an angle."""
+    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+
+def range_variance(range_: float, sensing: Sensing, settings: Parameters) -> float:
+    """Return the variance of a range: the detection's own, else that of the sensor's model."""
+    if sensing.range_std is not None:
+        return sensing.range_std**2
+    return settings.range_std**2 + (settings.range_std_fraction * range_) ** 2
+
+
+def converted_covariance(
+    range_: float, azimuth: float, range_variance_: float, azimuth_std: float
+) -> np.ndarray:
+    """Return the exact covariance of the unbiased converted point, R of Eq. 11.
+
+    With z = (r_m cos a_m, r_m sin a_m) / s, s = exp(-azimuth_std^2 / 2), and Gaussian r_m and a_m
+    about the given range r and azimuth a, E[z] = p = (r cos a, r sin a) and
+
+        E[r_m^2] = r^2 + range_variance,
+        E[cos^2 a_m] = (1 + s^4 cos 2a) / 2,
+        E[sin^2 a_m] = (1 - s^4 cos 2a) / 2,
+        E[sin a_m cos a_m] = s^4 sin 2a / 2,
+
+    so that the covariance is E[z z^T] - p p^T.
+    """
+    shrinkage = math.exp(-(azimuth_std**2) / 2.0)
+    mean_square = (range_**2 + range_variance_) / shrinkage**2
+    cos_double = shrinkage**4 * math.cos(2.0 * azimuth)
+    sin_double = shrinkage**4 * math.sin(2.0 * azimuth)
+    x = range_ * math.cos(azimuth)
+    y = range_ * math.sin(azimuth)
+    xx = mean_square * (1.0 + cos_double) / 2.0 - x * x
+    yy = mean_square * (1.0 - cos_double) / 2.0 - y * y
+    xy = mean_square * sin_double / 2.0 - x * y
+    return np.array([[xx, xy], [xy, yy]])
+
+
+def fixed_frame_covariance(
+    range_: float, azimuth: float, offset: np.ndarray, sensing: Sensing, settings: Parameters
+) -> np.ndarray:
+    """Return the covariance of a converted point in the fixed frame, R of Eq. 11.
+
+    Parameters
+    ----------
+    range_, azimuth : float
+        Where the covariance is evaluated, seen from the sensor.
+    offset : numpy.ndarray
+        The point relative to the sensor, in the fixed frame; the lever of the sensor's yaw.
+    sensing : Sensing
+        How the detection was measured.
+    settings : Parameters
+        The sensor's model.
+    """
+    in_sensor_frame = converted_covariance(
+        range_, azimuth, range_variance(range_, sensing, settings), sensing.azimuth_std
+    )
+    rotation = rotation_matrix(sensing.yaw)
+    covariance = rotation @ in_sensor_frame @ rotation.T
+    if sensing.pose_covariance is not None:
+        dx, dy = offset
+        pose_jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx]])
+        covariance = covariance + pose_jacobian @ sensing.pose_covariance @ pose_jacobian.T
+    return covariance
+
+
+# --- Step 2: update the potential tracks (track splitting) ---------------------------------------
+
+
+def probability_threshold(probability: float) -> float:
+    """Return the radius of the ellipse that holds a share of a 2-D Gaussian (Eqs. 5 and 26)."""
+    return math.sqrt(-2.0 * math.log(1.0 - probability))
+
+
+def gate_threshold(last_hit: Detection, detection: Detection, settings: Parameters) -> float:
+    """Return gamma_1 of Eq. 4, with kT the time between the two detections."""
+    elapsed = abs(detection.time - last_hit.time)
+    major_axis_std = math.sqrt(max(np.linalg.eigvalsh(last_hit.covariance)))
+    alpha = probability_threshold(settings.gate_probability)
+    return settings.max_speed * elapsed + alpha * major_axis_std
+
+
+def is_gated(track: PotentialTrack, detection: Detection, settings: Parameters) -> bool:
+    """Tell whether a detection lies within the gate about a track's last hit (Eq. 4)."""
+    last_hit = track.hits[-1]
+    separation = math.dist(detection.point, last_hit.point)
+    return separation <= gate_threshold(last_hit, detection, settings)
+
+
+def update_tracks(
+    potential: list[PotentialTrack], detections: list[Detection], settings: Parameters
+) -> list[PotentialTrack]:
+    """Extend every potential track by this scan (Step 2, Section 3.2).
+
+    A track with gated detections is replaced by one child for each; it keeps no missed branch.
+    """
+    updated = []
+    for track in potential:
+        gated = [detection for detection in detections if is_gated(track, detection, settings)]
+        for detection in gated:
+            updated.append(PotentialTrack((*track.hits, detection), track.scan_count + 1))
+        if not gated:
+            updated.append(PotentialTrack(track.hits, track.scan_count + 1))
+    return updated
+
+
+# --- Step 3: confirm the track -------------------------------------------------------------------
+
+
+def confirm_tracks(
+    updated: list[PotentialTrack], settings: Parameters
+) -> tuple[list[PotentialTrack], list[PotentialTrack]]:
+    """Return the confirmed tracks and those that stay potential; terminate the rest (Step 3)."""
+    confirmed = []
+    alive = []
+    for track in updated:
+        hit_count = len(track.hits)
+        if track.scan_count <= settings.window and hit_count >= settings.min_hits:
+            confirmed.append(track)
+        elif track.scan_count >= settings.window and hit_count < settings.min_hits:
+            continue
+        else:
+            alive.append(track)
+    return confirmed, alive
+
+
+# --- Step 4: estimate the initial state and covariance matrix ------------------------------------
+
+
+def transition_matrix(duration: float) -> np.ndarray:
+    """Return A of Eq. 17 for a duration in place of T; a negative one goes back in time."""
+    return np.array(
+        [
+            [1.0, duration, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, duration],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def hit_matrix(hit: Detection, stamp: float) -> np.ndarray:
+    """Return H_ti of Eq. 16: from the state at the stamp to the position at the hit's time."""
+    return MEASUREMENT_MATRIX @ transition_matrix(hit.time - stamp)
+
+
+def estimate_track(hits: Sequence[Detection], stamp: float, settings: Parameters) -> Estimate:
+    """Estimate state and covariance at the stamp by the chosen least squares (Step 4)."""
+    if settings.estimator == "weighted":
+        return weighted_least_squares(hits, stamp, settings)
+    return unweighted_least_squares(hits, stamp)
+
+
+def unweighted_least_squares(hits: Sequence[Detection], stamp: float) -> Estimate:
+    """Estimate by Eqs. 19 and 20, the products of Eq. 15 summed hit by hit."""
+    normal_matrix = np.zeros((4, 4))  # H^T H
+    normal_vector = np.zeros(4)  # H^T Z
+    middle = np.zeros((4, 4))  # H^T R H
+    for hit in hits:
+        h = hit_matrix(hit, stamp)
+        normal_matrix += h.T @ h
+        normal_vector += h.T @ hit.point
+        middle += h.T @ hit.covariance @ h
+    inverse = np.linalg.inv(normal_matrix)
+    return Estimate(
+        state=inverse @ normal_vector,
+        covariance=inverse @ middle @ inverse,
+        hit_covariances=[hit.covariance for hit in hits],
+    )
+
+
+def weighted_least_squares(
+    hits: Sequence[Detection], stamp: float, settings: Parameters
+) -> Estimate:
+    """Estimate with weights R^-1, each R evaluated where the last fit puts the target.
+
+    The weighted counterpart of Eqs. 19 and 20: the state is (H^T R^-1 H)^-1 H^T R^-1 Z and its
+    covariance (H^T R^-1 H)^-1. The first fit is the unweighted one; the points stay as converted.
+    """
+    estimate = unweighted_least_squares(hits, stamp)
+    for _ in range(WEIGHTED_PASSES):
+        information = np.zeros((4, 4))  # H^T R^-1 H
+        information_vector = np.zeros(4)  # H^T R^-1 Z
+        hit_covariances = []
+        for hit in hits:
+            h = hit_matrix(hit, stamp)
+            hit_covariance = covariance_at(h @ estimate.state, hit.sensing, settings)
+            weight = np.linalg.inv(hit_covariance)
+            information += h.T @ weight @ h
+            information_vector += h.T @ weight @ hit.point
+            hit_covariances.append(hit_covariance)
+        covariance = np.linalg.inv(information)
+        estimate = Estimate(covariance @ information_vector, covariance, hit_covariances)
+    return estimate
+
+
+def covariance_at(position: np.ndarray, sensing: Sensing, settings: Parameters) -> np.ndarray:
+    """Return R of Eq. 11 for a target at a position of the fixed frame."""
+    offset = position - sensing.position
+    range_ = math.hypot(offset[0], offset[1])
+    azimuth = math.atan2(offset[1], offset[0]) - sensing.yaw
+    return fixed_frame_covariance(range_, azimuth, offset, sensing, settings)
+
+
+# --- Step 5: determine the evaluation value ------------------------------------------------------
+
+
+def evaluate_track(
+    hits: tuple[Detection, ...], estimate: Estimate, stamp: float, settings: Parameters
+) -> EvaluatedTrack:
+    """Attach both figures of Section 3.4 to a confirmed track (Step 5)."""
+    return EvaluatedTrack(
+        hits=hits,
+        estimate=estimate,
+        distance=normalized_distance(hits, estimate, stamp),
+        clutter_statistic=clutter_statistic(hits, settings.clutter_density),
+    )
+
+
+def normalized_distance(hits: Sequence[Detection], estimate: Estimate, stamp: float) -> float:
+    """Return f1 of Eq. 23, the largest f(k) of Eq. 22 over the hits."""
+    distances = []
+    for hit, hit_covariance in zip(hits, estimate.hit_covariances, strict=True):
+        transition = transition_matrix(hit.time - stamp)
+        state = transition @ estimate.state
+        state_covariance = transition @ estimate.covariance @ transition.T
+        residual = hit.point - MEASUREMENT_MATRIX @ state
+        residual_covariance = (  # SC_k of Eq. 21
+            MEASUREMENT_MATRIX @ state_covariance @ MEASUREMENT_MATRIX.T + hit_covariance
+        )
+        distances.append(float(residual @ np.linalg.inv(residual_covariance) @ residual))
+    return max(distances)
+
+
+def clutter_statistic(hits: Sequence[Detection], clutter_density: float) -> float:
+    """Return f2 of Eq. 25, V(k) being the disc (Eq. 24) out to the next associated point."""
+    total = 0.0
+    for previous, following in pairwise(hits):
+        area = math.pi * math.dist(previous.point, following.point) ** 2
+        total += clutter_density * area
+    return 2.0 * total
+
+
+def evaluation_of(track: EvaluatedTrack, settings: Parameters) -> float:
+    """Return the figure that the pruning tests."""
+    if settings.evaluation == "clutter_statistic":
+        return track.clutter_statistic
+    return track.distance
+
+
+# --- Step 6: prune track -------------------------------------------------------------------------
+
+
+def is_retained(track: EvaluatedTrack, settings: Parameters) -> bool:
+    """Tell whether the pruning keeps a confirmed track (Step 6, Section 3.5)."""
+    return evaluation_of(track, settings) <= pruning_threshold(settings)
+
+
+def pruning_threshold(settings: Parameters) -> float:
+    """Return the largest evaluation that the pruning keeps (Eq. 26; for f2 Eq. 25).
+
+    A target gives small figures, so for f2 it is the lower tail of the chi-squared distribution
+    that is kept.
+    """
+    if settings.evaluation == "clutter_statistic":
+        degrees_of_freedom = 2 * settings.min_hits - 2
+        return float(chi2.ppf(settings.clutter_test_size, degrees_of_freedom))
+    threshold = probability_threshold(settings.pruning_probability)
+    return threshold**2 if settings.reading == "squared" else threshold
+
+
+# --- Step 7: merge track -------------------------------------------------------------------------
+
+
+def hit_keys(track: EvaluatedTrack) -> tuple[tuple[int, int], ...]:
+    """Return (scan index, detection index) of each hit, oldest first."""
+    return tuple(hit.key for hit in track.hits)
+
+
+def may_merge(first: EvaluatedTrack, second: EvaluatedTrack, settings: Parameters) -> bool:
+    """Tell whether two tracks confirmed by the same scan meet Section 3.6's conditions (b), (c).
+
+    They share more than M/2 hits, and their states are close by Eq. 30.
+    """
+    shared = set(hit_keys(first)) & set(hit_keys(second))
+    if len(shared) <= settings.min_hits / 2:
+        return False
+    threshold = probability_threshold(settings.merging_probability)
+    return state_distance(first, second) <= threshold**2
+
+
+def state_distance(first: EvaluatedTrack, second: EvaluatedTrack) -> float:
+    """Return the left side of Eq. 30, the squared distance of two states (Eqs. 28 and 29)."""
+    difference = first.estimate.state - second.estimate.state
+    covariance = first.estimate.covariance + second.estimate.covariance
+    return float(difference @ np.linalg.inv(covariance) @ difference)
+
+
+def group_tracks(tracks: list[EvaluatedTrack], settings: Parameters) -> list[list[EvaluatedTrack]]:
+    """Return the connected components of the pairwise conditions."""
+    groups = []
+    remaining = list(tracks)
+    while remaining:
+        group = [remaining.pop(0)]
+        for member in group:  # grows while it is walked through
+            neighbours = [other for other in remaining if may_merge(member, other, settings)]
+            group.extend(neighbours)
+            remaining = [other for other in remaining if other not in neighbours]
+        groups.append(group)
+    return groups
+
+
+def merge_tracks(
+    tracks: list[EvaluatedTrack], stamp: float, settings: Parameters
+) -> list[PlainTrack]:
+    """Merge each group of tracks into one (Step 7, Section 3.6)."""
+    merged = []
+    for group in group_tracks(tracks, settings):
+        best = min(group, key=lambda track: (evaluation_of(track, settings), hit_keys(track)))
+        state, covariance = merged_state(group, stamp, settings)
+        merged.append(
+            PlainTrack(
+                stamp=stamp,
+                hits=hit_keys(best),
+                members=frozenset(hit_keys(track) for track in group),
+                state=state,
+                covariance=covariance,
+                evaluation=evaluation_of(best, settings),
+                distance=best.distance,
+            )
+        )
+    return merged
+
+
+def merged_state(
+    group: list[EvaluatedTrack], stamp: float, settings: Parameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return state and covariance of a group; a track alone keeps its own."""
+    if len(group) == 1:
+        return group[0].estimate.state, group[0].estimate.covariance
+    if settings.merging == "refit":
+        return refitted_state(group, stamp, settings)
+    return moments_state(group)
+
+
+def moments_state(group: list[EvaluatedTrack]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weighted means of Eqs. 32 and 33, with the weights of Eq. 31."""
+    total_distance = sum(track.distance for track in group)
+    state = np.zeros(4)
+    covariance = np.zeros((4, 4))
+    for track in group:
+        weight = track.distance / total_distance if total_distance > 0.0 else 1.0 / len(group)
+        state += weight * track.estimate.state
+        covariance += weight * track.estimate.covariance
+    return state, covariance
+
+
+def refitted_state(
+    group: list[EvaluatedTrack], stamp: float, settings: Parameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate again (Step 7) from the group's hits, every distinct detection taken once."""
+    distinct = {hit.key: hit for track in group for hit in track.hits}
+    hits = [distinct[key] for key in sorted(distinct)]
+    estimate = estimate_track(hits, stamp, settings)
+    return estimate.state, estimate.covariance
+
+
+# --- Step 8: create new potential tracks ---------------------------------------------------------
+
+
+def start_tracks(
+    potential: list[PotentialTrack], detections: list[Detection], settings: Parameters
+) -> list[PotentialTrack]:
+    """Start a potential track from every residual detection (Step 8).
+
+    Residual is what lies in no gate of the potential tracks that were alive when the scan came,
+    those that this scan confirms or terminates included.
+    """
+    started = []
+    for detection in detections:
+        if not any(is_gated(track, detection, settings) for track in potential):
+            started.append(PotentialTrack((detection,), 1))
+    return started
