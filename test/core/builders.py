@@ -1,0 +1,59 @@
+"""Small inputs for the tests: detections, scans and comparisons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel
+from tsepm_ros.conversion import DETECTION
+
+FIXED_RANGE_ERROR = SensorModel(range_std=30.0, range_std_fraction=0.0)
+"""A sensor whose range error does not grow."""
+
+
+def detections(positions: Any, times: Any, variance: float = 1.0) -> np.ndarray:
+    """Converted detections at (..., 2) positions with circular errors."""
+    positions = np.asarray(positions, float)
+    found = np.zeros(positions.shape[:-1], DETECTION)
+    found["position"] = positions
+    found["time"] = times
+    found["covariance"] = variance * np.eye(2)
+    found["major_sigma"] = math.sqrt(variance)
+    found["range_std"] = np.nan
+    return found
+
+
+def scan_at(stamp: float, positions: Iterable[Sequence[float]], **more: Any) -> Scan:
+    """A scan that sees the positions without error, from the origin."""
+    points = np.array(list(positions), float).reshape(-1, 2)
+    return Scan(
+        stamp=stamp,
+        range=np.hypot(points[:, 0], points[:, 1]),
+        azimuth=np.arctan2(points[:, 1], points[:, 0]),
+        **more,
+    )
+
+
+def assert_same_tracks(one: Sequence[ConfirmedTrack], other: Sequence[ConfirmedTrack]) -> None:
+    """The same tracks to the last bit, whatever their ids."""
+    assert [track.hits for track in one] == [track.hits for track in other]
+    for a, b in zip(one, other, strict=True):
+        assert a.stamp == b.stamp
+        np.testing.assert_array_equal(a.state, b.state)
+        np.testing.assert_array_equal(a.covariance, b.covariance)
+        assert (a.evaluation, a.scan_count, a.age) == (b.evaluation, b.scan_count, b.age)
+
+
+def whitened(sample: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Sample covariance in the units of an expected one: the identity where they agree."""
+    inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+    return inverse @ np.cov(sample, rowvar=False) @ inverse.T
+
+
+def fit_matrix(tau: np.ndarray) -> np.ndarray:
+    """The stacked H of Eq. 15 for hits at the times tau after the state."""
+    return np.vstack([np.kron(np.eye(2), [1.0, t]) for t in tau])

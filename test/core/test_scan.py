@@ -1,0 +1,215 @@
+"""Scans: what is taken, and that everything else is refused by its field's name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import Scan
+from tsepm_ros.scan import FEATURES, LARGEST, wrap
+
+GOOD = {"stamp": 5.0, "range": [100.0, 200.0], "azimuth": [0.1, 0.2]}
+
+
+def test_a_scan_has_arrays_of_float64_that_cannot_be_changed():
+    scan = Scan(**GOOD, range_std=[1, 2], time_offset=(0, 1), features={"intensity": [3, 4]})
+    for value in (
+        scan.range,
+        scan.azimuth,
+        scan.range_std,
+        scan.time_offset,
+        scan.features["intensity"],
+        scan.sensor_pose,
+    ):
+        assert value.dtype == np.float64
+        assert not value.flags.writeable
+    assert len(scan) == 2
+
+
+def test_a_wrapped_azimuth_cannot_be_changed_either():
+    assert not Scan(0.0, [100.0], [7.0]).azimuth.flags.writeable
+
+
+def test_a_scan_does_not_change_with_the_arrays_it_was_made_from():
+    range_ = np.array([100.0])
+    scan = Scan(0.0, range_, [0.0])
+    range_[0] = -1.0
+    assert scan.range[0] == 100.0
+
+
+BAD = np.nan, np.inf, -np.inf
+BAD_VALUES = [
+    *[("stamp", value) for value in (*BAD, None, "soon", [1.0, 2.0])],
+    *[("range", [100.0, value]) for value in (*BAD, 0.0, -0.0, -5.0, 1e9)],
+    *[("azimuth", [0.1, value]) for value in BAD],
+    *[("range_std", [1.0, value]) for value in (*BAD, 0.0, -1.0, 1e9)],
+    *[("azimuth_std", [0.1, value]) for value in (*BAD, 0.0, -0.1, 4.0)],
+    *[("time_offset", [0.1, value]) for value in (*BAD, 1e7)],
+    *[("sensor_pose", [0.0, value, 0.0]) for value in (*BAD, 1e10)],
+    ("sensor_pose", [[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]),
+    *[("sensor_pose_covariance", np.diag([1.0, value, 1.0])) for value in (*BAD, -1.0)],
+    ("sensor_pose_covariance", [[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+    ("sensor_pose_covariance", [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), BAD_VALUES, ids=lambda value: str(value)[:40])
+def test_a_bad_value_is_refused_by_its_field_s_name(name, value):
+    with pytest.raises(ValueError, match=rf"^{name}\b"):
+        Scan(**{**GOOD, name: value})
+
+
+BAD_SHAPES = [
+    ("range", [[100.0, 200.0]]),
+    ("range", 100.0),
+    ("range", None),
+    ("range", ["far", "near"]),
+    ("azimuth", [0.1]),
+    ("azimuth", 0.1),
+    ("azimuth", [[0.1], [0.2]]),
+    ("range_std", [1.0, 2.0, 3.0]),
+    ("range_std", 1.0),
+    ("azimuth_std", [0.1]),
+    ("time_offset", [0.1]),
+    ("time_offset", 0.1),
+    ("sensor_pose", [0.0, 0.0]),
+    ("sensor_pose", [[0.0, 0.0, 0.0]] * 3),
+    ("sensor_pose", np.zeros((3, 2))),
+    ("sensor_pose", None),
+    ("sensor_pose_covariance", np.eye(2)),
+    ("sensor_pose_covariance", 1.0),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), BAD_SHAPES, ids=lambda value: str(value)[:40])
+def test_a_bad_shape_is_refused_by_its_field_s_name(name, value):
+    with pytest.raises(ValueError, match=rf"^{name}\b"):
+        Scan(**{**GOOD, name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("range", [[100.0], [1.0, 2.0]]), ("sensor_pose", [[0.0, 0.0, 0.0], [0.0]])],
+    ids=["range", "sensor_pose"],
+)
+def test_ragged_lists_are_refused_by_their_field_s_name(name, value):
+    with pytest.raises(ValueError, match=rf"^{name}\b"):
+        Scan(**{**GOOD, name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("stamp", 10**400), ("range", [1, 10**400])], ids=["stamp", "range"]
+)
+def test_integers_beyond_float64_are_refused_by_their_field_s_name(name, value):
+    with pytest.raises(ValueError, match=rf"^{name}\b"):
+        Scan(**{**GOOD, name: value})
+
+
+@pytest.mark.parametrize("value", [[3.0], [[3.0, 4.0]], 3.0, ["loud", "quiet"]], ids=str)
+def test_a_bad_feature_is_refused_by_its_name(value):
+    with pytest.raises(ValueError, match=r"^features\['intensity'\]"):
+        Scan(**GOOD, features={"intensity": value})
+
+
+def test_an_unknown_feature_is_refused_and_the_known_are_named():
+    with pytest.raises(ValueError, match=r"^features: unknown name 'colour'.*intensity"):
+        Scan(**GOOD, features={"colour": [1.0, 2.0]})
+
+
+def test_features_that_are_no_mapping_are_refused_by_name():
+    with pytest.raises(ValueError, match=r"^features"):
+        Scan(**GOOD, features=None)
+
+
+def test_every_named_feature_is_taken_and_may_be_unknown():
+    scan = Scan(**GOOD, features={name: [np.nan, 1.0] for name in FEATURES})
+    assert set(scan.features) == {"intensity", "range_width", "azimuth_width", "range_rate"}
+
+
+@pytest.mark.parametrize("turns", [-1000, -3, -1, 1, 2, 100_000])
+@pytest.mark.parametrize("angle", [-3.0, -0.5, 0.0, 1.0, 3.1])
+def test_any_finite_angle_is_taken_and_wrapped(angle, turns):
+    (azimuth,) = Scan(0.0, [1.0], [angle + 2 * math.pi * turns]).azimuth
+    assert azimuth == pytest.approx(angle, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [1e15, -1e300, 1.7e308])
+def test_even_absurd_finite_angles_end_between_minus_pi_and_pi(angle):
+    assert abs(Scan(0.0, [1.0], [angle]).azimuth[0]) <= math.pi
+
+
+def test_angles_inside_are_untouched_to_the_bit():
+    inside = np.array([-math.pi, -1e-300, 0.1, 0.2, math.pi, np.nextafter(math.pi, 0)])
+    np.testing.assert_array_equal(wrap(inside), inside)
+    np.testing.assert_array_equal(wrap(np.append(inside, 4.0))[:-1], inside)
+    assert Scan(0.0, inside[:1] + 10, inside[:1]).azimuth[0] == -math.pi
+
+
+def test_zero_to_two_pi_is_the_same_as_minus_pi_to_pi():
+    angles = np.linspace(0.01, 2 * math.pi - 0.01, 50)
+    wrapped = Scan(0.0, np.ones(50), angles).azimuth
+    np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-12)
+    assert wrapped.min() < -3.0
+
+
+def test_one_pose_or_one_per_detection():
+    assert Scan(**GOOD, sensor_pose=(1, 2, 3)).sensor_pose.tolist() == [1, 2, 3]
+    poses = [[1, 2, 3], [4, 5, 6]]
+    assert Scan(**GOOD, sensor_pose=poses).sensor_pose.tolist() == poses
+    assert Scan(**GOOD).sensor_pose.tolist() == [0, 0, 0]
+
+
+def test_three_detections_may_have_three_poses():
+    poses = np.arange(9.0).reshape(3, 3)
+    scan = Scan(0.0, [1.0] * 3, [0.0] * 3, sensor_pose=poses)
+    np.testing.assert_array_equal(scan.sensor_pose, poses)
+
+
+@pytest.mark.parametrize("pose", [(1.0, 2.0, 3.0), np.zeros((0, 3))], ids=["one", "per detection"])
+@pytest.mark.parametrize("empty", [[], (), np.zeros(0)], ids=["list", "tuple", "array"])
+def test_an_empty_scan_is_a_scan(pose, empty):
+    scan = Scan(
+        1.0,
+        empty,
+        empty,
+        range_std=empty,
+        azimuth_std=empty,
+        time_offset=empty,
+        features={"intensity": empty},
+        sensor_pose=pose,
+        sensor_pose_covariance=np.eye(3),
+    )
+    assert len(scan) == 0
+    assert scan.range.shape == scan.time_offset.shape == (0,)
+
+
+def test_an_empty_range_does_not_excuse_a_full_azimuth():
+    with pytest.raises(ValueError, match=r"^azimuth"):
+        Scan(0.0, [], [0.1])
+
+
+@pytest.mark.parametrize("covariance", [np.zeros((3, 3)), np.ones((3, 3)), 1e-20 * np.eye(3)])
+def test_semi_definite_pose_covariances_are_taken(covariance):
+    np.testing.assert_array_equal(
+        Scan(**GOOD, sensor_pose_covariance=covariance).sensor_pose_covariance, covariance
+    )
+
+
+def test_the_largest_values_are_still_taken():
+    scan = Scan(
+        0.0,
+        [LARGEST["range"]],
+        [0.0],
+        range_std=[LARGEST["range_std"]],
+        azimuth_std=[LARGEST["azimuth_std"]],
+        time_offset=[-LARGEST["time_offset"]],
+        sensor_pose=(LARGEST["sensor_pose"], 0.0, 0.0),
+    )
+    assert len(scan) == 1
+
+
+@pytest.mark.parametrize("stamp", [0, -1.5, 1.7e9, np.float32(3.0)])
+def test_any_finite_stamp_is_taken(stamp):
+    assert Scan(stamp, [], []).stamp == float(stamp)

@@ -1,0 +1,111 @@
+"""The sensor model: errors, coverage, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import SensorModel
+
+
+def test_the_defaults_are_the_paper_s_sonar():
+    sensor = SensorModel()
+    assert math.sqrt(sensor.range_variance(5000.0)) == pytest.approx(75.0)
+    assert sensor.azimuth_std == math.radians(1.0)
+    assert (sensor.detection_probability, sensor.clutter_density) == (0.9, 1e-6)
+    assert sensor.coverage_area == pytest.approx(math.pi * 9000.0**2)
+
+
+def test_the_range_variance_has_a_constant_and_a_growing_part():
+    sensor = SensorModel(range_std=3.0, range_std_fraction=0.01)
+    assert sensor.range_variance([0.0, 400.0]).tolist() == pytest.approx([9.0, 25.0])
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(SensorModel)])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "wide", None, True], ids=str)
+def test_what_is_no_finite_number_is_refused_by_name(name, value):
+    with pytest.raises(ValueError, match=name):
+        SensorModel(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("range_std", -1.0),
+        ("range_std_fraction", -0.1),
+        ("range_std_fraction", 1.1),
+        ("azimuth_std", 0.0),
+        ("azimuth_std", 1.1),
+        ("min_range", -1.0),
+        ("min_range", 9000.0),
+        ("max_range", 0.0),
+        ("azimuth_min", 4.0),
+        ("azimuth_max", -4.0),
+        ("azimuth_min", -7.0),
+        ("azimuth_max", 7.0),
+        ("detection_probability", 0.0),
+        ("detection_probability", 1.01),
+        ("clutter_density", 0.0),
+        ("clutter_density", -1e-6),
+    ],
+)
+def test_values_out_of_their_range_are_refused_by_name(name, value):
+    with pytest.raises(ValueError, match=name):
+        SensorModel(**{name: value})
+
+
+def test_a_sensor_without_any_range_error_is_refused():
+    with pytest.raises(ValueError, match="range_std and range_std_fraction"):
+        SensorModel(range_std=0.0, range_std_fraction=0.0)
+
+
+@pytest.mark.parametrize("value", [5, np.float64(5.0), np.float32(5.0), np.int64(5)], ids=repr)
+def test_whole_and_numpy_numbers_are_numbers(value):
+    assert type(SensorModel(range_std=value).range_std) is float
+
+
+@pytest.mark.parametrize(
+    ("range_", "azimuth", "inside"),
+    [
+        (500.0, 0.0, True),
+        (100.0, 0.0, True),
+        (1000.0, 0.0, True),
+        (99.9, 0.0, False),
+        (1000.1, 0.0, False),
+        (500.0, 0.5, True),
+        (500.0, -0.5, True),
+        (500.0, 0.51, False),
+        (500.0, -0.51, False),
+        (500.0, math.pi, False),
+        (500.0, 2 * math.pi + 0.2, True),
+    ],
+)
+def test_coverage_is_a_ring_sector_with_its_edges(range_, azimuth, inside):
+    sensor = SensorModel(min_range=100.0, max_range=1000.0, azimuth_min=-0.5, azimuth_max=0.5)
+    assert sensor.covers([range_], [azimuth]).tolist() == [inside]
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "inside"), [(3.0, True), (-3.0, True), (math.pi, True), (2.0, False), (0.0, False)]
+)
+def test_a_sector_astern_reaches_across_pi(azimuth, inside):
+    sensor = SensorModel(azimuth_min=2.5, azimuth_max=3.8)
+    assert sensor.covers([500.0], [azimuth]).tolist() == [inside]
+
+
+def test_a_full_circle_covers_every_azimuth_once():
+    sensor = SensorModel(azimuth_min=-2 * math.pi, azimuth_max=2 * math.pi)
+    assert sensor.sector_width == 2 * math.pi
+    assert SensorModel().covers(np.full(100, 500.0), np.linspace(-10, 10, 100)).all()
+
+
+def test_the_covered_area_is_what_drawn_points_say():
+    # 200 000 points in the square around; the share inside within 5 standard errors.
+    sensor = SensorModel(min_range=300.0, max_range=1000.0, azimuth_min=1.0, azimuth_max=4.5)
+    x, y = np.random.default_rng(1).uniform(-1000, 1000, (2, 200_000))
+    share = sensor.covers(np.hypot(x, y), np.arctan2(y, x)).mean()
+    expected = sensor.coverage_area / 4e6
+    assert abs(share - expected) < 5 * math.sqrt(expected * (1 - expected) / 200_000)

@@ -1,0 +1,190 @@
+"""From polar measurements to Cartesian positions with a covariance (TSEPM 2018, Eqs. 6-11)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tsepm_ros.scan import Scan
+from tsepm_ros.sensor import SensorModel
+
+FloatArray = NDArray[np.float64]
+
+DETECTION = np.dtype(
+    [
+        ("scan", np.int64),  # scan index
+        ("index", np.int64),  # detection index within its scan
+        ("time", np.float64),  # s, for which the position is valid
+        ("position", np.float64, (2,)),  # m, fixed frame
+        ("covariance", np.float64, (2, 2)),  # m^2, at the measured position
+        ("major_sigma", np.float64),  # m, major axis of that covariance (sigma_Rmax)
+        ("range_std", np.float64),  # m; nan: the sensor model's
+        ("azimuth_std", np.float64),  # rad
+        ("sensor_pose", np.float64, (3,)),  # x, y, yaw in the fixed frame
+        ("sensor_pose_covariance", np.float64, (3, 3)),
+    ]
+)
+"""A converted detection, with what re-evaluating its covariance elsewhere needs."""
+
+
+def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLike) -> FloatArray:
+    """Convert range and azimuth to a Cartesian position without bias.
+
+    ``E[cos(a + e)] = exp(-s^2/2) cos(a)`` for Gaussian e of deviation s, so dividing by that factor
+    removes the bias exactly.
+
+    Parameters
+    ----------
+    range, azimuth, azimuth_std : (...) array_like
+        m, rad, rad.
+
+    Returns
+    -------
+    (..., 2) ndarray
+        Position in the axes in which the azimuth is measured, m.
+    """
+    unbiased_range = np.asarray(range) * np.exp(0.5 * np.square(azimuth_std))
+    return np.stack([unbiased_range * np.cos(azimuth), unbiased_range * np.sin(azimuth)], axis=-1)
+
+
+def position_covariance(
+    range: ArrayLike, azimuth: ArrayLike, range_variance: ArrayLike, azimuth_std: ArrayLike
+) -> FloatArray:
+    """Covariance of `unbiased_position`, exact for a target at the given range and azimuth.
+
+    With ``b = exp(-s^2/2)``, along and across the line of sight::
+
+        along  = (r^2 + s_r^2) (1 + b^4) / (2 b^2) - r^2
+        across = (r^2 + s_r^2) (1 - b^4) / (2 b^2)
+
+    rotated by the azimuth.
+
+    Parameters
+    ----------
+    range, azimuth, range_variance, azimuth_std : (...) array_like
+        m, rad, m^2, rad. The true range and azimuth, or the best that is known of them.
+
+    Returns
+    -------
+    (..., 2, 2) ndarray
+        m^2.
+    """
+    square = np.square(range)
+    angle_variance = np.square(azimuth_std)
+    # (1 +- b^4) / (2 b^2) = cosh(s^2), sinh(s^2), and cosh(u) - 1 = 2 sinh(u/2)^2: no digits are
+    # lost where s is small.
+    along = 2.0 * square * np.sinh(0.5 * angle_variance) ** 2
+    along = along + range_variance * np.cosh(angle_variance)
+    across = (square + range_variance) * np.sinh(angle_variance)
+    cosine, sine = np.cos(azimuth), np.sin(azimuth)
+    covariance = np.empty((*np.shape(along), 2, 2))
+    covariance[..., 0, 0] = along * cosine**2 + across * sine**2
+    covariance[..., 1, 1] = along * sine**2 + across * cosine**2
+    covariance[..., 0, 1] = covariance[..., 1, 0] = (along - across) * cosine * sine
+    return covariance
+
+
+def pose_error_covariance(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:
+    """Position covariance that an uncertain sensor pose adds: J C J', to first order.
+
+    Parameters
+    ----------
+    offset : (..., 2) ndarray
+        Position relative to the sensor, in the fixed frame's axes, m.
+    pose_covariance : (..., 3, 3) ndarray
+        Covariance C of the sensor's x, y, yaw.
+
+    Returns
+    -------
+    (..., 2, 2) ndarray
+        m^2. Hits of one track come from different scans, so within a track these errors count as
+        independent although they are common to one scan's detections.
+    """
+    jacobian = np.zeros((*offset.shape[:-1], 2, 3))
+    jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1.0
+    jacobian[..., 0, 2] = -offset[..., 1]
+    jacobian[..., 1, 2] = offset[..., 0]
+    return jacobian @ pose_covariance @ np.swapaxes(jacobian, -1, -2)
+
+
+def major_sigma(covariance: FloatArray) -> FloatArray:
+    """Standard deviation along the major axis of each (..., 2, 2) covariance, m."""
+    half_sum = 0.5 * (covariance[..., 0, 0] + covariance[..., 1, 1])
+    half_difference = 0.5 * (covariance[..., 0, 0] - covariance[..., 1, 1])
+    return np.sqrt(half_sum + np.hypot(half_difference, covariance[..., 0, 1]))
+
+
+def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void]:
+    """Convert a scan to detections in the fixed frame (Step 1; Eqs. 6-11).
+
+    Parameters
+    ----------
+    scan : Scan
+        The n detections as measured.
+    sensor : SensorModel
+        Errors where the scan gives none of its own.
+    scan_index : int
+        Index to note with each detection.
+
+    Returns
+    -------
+    (n,) ndarray of DETECTION
+    """
+    detections = np.zeros(len(scan), dtype=DETECTION)
+    detections["scan"] = scan_index
+    detections["index"] = np.arange(len(scan))
+    detections["time"] = scan.stamp
+    if scan.time_offset is not None:
+        detections["time"] += scan.time_offset
+    detections["range_std"] = np.nan if scan.range_std is None else scan.range_std
+    detections["azimuth_std"] = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
+    detections["sensor_pose"] = scan.sensor_pose
+    yaw = detections["sensor_pose"][:, 2]
+    offset = unbiased_position(scan.range, scan.azimuth + yaw, detections["azimuth_std"])
+    detections["position"] = detections["sensor_pose"][:, :2] + offset
+    covariance = position_covariance(
+        scan.range,
+        scan.azimuth + yaw,
+        sensor.range_variance(scan.range) if scan.range_std is None else scan.range_std**2,
+        detections["azimuth_std"],
+    )
+    if scan.sensor_pose_covariance is not None:
+        detections["sensor_pose_covariance"] = scan.sensor_pose_covariance
+        covariance += pose_error_covariance(offset, detections["sensor_pose_covariance"])
+    detections["covariance"] = covariance
+    detections["major_sigma"] = major_sigma(covariance)
+    return detections
+
+
+def covariance_at(
+    detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel
+) -> FloatArray:
+    """Re-evaluate the detections' covariances as if their targets were at other positions.
+
+    The deviation of a range error that grows with range, and the direction of the error ellipse,
+    are better known at a fitted position than at the measured one (design: R at the fit).
+
+    Parameters
+    ----------
+    detections : (...) ndarray of DETECTION
+        Detections.
+    positions : (..., 2) ndarray
+        Position to evaluate each one's covariance at, fixed frame, m.
+    sensor : SensorModel
+        Range errors where a detection has none of its own.
+
+    Returns
+    -------
+    (..., 2, 2) ndarray
+        m^2.
+    """
+    offset = positions - detections["sensor_pose"][..., :2]
+    range_ = np.hypot(offset[..., 0], offset[..., 1])
+    own = detections["range_std"]
+    covariance = position_covariance(
+        range_,
+        np.arctan2(offset[..., 1], offset[..., 0]),
+        np.where(np.isnan(own), sensor.range_variance(range_), own**2),
+        detections["azimuth_std"],
+    )
+    return covariance + pose_error_covariance(offset, detections["sensor_pose_covariance"])

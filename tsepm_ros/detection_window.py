@@ -1,0 +1,45 @@
+"""The detections that living potential tracks may still refer to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.conversion import DETECTION
+
+
+class DetectionWindow:
+    """Detections of the recent scans, addressed by ids that never change.
+
+    Ids count from 0 in order of arrival; forgetting old scans leaves the ids of the others as they
+    are, so memory stays bounded by the window while hypotheses hold plain integers.
+    """
+
+    def __init__(self) -> None:
+        self._detections = np.zeros(0, DETECTION)
+        self._first_id = 0
+
+    def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
+        """Add a scan's detections and return their ids, (n,)."""
+        first = self._first_id + len(self._detections)
+        self._detections = np.concatenate([self._detections, detections])
+        return np.arange(first, first + len(detections))
+
+    def forget(self, before_scan: int) -> None:
+        """Forget the detections of the scans before the given scan index."""
+        old = int(np.searchsorted(self._detections["scan"], before_scan))
+        self._detections = self._detections[old:]
+        self._first_id += old
+
+    def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
+        """Detections with the given ids, in the ids' shape."""
+        return self._detections[ids - self._first_id]
+
+    def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Positions of the detections with the given ids, (..., 2), m."""
+        positions: NDArray[np.float64] = self._detections["position"][ids - self._first_id]
+        return positions
+
+    def __len__(self) -> int:
+        """Number of detections held."""
+        return len(self._detections)

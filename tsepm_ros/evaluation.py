@@ -1,0 +1,66 @@
+"""Track evaluation (TSEPM 2018, Section 3.4): how well the hits fit one target."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.estimation import Fit, position_covariances_at, positions_at
+
+FloatArray = NDArray[np.float64]
+
+EVALUATIONS = ("normalized_distance", "clutter_statistic")
+
+
+def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
+    """Largest normalised distance between hits and fit, f_1 (Eqs. 21-23).
+
+    ``f(k) = (z_k - H x_k)' (H P_k H' + R_k)^-1 (z_k - H x_k)``, ``f_1 = max_k f(k)``
+
+    As published, the state's covariance is added although the hit was in the fit, so f(k) is
+    smaller than chi-square distributed.
+
+    Parameters
+    ----------
+    hits : (n, m) ndarray of DETECTION
+        The hits that were fitted.
+    fit : Fit
+        Their fit.
+
+    Returns
+    -------
+    (n,) ndarray
+        A squared distance, without unit.
+    """
+    misfit = hits["position"] - positions_at(fit.state, fit.tau)
+    spread = position_covariances_at(fit.covariance, fit.tau) + fit.hit_covariance
+    return squared_distance(misfit, spread).max(axis=1)
+
+
+def clutter_statistic(positions: FloatArray, clutter_density: float) -> FloatArray:
+    """Kennedy's clutter statistic f_2 (Eqs. 24-25).
+
+    ``f_2 = 2 sum_k lambda V(k)``, V(k) = pi d_k^2 the area out to the associated point at distance
+    d_k from the hit before. For nearest points of pure clutter it is chi-square distributed with
+    2 M - 2 degrees of freedom; a target makes it small.
+
+    Parameters
+    ----------
+    positions : (n, m, 2) ndarray
+        Positions of the hits, oldest first, m.
+    clutter_density : float
+        lambda, 1/m^2.
+
+    Returns
+    -------
+    (n,) ndarray
+    """
+    steps = np.diff(positions, axis=1)
+    return 2.0 * clutter_density * np.pi * np.square(steps).sum(axis=(1, 2))
+
+
+def squared_distance(misfit: FloatArray, covariance: FloatArray) -> FloatArray:
+    """``d' C^-1 d`` of (..., 2) vectors under (..., 2, 2) covariances."""
+    x, y = misfit[..., 0], misfit[..., 1]
+    xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
+    return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)

@@ -1,0 +1,213 @@
+"""What every track initiation method shares."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.conversion import convert
+from tsepm_ros.limits import TimeLimit
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.scan import Scan
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.track import ConfirmedTrack
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """Options that mean the same in every method.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    max_speed: float = parameter(
+        10.0, "Maximum speed of a target", unit="m/s", positive=True, maximum=1e4
+    )
+    max_detections: int = parameter(
+        200_000, "Detections in a scan above which the scan is refused", minimum=1
+    )
+    max_potential_tracks: int = parameter(
+        250_000, "Potential tracks held at most; the worst beyond are cut and counted", minimum=1
+    )
+    max_raw_confirmations: int = parameter(
+        250_000,
+        "Tracks that reach confirmation in one scan, before pruning and merging, at most; the "
+        "worst beyond are cut and counted",
+        minimum=1,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+
+@dataclass(frozen=True)
+class ScanStatistics:
+    """Counts of one scan, or summed over scans.
+
+    Attributes
+    ----------
+    scans : int
+        Scans counted.
+    detections : int
+        Detections received.
+    potential_tracks : int
+        Potential tracks held after the scan (in a sum: the most held at once).
+    started : int
+        Potential tracks started.
+    terminated : int
+        Potential tracks ended by the method's own rule.
+    raw_confirmations : int
+        Tracks that reached confirmation, before pruning and merging.
+    pruned : int
+        Of these, removed by their evaluation.
+    merged : int
+        Of these, removed by merging into another.
+    confirmed : int
+        Confirmed tracks put out.
+    cut_potential_tracks, cut_confirmations : int
+        Removed because a limit was reached.
+    """
+
+    scans: int = 0
+    detections: int = 0
+    potential_tracks: int = 0
+    started: int = 0
+    terminated: int = 0
+    raw_confirmations: int = 0
+    pruned: int = 0
+    merged: int = 0
+    confirmed: int = 0
+    cut_potential_tracks: int = 0
+    cut_confirmations: int = 0
+
+    def __add__(self, other: ScanStatistics) -> ScanStatistics:
+        """Sum of the counts; of `potential_tracks` the larger."""
+        values = {
+            field.name: getattr(self, field.name) + getattr(other, field.name)
+            for field in dataclasses.fields(self)
+        }
+        values["potential_tracks"] = max(self.potential_tracks, other.potential_tracks)
+        return ScanStatistics(**values)
+
+
+class Initiator(ABC):
+    """A track initiation method: scans in, newly confirmed tracks out.
+
+    A method is a subclass with its own `Options` and `process`.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+        The sensor.
+    common : CommonOptions
+        Options that all methods share.
+    options : Options
+        The method's own options.
+
+    Attributes
+    ----------
+    statistics : ScanStatistics
+        Counts of the last scan.
+    totals : ScanStatistics
+        Sums since the start or the last reset.
+    next_track_id : int
+        Id of the next confirmed track; goes on through resets.
+    max_scan_time : float
+        Time that a scan may take, s, as a last resort behind the limits on counts; infinite, so
+        that results are reproducible, unless set.
+    """
+
+    Options: ClassVar[type[Any]]
+    """Frozen dataclass of the method's own parameters."""
+
+    def __init__(self, sensor: SensorModel, common: CommonOptions, options: Any) -> None:
+        self.sensor = sensor
+        self.common = common
+        self.options = options
+        self.next_track_id = 0
+        self.max_scan_time = math.inf
+        self.reset()
+
+    @abstractmethod
+    def process(self, scan: Scan) -> list[ConfirmedTrack]:
+        """Take one scan and return the tracks that it newly confirms.
+
+        Parameters
+        ----------
+        scan : Scan
+            The next scan, later than the one before.
+
+        Returns
+        -------
+        list of ConfirmedTrack
+            Newly confirmed tracks only, their states at the scan's stamp.
+
+        Raises
+        ------
+        ValueError
+            If the stamp is not later than the last one, or the scan has more than
+            `max_detections` detections. The scan is then not taken and nothing has changed.
+        """
+
+    @abstractmethod
+    def potential_tracks(self) -> list[ConfirmedTrack]:
+        """Unconfirmed hypotheses with at least two hits, at the last scan's stamp.
+
+        Their `track_id` is their place in the list.
+        """
+
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options before the next scan.
+
+        Returns
+        -------
+        bool
+            Whether the potential tracks were kept. A method that cannot continue them under the new
+            options overrides this and starts over.
+        """
+        self.sensor = sensor
+        self.common = common
+        self.options = options
+        return True
+
+    def reset(self) -> None:
+        """Forget all scans and potential tracks. Track ids go on: none is used twice."""
+        self.stamp: float | None = None
+        self.scan_index = -1
+        self._time = TimeLimit()
+        self.statistics = ScanStatistics()
+        self.totals = ScanStatistics()
+
+    def _receive(self, scan: Scan) -> NDArray[np.void]:
+        """Count a scan in and convert its detections (Step 1)."""
+        if self.stamp is not None and scan.stamp <= self.stamp:
+            raise ValueError(
+                f"stamp must be later than the last scan's; got {scan.stamp!r} after {self.stamp!r}"
+            )
+        if len(scan) > self.common.max_detections:
+            raise ValueError(
+                f"range has {len(scan)} detections, more than max_detections = "
+                f"{self.common.max_detections}"
+            )
+        self._time = TimeLimit(self.max_scan_time)
+        self.stamp = scan.stamp
+        self.scan_index += 1
+        return convert(scan, self.sensor, self.scan_index)
+
+    def _take_track_id(self) -> int:
+        track_id = self.next_track_id
+        self.next_track_id = (track_id + 1) % 2**32
+        return track_id
+
+    def _count(self, statistics: ScanStatistics) -> None:
+        self.statistics = statistics
+        self.totals = self.totals + statistics

@@ -1,0 +1,244 @@
+"""Track merging (TSEPM 2018, Section 3.6, Eqs. 27-33, Step 7)."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from tsepm_ros.splitting import gate_factor
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MERGINGS = ("moments", "refit")
+
+PAIR_BLOCK = 200_000
+"""Pairs looked at together: bounds the memory of the search, not its result."""
+MAX_SUBSETS = 70
+"""Subsets of a track's hits by which overlapping tracks are looked for."""
+
+
+def merging_threshold(probability: float) -> float:
+    """Threshold gamma_TM^2 of Eq. 30, with gamma_TM from Eq. 5 as published.
+
+    Eq. 30's distance has four degrees of freedom, Eq. 5 is the quantile for two. The quantile for
+    four at P is reached with probability ``1 - exp(-chi2(4).ppf(P) / 2)``, 0.980 for P = 0.9.
+    """
+    return gate_factor(probability) ** 2
+
+
+def groups(
+    hits: IntArray, states: FloatArray, covariances: FloatArray, probability: float
+) -> IntArray:
+    """Group the tracks of one scan that meet the merging conditions.
+
+    Two tracks merge where more than half of their hits are shared (condition b) and their states
+    are close (condition c, Eq. 30). Groups are the connected components of these pairs.
+
+    Not all pairs are looked at: tracks that share more than half of their hits share a subset of
+    that size, so candidates come from the tracks that have such a subset in common; and pairs that
+    other pairs have connected already are left out.
+
+    Parameters
+    ----------
+    hits : (n, m) ndarray of int
+        Detection ids of each track's hits, ascending in each row.
+    states : (n, 4) ndarray
+        States at the same time.
+    covariances : (n, 4, 4) ndarray
+        Their covariances.
+    probability : float
+        P_TM.
+
+    Returns
+    -------
+    (n,) ndarray of int
+        Group label of each track.
+    """
+    n = len(hits)
+    labels = np.arange(n)
+    if n < 2:
+        return labels
+    threshold = merging_threshold(probability)
+    sharing = tracks_by_shared_hits(hits)
+
+    def connect(one: IntArray, other: IntArray) -> IntArray:
+        apart = labels[one] != labels[other]
+        one, other = one[apart], other[apart]
+        both = overlap(hits, one, other)
+        one, other = one[both], other[both]
+        near = close(states, covariances, one, other, threshold)
+        return _connected(labels, one[near], other[near])
+
+    for one, other in sharing.neighbours(PAIR_BLOCK):
+        labels = connect(one, other)
+    for one, other in sharing.where_labels_differ(labels).pairs(PAIR_BLOCK):
+        labels = connect(one, other)
+    return labels
+
+
+def _connected(labels: IntArray, one: IntArray, other: IntArray) -> IntArray:
+    """Labels after connecting the labels of some pairs of tracks."""
+    if not len(one):
+        return labels
+    n = int(labels.max()) + 1
+    graph = csr_array((np.ones(len(one), bool), (labels[one], labels[other])), shape=(n, n))
+    merged: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
+    return merged[labels]
+
+
+def members_of_groups(labels: IntArray) -> list[IntArray]:
+    """Rows of each group, groups in the order of their first rows."""
+    order = np.argsort(labels, kind="stable")
+    borders = np.flatnonzero(np.diff(labels[order])) + 1
+    parts = np.split(order, borders) if len(order) else []
+    return sorted(parts, key=lambda rows: int(rows[0]))
+
+
+@dataclass(frozen=True)
+class Sharing:
+    """Tracks that have a subset of hits in common, as compressed rows.
+
+    Attributes
+    ----------
+    start : (g + 1,) ndarray of int
+        Subset i belongs to the tracks ``track[start[i]:start[i + 1]]``.
+    track : (p,) ndarray of int
+        Rows of the tracks, ascending within a subset.
+    """
+
+    start: IntArray
+    track: IntArray
+
+    def neighbours(self, block: int) -> Iterator[tuple[IntArray, IntArray]]:
+        """Pairs of tracks that follow each other in a subset, `block` at a time.
+
+        They connect most of what can be connected, at the least cost.
+        """
+        same = np.ones(max(len(self.track) - 1, 0), bool)
+        same[self.start[1:-1] - 1] = False
+        rows = np.flatnonzero(same)
+        for begin in range(0, len(rows), block):
+            row = rows[begin : begin + block]
+            yield self.track[row], self.track[row + 1]
+
+    def where_labels_differ(self, labels: IntArray) -> Sharing:
+        """Only the subsets whose tracks do not all have the same label."""
+        label = labels[self.track]
+        begin = self.start[:-1]
+        mixed = np.minimum.reduceat(label, begin) != np.maximum.reduceat(label, begin)
+        counts = np.diff(self.start)
+        start = np.zeros(np.count_nonzero(mixed) + 1, np.int64)
+        np.cumsum(counts[mixed], out=start[1:])
+        return Sharing(start, self.track[np.repeat(mixed, counts)])
+
+    def pairs(self, block: int) -> Iterator[tuple[IntArray, IntArray]]:
+        """All pairs of tracks that share a subset, about `block` at a time.
+
+        A pair comes once for every subset that it shares.
+        """
+        counts = np.diff(self.start)
+        # Entry p is paired with the later entries of its subset.
+        later = np.repeat(self.start[1:], counts) - np.arange(len(self.track)) - 1
+        work = np.cumsum(later)
+        total = int(work[-1]) if len(work) else 0
+        borders = np.unique(np.searchsorted(work, np.arange(0, total, block), side="right"))
+        for begin, end in itertools.pairwise([*borders, len(later)]):
+            entry = np.repeat(np.arange(begin, end), later[begin:end])
+            first = np.cumsum(later[begin:end]) - later[begin:end]
+            place = np.arange(len(entry)) - first[entry - begin]
+            yield self.track[entry], self.track[entry + 1 + place]
+
+
+def tracks_by_shared_hits(hits: IntArray) -> Sharing:
+    """Find the tracks that have subsets of their hits in common.
+
+    Parameters
+    ----------
+    hits : (n, m) ndarray of int
+        Detection ids, ascending in each row.
+
+    Returns
+    -------
+    Sharing
+        Subsets of the smallest size that is more than m/2, so that every overlapping pair shares
+        one; of fewer hits where that would be more than `MAX_SUBSETS` subsets a track. Only those
+        of more than one track.
+    """
+    n, m = hits.shape
+    size = m // 2 + 1
+    while math.comb(m, size) > MAX_SUBSETS:
+        size -= 1
+    # A subset is recognised by the sum of random numbers, one per hit. Two subsets with the same
+    # sum would be a candidate too many, not a wrong result.
+    ids, column = np.unique(hits, return_inverse=True)
+    number = np.random.default_rng(0).integers(2**63, size=len(ids))[column.reshape(n, m)]
+    key = np.concatenate(
+        [number[:, subset].sum(axis=1) for subset in itertools.combinations(range(m), size)]
+    )
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    border = np.flatnonzero(np.diff(key, prepend=key[0] - 1, append=key[-1] + 1))
+    counts = np.diff(border)
+    shared = counts > 1
+    start = np.zeros(np.count_nonzero(shared) + 1, np.int64)
+    np.cumsum(counts[shared], out=start[1:])
+    return Sharing(start, (order % n)[np.repeat(shared, counts)])
+
+
+def overlap(hits: IntArray, one: IntArray, other: IntArray) -> NDArray[np.bool_]:
+    """Test whether the tracks of each pair share more than half of their hits (condition b)."""
+    same = hits[one][:, :, None] == hits[other][:, None, :]
+    return 2 * np.count_nonzero(same, axis=(1, 2)) > hits.shape[1]
+
+
+def close(
+    states: FloatArray, covariances: FloatArray, one: IntArray, other: IntArray, threshold: float
+) -> NDArray[np.bool_]:
+    """Test whether the states of each pair are close (condition c).
+
+    ``(X1 - X2)' (P1 + P2)^-1 (X1 - X2) <= gamma_TM^2`` (Eqs. 28-30). As published, the two
+    estimates count as independent although they share hits.
+    """
+    difference = states[one] - states[other]
+    # The distance is never below that of a single component, which is cheap to rule out by.
+    variances = covariances[:, range(4), range(4)]
+    bound = threshold * (1.0 + 1e-9) * (variances[one] + variances[other])
+    near = np.asarray((np.square(difference) <= bound).all(axis=1))
+    rows = np.flatnonzero(near)
+    total = covariances[one[rows]] + covariances[other[rows]]
+    solved = np.linalg.solve(total, difference[rows][..., None])[..., 0]
+    near[rows] = (difference[rows] * solved).sum(axis=1) <= threshold
+    return near
+
+
+def moments(
+    states: FloatArray, covariances: FloatArray, distances: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Merge one group by its weighted moments.
+
+    ``p_i = f_1(i) / sum f_1`` (Eq. 31), ``X = sum p_i X_i`` (Eq. 32), ``P = sum p_i P_i`` (Eq. 33).
+    As published, the worse fit weighs more and the spread of the means is left out.
+
+    Parameters
+    ----------
+    states : (g, 4) ndarray
+    covariances : (g, 4, 4) ndarray
+    distances : (g,) ndarray
+        f_1 of each track. Where all are 0 (two hits fit any line) the weights are equal.
+
+    Returns
+    -------
+    state : (4,) ndarray
+    covariance : (4, 4) ndarray
+    """
+    total = distances.sum()
+    weights = distances / total if total > 0 else np.full(len(distances), 1.0 / len(distances))
+    return weights @ states, np.tensordot(weights, covariances, axes=1)

@@ -1,0 +1,63 @@
+"""The track initiation methods, by name."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from tsepm_ros.initiator import CommonOptions, Initiator
+from tsepm_ros.methods.tsepm import Tsepm
+from tsepm_ros.sensor import SensorModel
+
+METHODS: dict[str, type[Initiator]] = {"tsepm": Tsepm}
+"""Every method. A new one is a module here and a row in this table."""
+
+
+def available_methods() -> tuple[str, ...]:
+    """Names that `make_initiator` knows."""
+    return tuple(METHODS)
+
+
+def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initiator:
+    """Make a track initiator.
+
+    Parameters
+    ----------
+    method : str
+        One of `available_methods()`.
+    sensor : SensorModel
+        The sensor's errors and coverage.
+    **options
+        Options common to all methods (`max_speed` and the limits, see
+        `tsepm_ros.initiator.CommonOptions`) and the method's own (its class's `Options`).
+
+    Returns
+    -------
+    Initiator
+
+    Raises
+    ------
+    ValueError
+        If the method is unknown, the method has no such option, or a value is not allowed; the
+        message names it.
+    TypeError
+        If `sensor` is not a SensorModel.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    if not isinstance(sensor, SensorModel):
+        raise TypeError(f"sensor must be a SensorModel; got {type(sensor).__name__}")
+    kind = METHODS[method]
+    common = {field.name for field in dataclasses.fields(CommonOptions)}
+    own = {field.name for field in dataclasses.fields(kind.Options)}
+    unknown = sorted(set(options) - common - own)
+    if unknown:
+        raise ValueError(
+            f"{unknown[0]} is not an option of method {method!r}; it has "
+            f"{', '.join(sorted(common | own))}"
+        )
+    return kind(
+        sensor,
+        CommonOptions(**{name: value for name, value in options.items() if name in common}),
+        kind.Options(**{name: value for name, value in options.items() if name in own}),
+    )

@@ -1,0 +1,184 @@
+"""One ping's detections."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+LARGEST = {
+    "range": 1e8,  # m
+    "range_std": 1e8,  # m
+    "azimuth_std": math.pi,  # rad
+    "time_offset": 1e6,  # s
+    "sensor_pose": 1e9,  # m, rad
+}
+"""Largest magnitudes that are taken: beyond, a number is a fault, and its square could overflow."""
+
+SMALLEST = {"range": 1e-3, "range_std": 1e-6, "azimuth_std": 1e-9}
+"""Smallest positive values that are taken, m and rad: below, squares vanish."""
+
+FEATURES = ("intensity", "range_width", "azimuth_width", "range_rate")
+"""Names that `Scan.features` may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Detections of one scan (one ping), as the sensor reports them.
+
+    Parameters
+    ----------
+    stamp : float
+        Start of transmit, s.
+    range : (n,) array_like
+        Range of each detection, m, above 0. No value may be beyond `LARGEST` or below `SMALLEST`.
+    azimuth : (n,) array_like
+        Azimuth of each detection, rad, counter-clockwise from the sensor's x axis (REP-103). Any
+        finite angle; it is wrapped to [-pi, pi].
+    range_std, azimuth_std : (n,) array_like, optional
+        Standard deviation of each detection, m and rad, in place of the sensor model's.
+    time_offset : (n,) array_like, optional
+        Time after `stamp` for which each detection's position is valid, s; 0 if not given.
+    features : mapping of str to (n,) array_like, optional
+        Further measurements by name: intensity, range_width (m), azimuth_width (rad),
+        range_rate (m/s).
+    sensor_pose : (3,) or (n, 3) array_like, optional
+        Pose (x, y, yaw) of the sensor in the fixed frame, m and rad: one for the scan, or one per
+        detection. At the origin if not given.
+    sensor_pose_covariance : (3, 3) array_like, optional
+        Covariance of the sensor pose. The error is common to all detections of the scan.
+
+    Raises
+    ------
+    ValueError
+        If a shape or a value is not allowed; the message starts with the field's name.
+    """
+
+    stamp: float
+    range: FloatArray
+    azimuth: FloatArray
+    range_std: FloatArray | None = None
+    azimuth_std: FloatArray | None = None
+    time_offset: FloatArray | None = None
+    features: Mapping[str, FloatArray] = field(default_factory=dict)
+    sensor_pose: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sensor_pose_covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        values: dict[str, object] = {"stamp": _stamp(self.stamp)}
+        range_ = _numbers("range", self.range)
+        n = range_.size
+        values["range"] = _positive("range", range_, n)
+        values["azimuth"] = wrap(_finite("azimuth", self.azimuth, (n,)))
+        for name in ("range_std", "azimuth_std"):
+            if getattr(self, name) is not None:
+                values[name] = _positive(name, getattr(self, name), n)
+        if self.time_offset is not None:
+            values["time_offset"] = _bounded("time_offset", self.time_offset, (n,))
+        if not isinstance(self.features, Mapping):
+            raise ValueError(
+                f"features must be a mapping of names to arrays; got {self.features!r}"
+            )
+        unknown = sorted(map(str, set(self.features) - set(FEATURES)))
+        if unknown:
+            raise ValueError(f"features: unknown name {unknown[0]!r}; known are {FEATURES}")
+        values["features"] = {
+            name: _array(f"features[{name!r}]", value, (n,))
+            for name, value in self.features.items()
+        }
+        pose = _numbers("sensor_pose", self.sensor_pose)
+        values["sensor_pose"] = _bounded(
+            "sensor_pose", pose, (3,) if pose.shape == (3,) else (n, 3)
+        )
+        if self.sensor_pose_covariance is not None:
+            values["sensor_pose_covariance"] = checked_covariance(
+                "sensor_pose_covariance", self.sensor_pose_covariance
+            )
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        """Number of detections."""
+        return len(self.range)
+
+
+def wrap(angle: ArrayLike) -> FloatArray:
+    """Wrap angles to [-pi, pi], leaving those inside untouched to the bit."""
+    angle = np.asarray(angle, float)
+    inside = np.abs(angle) <= np.pi
+    if inside.all():
+        return angle
+    wrapped = np.where(inside, angle, np.remainder(angle + np.pi, 2 * np.pi) - np.pi)
+    wrapped.flags.writeable = angle.flags.writeable
+    return wrapped
+
+
+def _stamp(value: float) -> float:
+    try:
+        stamp = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"stamp must be a number of seconds; got {value!r}") from None
+    if not math.isfinite(stamp):
+        raise ValueError(f"stamp must be finite; got {value!r}")
+    return stamp
+
+
+def _numbers(name: str, value: ArrayLike) -> FloatArray:
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name} must be an array of numbers") from None
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    array = _numbers(name, value)
+    if array.size == 0 and math.prod(shape) == 0:
+        array = array.reshape(shape)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have the shape {shape}; got {array.shape}")
+    array.flags.writeable = False
+    return array
+
+
+def _finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    array = _array(name, value, shape)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite")
+    return array
+
+
+def _bounded(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    array = _finite(name, value, shape)
+    if (np.abs(array) > LARGEST[name]).any():
+        raise ValueError(f"{name} must be at most {LARGEST[name]:g}; got {np.abs(array).max():g}")
+    return array
+
+
+def _positive(name: str, value: ArrayLike, n: int) -> FloatArray:
+    array = _bounded(name, value, (n,))
+    if (array <= 0).any():
+        raise ValueError(f"{name} must be above 0; got {array[array <= 0][0]}")
+    if (array < SMALLEST[name]).any():
+        raise ValueError(f"{name} must be at least {SMALLEST[name]:g}; got {array.min():g}")
+    return array
+
+
+def checked_covariance(name: str, value: ArrayLike) -> FloatArray:
+    """A (3, 3) covariance as an array.
+
+    Raises
+    ------
+    ValueError
+        If it is not finite, symmetric and positive semi-definite; the message names it.
+    """
+    array = _finite(name, value, (3, 3))
+    scale = np.abs(array).max()
+    symmetric = np.abs(array - array.T).max() <= 1e-9 * scale
+    if not symmetric or np.linalg.eigvalsh(array).min() < -1e-9 * scale:
+        raise ValueError(f"{name} must be symmetric and positive semi-definite")
+    return array

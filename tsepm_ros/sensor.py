@@ -1,0 +1,112 @@
+"""The sensor: its errors, its coverage and what else it detects."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tsepm_ros.parameters import check_group, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorModel:
+    """Errors and coverage of a range/azimuth sensor. The defaults are the sonar of TSEPM 2018.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or both range deviations are 0; the message names it.
+    """
+
+    range_std: float = parameter(
+        0.0, "Constant part of the range's standard deviation", unit="m", minimum=0.0
+    )
+    range_std_fraction: float = parameter(
+        0.015,
+        "Part of the range's standard deviation that grows with range, as a fraction of it",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    azimuth_std: float = parameter(
+        math.radians(1.0),
+        "Standard deviation of the azimuth (0.01745 is 1 degree)",
+        unit="rad",
+        minimum=1e-9,
+        maximum=1.0,
+    )
+    min_range: float = parameter(0.0, "Nearest range covered", unit="m", minimum=0.0)
+    max_range: float = parameter(9000.0, "Farthest range covered", unit="m", positive=True)
+    azimuth_min: float = parameter(
+        -math.pi,
+        "Start of the azimuth sector covered, counter-clockwise from the sensor's x axis",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+    azimuth_max: float = parameter(
+        math.pi,
+        "End of the azimuth sector covered, counter-clockwise from its start",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+    detection_probability: float = parameter(
+        0.9, "Probability that a target inside the coverage is detected", positive=True, maximum=1.0
+    )
+    clutter_density: float = parameter(
+        1e-6, "Expected false detections per scan and square metre", unit="1/m^2", positive=True
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        for name in ("range_std", "max_range", "clutter_density"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite; got {getattr(self, name)!r}")
+        if max(self.range_std, self.range_std_fraction) < 1e-6:
+            raise ValueError("range_std and range_std_fraction must not both be 0")
+        if self.min_range >= self.max_range:
+            raise ValueError(
+                f"min_range must be below max_range; got {self.min_range} and {self.max_range}"
+            )
+        if self.azimuth_max <= self.azimuth_min:
+            raise ValueError(
+                f"azimuth_min must be below azimuth_max; got {self.azimuth_min} "
+                f"and {self.azimuth_max}"
+            )
+
+    @property
+    def sector_width(self) -> float:
+        """Width of the azimuth sector covered, rad, at most 2 pi."""
+        return min(self.azimuth_max - self.azimuth_min, 2 * math.pi)
+
+    @property
+    def coverage_area(self) -> float:
+        """Area covered, m^2."""
+        return 0.5 * self.sector_width * (self.max_range**2 - self.min_range**2)
+
+    def range_variance(self, range: ArrayLike) -> NDArray[np.float64]:
+        """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2."""
+        return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
+
+    def covers(self, range: ArrayLike, azimuth: ArrayLike) -> NDArray[np.bool_]:
+        """Whether positions given in the sensor frame can be detected at all.
+
+        Parameters
+        ----------
+        range, azimuth : (n,) array_like
+            m and rad.
+
+        Returns
+        -------
+        (n,) ndarray of bool
+        """
+        distance = np.asarray(range, float)
+        turned = np.remainder(np.asarray(azimuth, float) - self.azimuth_min, 2 * np.pi)
+        return (
+            (distance >= self.min_range)
+            & (distance <= self.max_range)
+            & (turned <= self.sector_width)
+        )

@@ -1,0 +1,206 @@
+"""Gating and track splitting (TSEPM 2018, Eqs. 4-5, Section 3.2, Step 2)."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tsepm_ros.limits import keep_best
+
+IntArray = NDArray[np.int64]
+
+FloatArray = NDArray[np.float64]
+
+MAX_GATED = 5_000_000
+"""Detections in all gates of a scan together, above which only the nearest are looked at."""
+SPLIT_BLOCK = 1_000_000
+"""Children looked at together where a limit bites: bounds memory, not the result."""
+
+
+def gate_factor(probability: float) -> float:
+    """Axis factor of the ellipse that holds a bivariate Gaussian with a probability (Eq. 5).
+
+    ``alpha = sqrt(-2 ln(1 - P))``
+    """
+    return math.sqrt(-2.0 * math.log1p(-probability))
+
+
+@dataclass(frozen=True)
+class Gated:
+    """Which detections lie in which gate, as compressed rows.
+
+    Attributes
+    ----------
+    start : (g + 1,) ndarray of int
+        Gate i holds ``detection[start[i]:start[i + 1]]``.
+    detection : (p,) ndarray of int
+        Rows of the gated detections, ascending within a gate.
+    cut : int
+        Detections left out of gates because of `MAX_GATED`.
+    """
+
+    start: IntArray
+    detection: IntArray
+    cut: int = 0
+
+    @property
+    def count(self) -> IntArray:
+        """Number of detections in each gate, (g,)."""
+        return np.diff(self.start)
+
+
+def gate(
+    last_hits: NDArray[np.void],
+    detections: NDArray[np.void],
+    max_speed: float,
+    probability: float,
+) -> Gated:
+    """Find the detections inside the gate of each last hit (Eq. 4).
+
+    ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax``: a target that was at hit i can have
+    moved that far, k scan intervals T later, and sigma_Rmax is the major axis of hit i's error.
+
+    Parameters
+    ----------
+    last_hits : (g,) ndarray of DETECTION
+        Last hits of the potential tracks, each once.
+    detections : (n,) ndarray of DETECTION
+        Detections of the new scan.
+    max_speed : float
+        v_max, m/s.
+    probability : float
+        Gate probability P of Eq. 5.
+
+    Returns
+    -------
+    Gated
+        A row per last hit.
+    """
+    n_gates = len(last_hits)
+    if n_gates == 0 or len(detections) == 0:
+        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64))
+    margin = gate_factor(probability) * last_hits["major_sigma"]
+    times = detections["time"]
+    first, last = times.min(), times.max()
+    longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
+    # The k-d tree finds candidates a hair too generously; the exact test below decides.
+    radius = (margin + max_speed * longest) * (1.0 + 1e-9)
+    positions = np.ascontiguousarray(detections["position"])
+    owner, candidate, cut = _candidates(
+        positions, np.ascontiguousarray(last_hits["position"]), radius
+    )
+    step = positions[candidate] - last_hits["position"][owner]
+    elapsed = np.abs(times[candidate] - last_hits["time"][owner])
+    inside = np.hypot(step[:, 0], step[:, 1]) <= max_speed * elapsed + margin[owner]
+    start = np.zeros(n_gates + 1, np.int64)
+    np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
+    return Gated(start, candidate[inside], cut)
+
+
+def _candidates(
+    positions: FloatArray, centres: FloatArray, radius: FloatArray
+) -> tuple[IntArray, IntArray, int]:
+    """Pairs of centres and positions within its radius, and how many were cut.
+
+    Beyond `MAX_GATED` pairs only the nearest of each centre are kept: the length of the newest step
+    is what tells a target from clutter first.
+    """
+    tree = cKDTree(positions)
+    counts = tree.query_ball_point(centres, radius, return_length=True)
+    total = int(counts.sum())
+    if total > MAX_GATED:
+        nearest = min(max(MAX_GATED // len(centres), 1), len(positions))
+        found = tree.query(centres, k=nearest)[1].reshape(len(centres), nearest)
+        found = np.sort(found, axis=1)
+        owner = np.repeat(np.arange(len(centres)), nearest)
+        kept = int(np.minimum(counts, nearest).sum())
+        return owner, found.ravel().astype(np.int64), total - kept
+    owner = np.repeat(np.arange(len(centres)), counts)
+    candidate = np.empty(total, np.int64)
+    borders = np.concatenate([[0], np.cumsum(counts)])
+    # In blocks, since the tree answers in lists of Python integers.
+    blocks = np.unique(np.searchsorted(borders, np.arange(0, total, SPLIT_BLOCK), side="right") - 1)
+    for begin, end in itertools.pairwise([*blocks, len(centres)]):
+        rows = tree.query_ball_point(centres[begin:end], radius[begin:end], return_sorted=True)
+        candidate[borders[begin] : borders[end]] = np.fromiter(
+            itertools.chain.from_iterable(rows), np.int64, borders[end] - borders[begin]
+        )
+    return owner, candidate, 0
+
+
+def split(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
+    """Split every potential track into one child per gated detection (Section 3.2).
+
+    Parameters
+    ----------
+    gate_of_track : (n,) ndarray of int
+        The gate (row of `gated`) that each potential track uses.
+    gated : Gated
+        Detections in each gate.
+
+    Returns
+    -------
+    parent : (c,) ndarray of int
+        Potential track of each child, ascending.
+    detection : (c,) ndarray of int
+        Detection that the child adds as its newest hit.
+    """
+    counts = gated.count[gate_of_track]
+    parent = np.repeat(np.arange(len(gate_of_track)), counts)
+    first_child = np.cumsum(counts) - counts
+    place = np.arange(len(parent)) - first_child[parent]
+    return parent, gated.detection[gated.start[gate_of_track[parent]] + place]
+
+
+def residual(n_detections: int, gated: Gated) -> IntArray:
+    """Rows of the detections that lie in no gate and so start new potential tracks (Step 8)."""
+    free = np.ones(n_detections, bool)
+    free[gated.detection] = False
+    return np.flatnonzero(free)
+
+
+def split_within(
+    gate_of_track: IntArray,
+    gated: Gated,
+    limit: int,
+    cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
+) -> tuple[IntArray, IntArray, int]:
+    """Split as `split` does, but keep only the `limit` children of smallest cost.
+
+    Parameters
+    ----------
+    gate_of_track, gated
+        As in `split`.
+    limit : int
+        Children kept at most.
+    cost : callable
+        Cost of children given as (parent, detection); asked for only where the limit bites.
+
+    Returns
+    -------
+    parent, detection : (c,) ndarray of int
+        As in `split`.
+    cut : int
+        Children left out.
+    """
+    counts = gated.count[gate_of_track]
+    total = int(counts.sum())
+    if total <= limit:
+        return *split(gate_of_track, gated), 0
+    parent = detection = np.zeros(0, np.int64)
+    price = np.zeros(0)
+    blocks = np.searchsorted(np.cumsum(counts), np.arange(0, total, SPLIT_BLOCK), side="right")
+    for begin, end in itertools.pairwise([*np.unique(blocks), len(counts)]):
+        rows, found = split(gate_of_track[begin:end], gated)
+        parent = np.concatenate([parent, rows + begin])
+        detection = np.concatenate([detection, found])
+        price = np.concatenate([price, cost(rows + begin, found)])
+        best = keep_best(price, limit)
+        parent, detection, price = parent[best], detection[best], price[best]
+    return parent, detection, total - limit
