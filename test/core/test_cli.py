@@ -1,0 +1,87 @@
+"""The command `tsepm`."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import pytest
+import yaml
+
+from tsepm_ros.analysis.report import text_table
+from tsepm_ros.cli import main
+from tsepm_ros.methods import available_methods
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A target at 5 m/s along x, 3 km north, seen 8 times by a sensor at rest."""
+    rows = ["time_s,range_m,azimuth_rad"]
+    for k in range(8):
+        x, y = 5.0 * 12.0 * k, 3000.0
+        rows.append(f"{12.0 * k},{np.hypot(x, y)},{np.arctan2(y, x)}")
+    (tmp_path / "detections.csv").write_text("\n".join(rows))
+    return str(tmp_path)
+
+
+def test_methods_are_listed_with_what_they_are(capsys):
+    assert main(["methods"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines] == list(available_methods())
+
+
+@pytest.mark.parametrize("node", ["track_initiator", "sonar_simulator", "scan_player"])
+def test_parameters_are_a_parameter_file(capsys, node):
+    assert main(["parameters", node]) == 0
+    assert list(yaml.safe_load(capsys.readouterr().out)) == [node]
+
+
+def test_a_recording_gives_tracks_as_csv(capsys, recording):
+    assert main(["run", recording]) == 0
+    captured = capsys.readouterr()
+    (row,) = csv.DictReader(io.StringIO(captured.out))
+    assert float(row["stamp"]) == 48.0
+    assert float(row["state_vx"]) == pytest.approx(5.0, rel=1e-3)
+    assert float(row["state_y"]) == pytest.approx(3000.0, rel=1e-3)
+    assert captured.err == ""
+
+
+def test_what_a_recording_loses_is_said(capsys, recording, tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text(path.read_text() + "\n90.0,-1.0,0.0\n")
+    assert main(["run", recording]) == 0
+    assert "dropped: 1 range_not_positive" in capsys.readouterr().err
+
+
+def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
+    arguments = ["study", "box", "--runs", "6", "--scans", "8", "--seed", "3", "--workers", "1"]
+    assert main([*arguments, "-p", "min_hits:=4"]) == 0
+    out = capsys.readouterr().out
+    for part in ("tsepm", "min_hits:=4", "box", "8 scans", "6 runs", "seed 3", "95 %"):
+        assert part in out
+    assert "P_D" in out
+    assert "NEES" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["run", "/nowhere"], "detections.csv"),
+        (["study", "nowhere"], "nowhere"),
+        (["study", "box", "-p", "min_hats:=4"], "min_hats"),
+        (["study", "box", "-p", "min_hits=4"], "min_hits=4"),
+        (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "detections.csv"),
+    ],
+    ids=["recording", "scenario", "option", "form", "first_fault_first"],
+)
+def test_what_is_not_allowed_is_refused_with_a_sentence(capsys, arguments, named):
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("refused: ")
+    assert named in error
+
+
+def test_columns_of_a_table_line_up():
+    lines = text_table(["name", "value"], [["a", "1.0"], ["long name", "10.0"]]).splitlines()
+    assert lines == ["name       value", "----------------", "a            1.0", "long name   10.0"]

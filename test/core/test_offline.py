@@ -1,0 +1,70 @@
+"""Recordings through a session, without ROS."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros.offline import process_recording
+from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
+from tsepm_ros.session import SessionOptions, Settings
+
+MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
+
+
+def scans(number: int, angle: str = "azimuth") -> list[RecordedScan]:
+    """One target that stands still ahead of a sensor that does."""
+    return [
+        RecordedScan(12.0 * k, {"range": np.array([2000.0]), angle: np.array([0.0])})
+        for k in range(number)
+    ]
+
+
+def own_ship(seconds: float, period: float = 1.0, yaw: float | None = 0.0):
+    return [
+        RecordedMotion(period * k, np.array([100.0, 0.0, 200.0, 0.0]), yaw)
+        for k in range(int(seconds / period) + 1)
+    ]
+
+
+def test_every_scan_of_a_recording_is_processed():
+    results, dropped = process_recording(Recording(scans(8)), Settings(), "bow")
+    assert [result.stamp for result in results] == [12.0 * k for k in range(8)]
+    assert sum(len(result.new) for result in results) == 1
+    assert not dropped
+
+
+@pytest.mark.parametrize(
+    ("angle", "reference", "yaw", "direction"),
+    [
+        pytest.param("azimuth", "bow", 0.0, (1, 0), id="azimuth, ship heads east"),
+        pytest.param("azimuth", "bow", math.pi / 2, (0, 1), id="azimuth, ship heads north"),
+        pytest.param("bearing", "bow", math.pi / 2, (0, 1), id="bearing from the bow"),
+        pytest.param("bearing", "north", 0.3, (0, 1), id="bearing from north"),
+        pytest.param("bearing", "north", None, (0, 1), id="bearing from north, no heading"),
+    ],
+)
+def test_tracks_lie_where_own_ship_and_bearing_say(angle, reference, yaw, direction):
+    recording = Recording(scans(8, angle), own_ship(100.0, yaw=yaw))
+    results, dropped = process_recording(recording, MOVING, reference)
+    (track,) = [track for result in results for track in result.new]
+    expected = np.array([100.0, 200.0]) + 2000.0 * np.array(direction)
+    np.testing.assert_allclose(track.position, expected, atol=1.0)
+    assert not dropped
+
+
+@pytest.mark.parametrize("angle", ["azimuth", "bearing"])
+def test_scans_that_need_a_heading_are_dropped_where_none_was_recorded(angle):
+    recording = Recording(scans(8, angle), own_ship(100.0, yaw=None))
+    results, dropped = process_recording(recording, MOVING, "bow")
+    assert results == []
+    assert dropped == {"heading_unknown": 8}
+
+
+def test_a_long_recording_of_the_own_ship_loses_no_scan():
+    recording = Recording(scans(60), own_ship(720.0, period=0.05))
+    results, dropped = process_recording(recording, MOVING, "bow")
+    assert len(results) == 60
+    assert not dropped

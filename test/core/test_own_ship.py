@@ -1,0 +1,320 @@
+"""Where the sensor was: interpolation, coverage, and echoes received on the move."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample, echo_poses
+
+YES, NOT_YET, NEVER = Coverage.YES, Coverage.NOT_YET, Coverage.NEVER
+
+
+def history(*samples, **options) -> PoseHistory:
+    poses = PoseHistory(**options)
+    for stamp, x, y, yaw in samples:
+        assert poses.add(PoseSample(stamp, x, y, yaw))
+    return poses
+
+
+TWO = ((10.0, 0.0, 100.0, 0.0), (20.0, 50.0, 80.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("time", "expected"),
+    [
+        (10.0, (0.0, 100.0, 0.0)),
+        (12.5, (12.5, 95.0, 0.25)),
+        (20.0, (50.0, 80.0, 1.0)),
+    ],
+)
+def test_poses_in_between_are_interpolated(time, expected):
+    np.testing.assert_allclose(history(*TWO).poses([time]), [expected])
+
+
+def test_each_time_uses_the_samples_around_it():
+    poses = history((0.0, 0, 0, 0), (10.0, 10, 0, 0), (20.0, 10, 30, 0), (40.0, 50, 30, 0.2))
+    found = poses.poses(np.array([35.0, 5.0, 15.0, 10.0, 40.0, 0.0]))
+    expected = [[40, 30, 0.15], [5, 0, 0], [10, 15, 0], [10, 0, 0], [50, 30, 0.2], [0, 0, 0]]
+    np.testing.assert_allclose(found, expected)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "middle"),
+    [
+        (3.1, -3.1, math.pi),
+        (-3.1, 3.1, math.pi),
+        (3.0, -3.0 + 4 * math.pi, math.pi),
+        (0.1, 6.2, 0.1 - (0.1 - (6.2 - 2 * math.pi)) / 2),
+    ],
+)
+def test_the_yaw_turns_the_short_way_across_pi(before, after, middle):
+    (pose,) = history((0.0, 0, 0, before), (10.0, 0, 0, after)).poses([5.0])
+    assert math.remainder(pose[2] - middle, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_turning_round_and_round_is_followed():
+    samples = [(float(k), 0.0, 0.0, math.remainder(0.5 * k, 2 * math.pi)) for k in range(40)]
+    times = np.linspace(0, 39, 200)
+    found = history(*samples).poses(times)[:, 2]
+    np.testing.assert_allclose(np.exp(1j * found), np.exp(0.5j * times), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "expected"),
+    [
+        (10.0, 20.0, YES),
+        (12.0, 12.0, YES),
+        (9.999, 15.0, NEVER),
+        (15.0, 20.001, NOT_YET),
+        (25.0, 26.0, NOT_YET),
+        (9.0, 21.0, NEVER),
+    ],
+)
+def test_coverage_says_now_later_or_never(first, last, expected):
+    assert history(*TWO).coverage(first, last) is expected
+
+
+def test_an_empty_history_may_still_cover_anything():
+    assert PoseHistory().coverage(0.0, 1.0) is NOT_YET
+    assert not PoseHistory().can_extrapolate(0.0)
+    assert PoseHistory().last_stamp is None
+
+
+@pytest.mark.parametrize(("time", "ends"), [(22.0, True), (22.001, False), (8.0, True)])
+def test_extrapolation_ends_where_it_may(time, ends):
+    poses = history(*TWO, max_extrapolation=2.0)
+    if ends:
+        expected = np.array(TWO[0][1:]) + (time - 10.0) / 10.0 * np.array([50.0, -20.0, 1.0])
+        np.testing.assert_allclose(poses.poses([time]), [expected])
+        return
+    with pytest.raises(ValueError, match="no pose is known"):
+        poses.poses([time])
+
+
+def test_without_extrapolation_nothing_outside_is_answered():
+    for time in (9.999, 20.001):
+        with pytest.raises(ValueError, match="no pose is known"):
+            history(*TWO).poses([time])
+
+
+def test_poses_are_never_an_identity_for_want_of_samples():
+    with pytest.raises(ValueError, match="no pose is known"):
+        PoseHistory(max_extrapolation=1e9).poses([0.0])
+
+
+def test_a_single_sample_answers_for_its_own_time_and_what_it_may_be_carried():
+    poses = history((10.0, 5.0, 6.0, 0.7), max_extrapolation=1.0)
+    np.testing.assert_allclose(poses.poses([10.0, 10.9]), [[5, 6, 0.7]] * 2)
+    with pytest.raises(ValueError, match="no pose is known"):
+        poses.poses([11.1])
+
+
+def test_samples_that_are_not_later_are_not_taken():
+    poses = history(*TWO)
+    assert not poses.add(PoseSample(20.0, 1e9, 1e9, 0.0))
+    assert not poses.add(PoseSample(15.0, 1e9, 1e9, 0.0))
+    assert len(poses) == 2
+    np.testing.assert_allclose(poses.poses([15.0]), [[25.0, 90.0, 0.5]])
+
+
+def test_the_oldest_samples_give_way():
+    poses = history(*((float(k), float(k), 0.0, 0.0) for k in range(20)), max_samples=5)
+    assert len(poses) == 5
+    assert poses.coverage(14.9, 16.0) is NEVER
+    assert poses.coverage(15.0, 19.0) is YES
+
+
+def test_a_gap_longer_than_allowed_is_not_interpolated_across():
+    poses = history(
+        (0.0, 0, 0, 0), (10.0, 10, 0, 0), (71.0, 71, 0, 0), (80.0, 80, 0, 0), max_gap=60
+    )
+    assert poses.coverage(11.0, 12.0) is NEVER
+    assert poses.coverage(9.0, 75.0) is NEVER
+    with pytest.raises(ValueError, match="no pose is known"):
+        poses.poses([40.0])
+    assert poses.coverage(72.0, 79.0) is YES
+
+
+def test_a_gap_of_just_what_is_allowed_is_interpolated_across():
+    poses = history((0.0, 0, 0, 0), (60.0, 60, 0, 0), max_gap=60.0)
+    np.testing.assert_allclose(poses.poses([30.0]), [[30, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("first", "last"),
+    [(4.0, 9.0), (10.0, 10.0), (171.0, 171.0), (171.0, 175.0)],
+    ids=["before", "up to its begin", "at its end", "from its end"],
+)
+def test_a_gap_beside_the_asked_for_span_does_no_harm(first, last):
+    samples = ((0.0, 0, 0, 0), (10.0, 10, 0, 0), (171.0, 171, 0, 0), (180.0, 180, 0, 0))
+    poses = history(*samples, max_gap=60.0)
+    assert poses.coverage(first, last) is YES
+    np.testing.assert_allclose(poses.poses([first, last])[:, 0], [first, last])
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"stamp": math.nan}, "stamp must be finite"),
+        ({"x": math.inf}, "pose must be finite"),
+        ({"y": -1e12}, "pose must be finite and on earth"),
+        ({"yaw": math.nan}, "pose must be finite"),
+        ({"covariance": -np.eye(3)}, "covariance must be symmetric and positive"),
+        ({"covariance": np.eye(2)}, "covariance must have the shape"),
+    ],
+)
+def test_a_sample_that_cannot_place_a_scan_says_why(changes, sentence):
+    good = {"stamp": 1.0, "x": 2.0, "y": 3.0, "yaw": 4.0, "covariance": np.eye(3)}
+    PoseSample(**good).check()
+    with pytest.raises(ValueError, match=f"^{sentence}"):
+        PoseSample(**{**good, **changes}).check()
+
+
+def test_clearing_forgets_all_samples():
+    poses = history(*TWO)
+    poses.clear()
+    assert len(poses) == 0
+    assert poses.add(PoseSample(1.0, 0, 0, 0))
+
+
+def test_the_covariance_is_that_of_the_nearest_sample():
+    poses = PoseHistory()
+    poses.add(PoseSample(0.0, 0, 0, 0, covariance=np.eye(3)))
+    poses.add(PoseSample(10.0, 0, 0, 0, covariance=2 * np.eye(3)))
+    poses.add(PoseSample(20.0, 0, 0, 0))
+    assert poses.covariance(4.9)[0, 0] == 1.0
+    assert poses.covariance(5.1)[0, 0] == 2.0
+    assert poses.covariance(16.0) is None
+    assert PoseHistory().covariance(0.0) is None
+
+
+# Echoes on the move: an independent simulation. The ship turns on a circle, the target runs
+# straight; the ping is followed with root finding.
+SOUND = 1500.0
+
+
+def ship_pose(time: float, scale: float) -> np.ndarray:
+    """8 m/s and 0.6 degrees per second at scale 1, starting off the origin."""
+    speed, rate, start = 8.0 * scale, 0.01 * scale, 0.4
+    yaw = start + rate * time
+    radius = speed / rate
+    return np.array(
+        [
+            200.0 + radius * (math.sin(yaw) - math.sin(start)),
+            -50.0 - radius * (math.cos(yaw) - math.cos(start)),
+            yaw,
+        ]
+    )
+
+
+def target_position(time: float, scale: float, azimuth: float) -> np.ndarray:
+    start = 7000.0 * np.array([math.cos(azimuth), math.sin(azimuth)])
+    return start + scale * time * np.array([-5.0, 7.0])
+
+
+def echo(stamp: float, scale: float, azimuth: float) -> tuple[float, float]:
+    """Range (mean of the legs) and azimuth against the heading at arrival."""
+    sent = ship_pose(stamp, scale)[:2]
+
+    def outward(t):
+        return math.dist(target_position(t, scale, azimuth), sent) - SOUND * (t - stamp)
+
+    reflected = brentq(outward, stamp, stamp + 30.0, xtol=1e-13)
+    there = target_position(reflected, scale, azimuth)
+
+    def back(t):
+        return math.dist(ship_pose(t, scale)[:2], there) - SOUND * (t - reflected)
+
+    arrived = brentq(back, reflected, reflected + 30.0, xtol=1e-13)
+    x, y, yaw = ship_pose(arrived, scale)
+    return 0.5 * SOUND * (arrived - stamp), math.atan2(there[1] - y, there[0] - x) - yaw
+
+
+def placing_error(scale: float, azimuth: float, *, naive: bool = False) -> float:
+    """Distance of the placed echo from the target at the time for which it is valid."""
+    stamp = 60.0
+    range_, bearing = echo(stamp, scale, azimuth)
+    offset = np.array([range_ / SOUND])
+    if naive:
+        pose = ship_pose(stamp, scale)
+    else:
+        (pose,) = echo_poses(
+            lambda times: np.array([ship_pose(t, scale) for t in times]),
+            stamp,
+            offset,
+            np.array([bearing]),
+        )
+    angle = bearing + pose[2]
+    placed = pose[:2] + range_ * np.array([math.cos(angle), math.sin(angle)])
+    return math.dist(placed, target_position(stamp + offset[0], scale, azimuth))
+
+
+DIRECTIONS = pytest.mark.parametrize("azimuth", [0.0, 0.9, 1.8, 3.0, -1.2, -2.2])
+
+
+@DIRECTIONS
+def test_an_echo_is_placed_where_the_target_was(azimuth):
+    # What is left is of second order in speed over sound speed: (8 / 1500)^2 * 7000 m = 0.2 m.
+    assert placing_error(1.0, azimuth) < 0.5
+
+
+@DIRECTIONS
+def test_half_the_speed_leaves_a_quarter_of_the_error(azimuth):
+    whole, half = placing_error(1.0, azimuth), placing_error(0.5, azimuth)
+    assert half < 0.3 * whole
+
+
+@DIRECTIONS
+def test_the_pose_at_the_stamp_would_be_hundreds_of_metres_off(azimuth):
+    assert placing_error(1.0, azimuth, naive=True) > 300.0
+
+
+def test_a_sensor_that_does_not_move_needs_no_correction():
+    pose = np.array([3.0, 4.0, 0.5])
+    found = echo_poses(lambda t: np.tile(pose, (len(t), 1)), 0.0, np.array([1.0, 6.0]), np.zeros(2))
+    np.testing.assert_allclose(found, [pose, pose], rtol=1e-12)
+
+
+@pytest.mark.parametrize("offset", [None, np.zeros(3), np.zeros(0)], ids=["none", "zero", "empty"])
+def test_without_time_offsets_there_is_one_pose_for_the_scan(offset):
+    asked = []
+
+    def poses_at(times):
+        asked.extend(times.tolist())
+        return np.array([[1.0, 2.0, 0.3]])
+
+    n = 0 if offset is None else len(offset)
+    assert echo_poses(poses_at, 7.0, offset, np.zeros(n)).tolist() == [1.0, 2.0, 0.3]
+    assert asked == [7.0]
+
+
+def test_the_pose_is_asked_for_at_the_times_of_sending_and_arrival():
+    asked = []
+
+    def poses_at(times):
+        asked.append(times.tolist())
+        return np.zeros((len(times), 3))
+
+    echo_poses(poses_at, 100.0, np.array([1.0, 3.0]), np.zeros(2))
+    assert asked == [[100.0], [102.0, 106.0]]
+
+
+def test_north_referenced_azimuths_leave_the_heading_out():
+    def poses_at(times):
+        return np.stack([2.0 * times, np.zeros(len(times)), np.full(len(times), 1.2)], axis=1)
+
+    found = echo_poses(poses_at, 0.0, np.array([2.0]), np.array([0.0]), heading=False)
+    # Sent at x = 0, back at x = 8, looking along x: half of the way was made good by the range.
+    np.testing.assert_allclose(found, [[4.0, 0.0, 0.0]], atol=1e-12)
+    assert echo_poses(poses_at, 5.0, None, np.zeros(1), heading=False).tolist() == [10.0, 0.0, 0.0]
+
+
+def test_beyond_the_newest_sample_its_own_rates_count():
+    history = PoseHistory(max_extrapolation=1.0)
+    history.add(PoseSample(0.0, 5.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
+    history.add(PoseSample(0.01, 0.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
+    np.testing.assert_allclose(history.poses(np.array([0.51])), [[1.0, 0.5, 0.05]])

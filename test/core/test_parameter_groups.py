@@ -1,0 +1,166 @@
+"""The nodes' parameter tables, as YAML, as text and as groups."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tsepm_ros import SensorModel, available_methods
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods import METHODS
+from tsepm_ros.parameter_groups import (
+    NODES,
+    TRACK_INITIATOR,
+    InitiatorNodeOptions,
+    as_markdown,
+    as_yaml,
+    full_table,
+    make_groups,
+    parse_values,
+    settings_from,
+)
+from tsepm_ros.session import SessionOptions
+
+EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+@EVERY_NODE
+def test_no_name_comes_twice(node):
+    names = [row.name for row in full_table(NODES[node])]
+    assert len(names) == len(set(names)) > 0
+
+
+@EVERY_NODE
+def test_yaml_reads_back_as_the_defaults_with_their_types(node):
+    content = yaml.safe_load(as_yaml(node, NODES[node]))
+    assert list(content) == [node]
+    values = content[node]["ros__parameters"]
+    expected = {row.name: row.default for row in full_table(NODES[node])}
+    assert values == expected
+    assert {name: type(value) for name, value in values.items()} == {
+        name: type(value) for name, value in expected.items()
+    }
+
+
+@EVERY_NODE
+def test_the_groups_made_from_the_yaml_are_the_defaults(node):
+    values = yaml.safe_load(as_yaml(node, NODES[node]))[node]["ros__parameters"]
+    assert make_groups(NODES[node], values) == make_groups(NODES[node], {})
+
+
+@EVERY_NODE
+def test_yaml_says_what_each_parameter_is(node):
+    text = as_yaml(node, NODES[node])
+    for row in full_table(NODES[node]):
+        assert f"# {row.description}" in text
+
+
+@EVERY_NODE
+def test_the_shipped_parameter_file_is_up_to_date(node):
+    path = CONFIG / f"{node}.yaml"
+    if not path.exists():
+        pytest.skip("only in the source tree")
+    assert path.read_text(encoding="utf-8") == as_yaml(node, NODES[node])
+
+
+@EVERY_NODE
+def test_the_markdown_table_has_a_row_per_parameter(node):
+    lines = as_markdown(NODES[node]).splitlines()
+    rows = list(full_table(NODES[node]))
+    assert len(lines) == len(rows) + 2
+    assert {line.count("|") for line in lines} == {7}
+    for line, row in zip(lines[2:], rows, strict=True):
+        assert line.startswith(f"| `{row.name}` |")
+        assert row.description in line
+
+
+def test_the_track_initiator_has_a_group_for_every_method():
+    names = {row.name for row in full_table(TRACK_INITIATOR)}
+    for method in available_methods():
+        own = {name for name in names if name.startswith(f"{method}.")}
+        assert f"{method}.window" in own or own
+
+
+def test_groups_are_made_from_full_names():
+    made = make_groups(
+        TRACK_INITIATOR,
+        {"sensor.azimuth_std": 0.02, "max_speed": 7, "tsepm.min_hits": 4, "hold_time": 9.0},
+    )
+    assert made[SensorModel].azimuth_std == 0.02
+    assert made[CommonOptions].max_speed == 7.0
+    assert made[METHODS["tsepm"].Options].min_hits == 4
+    assert made[SessionOptions].hold_time == 9.0
+    assert made[InitiatorNodeOptions] == InitiatorNodeOptions()
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"sensor.clutter_density": -1.0}, "sensor.clutter_density must be above 0"),
+        ({"tsepm.min_hits": 9}, "tsepm.window must be at least min_hits"),
+        ({"tsepm.min_hits": 2.5}, "tsepm.min_hits must be an integer"),
+        ({"max_speed": 0.0}, "max_speed must be above 0"),
+        ({"bearing_reference": "stern"}, "bearing_reference must be one of bow, north"),
+        ({"sensor.min_range": 1e4}, "sensor.min_range must be below max_range"),
+        ({"min_hits": 5}, "min_hits is not a parameter"),
+        ({"sensor": 5}, "sensor is not a parameter"),
+        ({"sensor.": 5}, "sensor. is not a parameter"),
+    ],
+)
+def test_refusals_have_the_full_name(values, sentence):
+    with pytest.raises(ValueError) as refused:
+        make_groups(TRACK_INITIATOR, values)
+    assert str(refused.value).startswith(sentence)
+
+
+def test_settings_have_every_group():
+    made = make_groups(TRACK_INITIATOR, {"tsepm.window": 9, "sensor.max_range": 5e3})
+    settings = settings_from(made)
+    assert settings.window == 9
+    assert settings.sensor.max_range == 5e3
+    initiator = settings.make_initiator()
+    assert initiator.options.window == 9
+    assert initiator.sensor == settings.sensor
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("a:=5", 5),
+        ("a:=5.0", 5.0),
+        ("a:=1.0e-6", 1e-6),
+        ("a:=true", True),
+        ("a:=north", "north"),
+        ("a:='5'", "5"),
+        ("a:=b:=c", "b:=c"),
+    ],
+)
+def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
+    (found,) = parse_values([text]).values()
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_the_last_of_two_values_on_the_command_line_counts():
+    assert parse_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
+
+
+@pytest.mark.parametrize("text", ["a=5", "a", ":=5", "", "a:={"])
+def test_what_is_no_assignment_is_refused(text):
+    with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
+        parse_values([text])
+
+
+def test_small_numbers_keep_their_point_in_yaml():
+    # YAML 1.1, which ROS reads, takes 1e-06 for a text.
+    line = next(
+        line
+        for line in as_yaml("track_initiator", TRACK_INITIATOR).splitlines()
+        if "sensor.clutter_density:" in line
+    )
+    assert "1.0e-06" in line
+    assert math.isclose(yaml.safe_load(line)["sensor.clutter_density"], 1e-6)

@@ -1,0 +1,193 @@
+"""Scenarios: what can be simulated, and files that are refused by their keys."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.simulation.scenario import OwnShipMotion, TargetArea, scenario_from
+
+
+def test_the_shipped_scenarios_load_and_run():
+    assert {"box", "four_targets"} <= set(shipped_scenarios())
+    for name in shipped_scenarios():
+        scenario = load_scenario(name)
+        assert scenario.name == name
+        assert len(list(Simulator(scenario, 1))) == scenario.scans
+
+
+def test_the_box_is_the_paper_s_scene():
+    box = load_scenario("box")
+    assert [state.tolist() for state in box.targets] == [[5000.0, 5.0, 5000.0, 0.0]]
+    assert (box.period, box.sensor.clutter_density) == (12.0, 1e-6)
+    assert box.area == 6000.0**2
+    assert box.duration == 15 * 12.0
+
+
+def test_four_targets_are_one_per_quadrant():
+    scenario = load_scenario("four_targets")
+    assert scenario.area == pytest.approx(math.pi * 9000.0**2)
+    for seed in range(20):
+        states = np.array(Simulator(scenario, seed).targets)
+        quadrants = np.floor(np.mod(np.arctan2(states[:, 2], states[:, 0]), 2 * np.pi) * 2 / np.pi)
+        assert sorted(quadrants.tolist()) == [0, 1, 2, 3]
+
+
+def test_a_file_loads_as_a_shipped_scenario_does(tmp_path):
+    path = tmp_path / "harbour.yaml"
+    path.write_text("period: 2\nscans: 3\nsensor: {max_range: 500}\nsound_speed: 1480.0\n")
+    scenario = load_scenario(str(path))
+    assert (scenario.name, scenario.period, scenario.scans) == ("harbour", 2, 3)
+    assert scenario.sensor.max_range == 500.0
+    assert scenario.sound_speed == 1480.0
+
+
+def test_degrees_are_read_where_a_key_says_so():
+    scenario = scenario_from(
+        {
+            "own_ship": {"yaw_deg": 90.0, "turn_rate_deg": 1.0, "speed": 5.0},
+            "targets": [{"ranges": [1, 2], "azimuths_deg": [0, 180], "speed": 0.1, "count": 3}],
+        }
+    )
+    assert scenario.own_ship.yaw == pytest.approx(math.pi / 2)
+    assert scenario.own_ship.turn_rate == pytest.approx(math.radians(1.0))
+    assert scenario.areas == (TargetArea(3, (1.0, 2.0), (0.0, math.pi), 0.1),)
+
+
+def area(**changes):
+    return {"targets": [{"ranges": [10, 20], "azimuths": [0, 1], "speed": 1.0, **changes}]}
+
+
+REFUSED = [
+    pytest.param([], "must be a mapping", id="a list"),
+    pytest.param(None, "must be a mapping", id="nothing"),
+    pytest.param({"colour": 1}, "unknown key 'colour'", id="unknown key"),
+    pytest.param(
+        {"sensor": {"rnage_std": 1.0}}, "sensor: unknown key 'rnage_std'", id="sensor key"
+    ),
+    pytest.param({"sensor": {"azimuth_std": -1}}, "sensor: azimuth_std must be", id="sensor value"),
+    pytest.param({"sensor": None}, "sensor must be a mapping", id="no sensor"),
+    pytest.param({"own_ship": {"sped": 1.0}}, "own_ship: unknown key 'sped'", id="ship key"),
+    pytest.param({"own_ship": {"speed": math.nan}}, "own_ship.speed", id="ship value"),
+    pytest.param({"own_ship": 5}, "own_ship must be a mapping", id="ship"),
+    pytest.param({"scans": 0}, "scans", id="no scans"),
+    pytest.param({"period": 0.0}, "period", id="no period"),
+    pytest.param({"period": -12.0}, "period", id="negative period"),
+    pytest.param({"period": math.inf}, "period must be a finite number", id="endless period"),
+    pytest.param({"sound_speed": -1.0}, "sound_speed", id="negative sound speed"),
+    pytest.param({"clutter_box": [0, 1, 0]}, "clutter_box must be a list of 4", id="box of three"),
+    pytest.param({"clutter_box": "big"}, "clutter_box must be a list of 4", id="box of words"),
+    pytest.param({"targets": [5]}, "targets[0] must be a mapping", id="target"),
+    pytest.param(
+        {"targets": [{"state": [1, 2, 3]}]}, "targets[0].state must be a list", id="state"
+    ),
+    pytest.param(
+        {"targets": [{"state": [1, 2, 3, math.nan]}]}, "targets[0].state must be", id="nan state"
+    ),
+    pytest.param(area(ranges=None), "targets[0].ranges must be a list of 2", id="no ranges"),
+    pytest.param(area(azimuths=[0]), "targets[0].azimuths must be a list of 2", id="one azimuth"),
+    pytest.param(area(spede=1.0), "targets[0]: unknown key 'spede'", id="area key"),
+]
+
+
+@pytest.mark.parametrize(("content", "sentence"), REFUSED)
+def test_a_bad_scenario_is_refused_by_its_key(content, sentence):
+    with pytest.raises(ValueError) as refused:
+        scenario_from(content)
+    assert sentence in str(refused.value)
+
+
+NOT_REFUSED = [
+    pytest.param({"targets": None}, "targets", id="targets: nothing"),
+    pytest.param({"targets": 5}, "targets", id="targets: a number"),
+    pytest.param({"scans": "16"}, "scans", id="scans: a text"),
+    pytest.param({"scans": 2.5}, "scans", id="scans: a fraction"),
+    pytest.param({"period": "12"}, "period", id="period: a text"),
+    pytest.param({"sound_speed": None}, "sound_speed", id="sound_speed: nothing"),
+    pytest.param({"own_ship": {"speed": "fast"}}, "own_ship", id="own_ship.speed: a text"),
+    pytest.param({"own_ship": {"yaw_deg": "east"}}, "own_ship", id="own_ship.yaw_deg: a text"),
+    pytest.param(area(count=-1), "count", id="count: negative"),
+    pytest.param(area(count=1.5), "count", id="count: a fraction"),
+    pytest.param(area(speed="fast"), "speed", id="speed: a text"),
+    pytest.param(area(ranges=[20, 10]), "ranges", id="ranges: reversed"),
+    pytest.param({"clutter_box": [8000, 2000, 0, 1]}, "clutter_box", id="clutter_box: reversed"),
+    pytest.param({"targets": [{"state": [1, 2, 3, 4], "sped": 1}]}, "sped", id="key beside state"),
+    pytest.param({"areas": 5}, "areas", id="areas"),
+]
+
+
+@pytest.mark.parametrize(("content", "key"), NOT_REFUSED)
+def test_a_bad_value_is_refused_when_the_scenario_is_made(content, key):
+    with pytest.raises(ValueError, match=key):
+        scenario_from(content)
+
+
+def test_an_unknown_name_is_refused_and_the_shipped_are_named():
+    with pytest.raises(ValueError, match=r"box, four_targets.*got 'harbour'"):
+        load_scenario("harbour")
+
+
+def test_a_missing_or_malformed_file_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="scenario file cannot be read"):
+        load_scenario(str(tmp_path / "none.yaml"))
+    (tmp_path / "bad.yaml").write_text("a: [1, 2")
+    with pytest.raises(ValueError, match="is not valid YAML"):
+        load_scenario(str(tmp_path / "bad.yaml"))
+
+
+def integrated(motion: OwnShipMotion, time: float, steps: int = 20_000) -> np.ndarray:
+    """The pose by small steps."""
+    t = (np.arange(steps) + 0.5) * time / steps
+    yaw = motion.yaw + motion.turn_rate * t
+    x = motion.x + motion.speed * np.cos(yaw).sum() * time / steps
+    y = motion.y + motion.speed * np.sin(yaw).sum() * time / steps
+    return np.array([x, y, motion.yaw + motion.turn_rate * time])
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 1e-12, 1e-6, 0.01, -0.02])
+@pytest.mark.parametrize("time", [0.0, 30.0, 600.0])
+def test_the_own_ship_moves_along_its_heading(turn_rate, time):
+    motion = OwnShipMotion(10.0, -20.0, 2.5, speed=7.0, turn_rate=turn_rate)
+    np.testing.assert_allclose(motion.pose(time), integrated(motion, time), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "one",
+    [
+        TargetArea(40, (6000.0, 9000.0), (0.0, math.pi / 2), 5.0),
+        TargetArea(40, (1000.0, 1600.0), (-1.0, 4.0), 8.0),
+        TargetArea(40, (100.0, 2000.0), (0.0, 2 * math.pi), 10.0),
+    ],
+    ids=["quadrant", "narrow ring", "round the middle"],
+)
+def test_drawn_targets_stay_within_their_ranges_for_the_whole_run(one):
+    states = np.array(one.draw(np.random.default_rng(1), 180.0))
+    assert len(states) == 40
+    assert np.hypot(states[:, 1], states[:, 3]) == pytest.approx(np.full(40, one.speed))
+    azimuth = np.mod(np.arctan2(states[:, 2], states[:, 0]) - one.azimuths[0], 2 * np.pi)
+    assert (azimuth <= one.azimuths[1] - one.azimuths[0] + 1e-12).all()
+    for t in np.linspace(0.0, 180.0, 300):
+        distance = np.hypot(states[:, 0] + t * states[:, 1], states[:, 2] + t * states[:, 3])
+        assert (distance >= one.ranges[0] - 1e-9).all()
+        assert (distance <= one.ranges[1] + 1e-9).all()
+
+
+def test_targets_that_cannot_stay_are_refused():
+    with pytest.raises(ValueError, match="targets: none found"):
+        TargetArea(1, (100.0, 101.0), (0.0, 6.0), 50.0).draw(np.random.default_rng(1), 60.0)
+
+
+def test_still_targets_are_drawn_with_equal_probability_per_area():
+    # Radii squared are uniform: Kolmogorov-Smirnov on 2000 draws at 0.1 %, distance 0.044.
+    one = TargetArea(2000, (1000.0, 3000.0), (0.0, 1.0), 0.0)
+    states = np.array(one.draw(np.random.default_rng(2), 100.0))
+    square = (np.square(states[:, 0]) + np.square(states[:, 2]) - 1e6) / 8e6
+    gap = np.abs(np.sort(square) - (np.arange(2000) + 0.5) / 2000).max()
+    assert gap < 0.044
+
+
+def test_a_scenario_without_clutter_box_fills_the_coverage():
+    assert Scenario("open").area == Scenario("open").sensor.coverage_area

@@ -1,0 +1,299 @@
+"""Simulated scans: repeatable, and with the statistics that the scenario says."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.optimize import brentq
+
+from tsepm_ros import SensorModel
+from tsepm_ros.simulation import CLUTTER, Scenario, Simulator, load_scenario
+from tsepm_ros.simulation.scenario import OwnShipMotion
+
+EXACT = SensorModel(
+    range_std=1e-6,
+    range_std_fraction=0.0,
+    azimuth_std=1e-9,
+    detection_probability=1.0,
+    clutter_density=1e-15,
+    max_range=1e5,
+)
+
+
+def scenario(**changes) -> Scenario:
+    return Scenario("test", **{"scans": 200, "period": 5.0, **changes})
+
+
+def scans_of(one: Scenario, seed: int = 1):
+    return list(Simulator(one, seed))
+
+
+@pytest.mark.parametrize("name", ["box", "four_targets"])
+def test_the_same_seed_gives_the_same_scans_to_the_bit(name):
+    one, other = (scans_of(load_scenario(name), 7) for _ in range(2))
+    for a, b in zip(one, other, strict=True):
+        for field in ("range", "azimuth", "sensor_pose"):
+            assert getattr(a.scan, field).tobytes() == getattr(b.scan, field).tobytes()
+        assert a.origin.tobytes() == b.origin.tobytes()
+        assert a.truth.tobytes() == b.truth.tobytes()
+        assert (a.scan.stamp, a.complete) == (b.scan.stamp, b.complete)
+
+
+def test_another_seed_gives_other_scans():
+    one, other = (scans_of(load_scenario("four_targets"), seed)[0] for seed in (1, 2))
+    assert len(one.scan) != len(other.scan) or (one.scan.range != other.scan.range).any()
+    assert (one.truth != other.truth).any()
+
+
+def test_a_list_of_numbers_is_a_seed_of_its_own():
+    one, other = (Simulator(load_scenario("four_targets"), [3, i]).targets for i in (0, 1))
+    assert (np.array(one) != np.array(other)).any()
+
+
+def test_scans_come_at_the_period_from_the_start():
+    one = Simulator(scenario(scans=4), 1, start=1000.0)
+    assert [simulated.scan.stamp for simulated in one] == [1000.0, 1005.0, 1010.0, 1015.0]
+
+
+def test_the_truth_is_at_the_stamp():
+    one = scenario(targets=(np.array([100.0, 2.0, 200.0, -3.0]),), scans=3)
+    truths = [simulated.truth.tolist() for simulated in Simulator(one, 1, start=1000.0)]
+    assert truths[2] == [[120.0, 2.0, 170.0, -3.0]]
+
+
+CLUTTER_SENSOR = SensorModel(
+    min_range=2000.0,
+    max_range=6000.0,
+    azimuth_min=2.0,
+    azimuth_max=4.5,
+    clutter_density=5e-7,
+)
+
+
+@pytest.fixture(scope="module")
+def clutter():
+    """200 scans of clutter only, over a sector that reaches across pi."""
+    return [simulated.scan for simulated in scans_of(scenario(sensor=CLUTTER_SENSOR))]
+
+
+def test_the_number_of_clutter_detections_is_poisson(clutter):
+    # Mean and dispersion of 200 counts, each at 99.9 % two-sided.
+    counts = np.array([len(scan) for scan in clutter])
+    expected = 5e-7 * 0.5 * 2.5 * (6000.0**2 - 2000.0**2)
+    assert expected == pytest.approx(20.0)
+    assert abs(counts.mean() - expected) < 3.3 * math.sqrt(expected / 200)
+    dispersion = np.square(counts - counts.mean()).sum() / counts.mean()
+    assert 5e-4 < stats.chi2(199).cdf(dispersion) < 1 - 5e-4
+
+
+def test_clutter_is_uniform_per_area_over_the_coverage(clutter):
+    # Kolmogorov-Smirnov at 0.1 % on some 4000 detections: range squared, and azimuth.
+    range_ = np.concatenate([scan.range for scan in clutter])
+    azimuth = np.concatenate([scan.azimuth for scan in clutter])
+    assert CLUTTER_SENSOR.covers(range_, azimuth).all()
+    square = (range_**2 - 2000.0**2) / (6000.0**2 - 2000.0**2)
+    turned = np.mod(azimuth - 2.0, 2 * np.pi) / 2.5
+    for values in (square, turned):
+        assert stats.kstest(values, "uniform").pvalue > 1e-3
+    assert abs(stats.pearsonr(square, turned).statistic) < 3.3 / math.sqrt(len(square))
+
+
+def test_clutter_says_that_it_is():
+    for simulated in scans_of(scenario(sensor=CLUTTER_SENSOR, scans=5)):
+        assert (simulated.origin == CLUTTER).all()
+
+
+def test_a_clutter_box_stays_where_it_is_while_the_ship_moves_and_turns():
+    one = scenario(
+        sensor=SensorModel(clutter_density=2e-6, max_range=9000.0),
+        clutter_box=(1000.0, 3000.0, -500.0, 2000.0),
+        own_ship=OwnShipMotion(-300.0, 50.0, 1.0, speed=4.0, turn_rate=0.02),
+    )
+    points = []
+    for simulated in Simulator(one, 3):
+        x, y, yaw = simulated.scan.sensor_pose
+        angle = simulated.scan.azimuth + yaw
+        points.append(
+            np.stack(
+                [x + simulated.scan.range * np.cos(angle), y + simulated.scan.range * np.sin(angle)]
+            )
+        )
+    east, north = np.concatenate(points, axis=1)
+    # 2000 expected; 99.9 % of the count, Kolmogorov-Smirnov at 0.1 % on both axes.
+    assert abs(len(east) - 2000) < 3.3 * math.sqrt(2000)
+    assert stats.kstest((east - 1000.0) / 2000.0, "uniform").pvalue > 1e-3
+    assert stats.kstest((north + 500.0) / 2500.0, "uniform").pvalue > 1e-3
+
+
+SENSOR = SensorModel(
+    range_std=20.0,
+    range_std_fraction=0.01,
+    azimuth_std=0.03,
+    detection_probability=0.8,
+    clutter_density=1e-15,
+)
+RING = tuple(
+    np.array([4000.0 * math.cos(a), 0.0, 4000.0 * math.sin(a), 0.0])
+    for a in np.linspace(-3.0, 3.0, 20)
+)
+
+
+@pytest.fixture(scope="module")
+def echoes():
+    """20 still targets seen 200 times: errors in units of their deviations, and the origins."""
+    errors, origins = [], []
+    deviation = math.hypot(20.0, 0.01 * 4000.0)
+    for simulated in scans_of(scenario(sensor=SENSOR, targets=RING)):
+        truth = simulated.truth[simulated.origin]
+        range_error = simulated.scan.range - np.hypot(truth[:, 0], truth[:, 2])
+        turned = simulated.scan.azimuth - np.arctan2(truth[:, 2], truth[:, 0])
+        azimuth_error = np.remainder(turned + np.pi, 2 * np.pi) - np.pi
+        errors.append(np.stack([range_error / deviation, azimuth_error / 0.03]))
+        origins.append(simulated.origin)
+    return np.concatenate(errors, axis=1), origins
+
+
+def test_targets_are_detected_as_often_as_the_sensor_says(echoes):
+    # 4000 chances: 99.9 % of a binomial share is 3.3 standard errors, 0.021. Per target 200.
+    _, origins = echoes
+    counts = np.bincount(np.concatenate(origins), minlength=20)
+    assert abs(counts.sum() / 4000 - 0.8) < 3.3 * math.sqrt(0.8 * 0.2 / 4000)
+    assert np.abs(counts / 200 - 0.8).max() < 4.5 * math.sqrt(0.8 * 0.2 / 200)
+
+
+def test_a_target_is_detected_at_most_once_per_scan(echoes):
+    _, origins = echoes
+    assert all(len(np.unique(origin)) == len(origin) for origin in origins)
+
+
+def test_detections_come_in_no_order(echoes):
+    _, origins = echoes
+    assert sum((np.diff(origin) > 0).all() for origin in origins) == 0
+
+
+def test_measurement_errors_are_normal_with_the_sensor_s_deviations(echoes):
+    # Some 3200 errors: Kolmogorov-Smirnov at 0.1 % against the standard normal, and no
+    # correlation between range and azimuth at 99.9 %.
+    errors, _ = echoes
+    for values in errors:
+        assert stats.kstest(values, "norm").pvalue > 1e-3
+        assert abs(values.std() - 1) < 3.3 / math.sqrt(2 * len(values))
+    assert abs(stats.pearsonr(*errors).statistic) < 3.3 / math.sqrt(errors.shape[1])
+
+
+def test_targets_outside_the_coverage_are_never_detected():
+    sensor = dataclasses.replace(
+        EXACT, min_range=1000.0, max_range=5000.0, azimuth_min=-1.0, azimuth_max=1.0
+    )
+    positions = [(3000.0, 0.0), (900.0, 0.0), (5100.0, 0.0), (-3000.0, 0.0), (0.0, 3000.0)]
+    one = scenario(
+        sensor=sensor, targets=tuple(np.array([x, 0.0, y, 0.0]) for x, y in positions), scans=20
+    )
+    for simulated in Simulator(one, 1):
+        assert simulated.origin.tolist() == [0]
+
+
+def test_the_sector_turns_with_the_ship():
+    sensor = dataclasses.replace(EXACT, azimuth_min=-1.0, azimuth_max=1.0)
+    one = scenario(
+        sensor=sensor,
+        targets=(np.array([0.0, 0.0, 3000.0, 0.0]),),
+        own_ship=OwnShipMotion(turn_rate=math.pi / 20),
+        scans=4,
+    )
+    assert [len(simulated.scan) for simulated in Simulator(one, 1)] == [0, 1, 1, 1]
+    one = dataclasses.replace(one, own_ship=OwnShipMotion(yaw=-1.0))
+    assert [len(simulated.scan) for simulated in Simulator(one, 1)] == [0, 0, 0, 0]
+
+
+def test_without_sound_speed_echoes_are_at_the_stamp():
+    one = scenario(sensor=EXACT, targets=RING[:2], scans=1)
+    (simulated,) = Simulator(one, 1)
+    assert simulated.scan.time_offset is None
+    assert simulated.complete == simulated.scan.stamp
+
+
+MOVING = scenario(
+    sensor=EXACT,
+    sound_speed=1500.0,
+    scans=20,
+    period=30.0,
+    targets=(
+        np.array([5000.0, -12.0, 300.0, 9.0]),
+        np.array([-7000.0, 3.0, 1000.0, -15.0]),
+        np.array([100.0, 1.0, -900.0, 2.0]),
+    ),
+    own_ship=OwnShipMotion(50.0, -80.0, 0.6, speed=9.0, turn_rate=-0.015),
+)
+
+
+def independent_echo(state: np.ndarray, stamp: float) -> tuple[float, float, float]:
+    """Times of reflection and arrival and the azimuth at arrival, by root finding."""
+
+    def target(t):
+        return state[0::2] + state[1::2] * t
+
+    sent = MOVING.own_ship.pose(stamp)[:2]
+    reflected = brentq(
+        lambda t: math.dist(target(t), sent) - 1500.0 * (t - stamp), stamp, stamp + 30, xtol=1e-13
+    )
+    there = target(reflected)
+    arrived = brentq(
+        lambda t: math.dist(MOVING.own_ship.pose(t)[:2], there) - 1500.0 * (t - reflected),
+        reflected,
+        reflected + 30,
+        xtol=1e-13,
+    )
+    x, y, yaw = MOVING.own_ship.pose(arrived)
+    return reflected, arrived, math.atan2(there[1] - y, there[0] - x) - yaw
+
+
+def test_echoes_follow_the_ping_out_to_the_moving_target_and_back_to_the_moving_ship():
+    # The errors drawn, 1e-6 m and 1e-9 rad, are the smallest that a sensor may have: five of them
+    # for each of 60 echoes, and what is left of the equation stays below 1e-6 m.
+    for simulated in Simulator(MOVING, 1):
+        stamp = simulated.scan.stamp
+        assert sorted(simulated.origin.tolist()) == [0, 1, 2]
+        for k, target in enumerate(simulated.origin):
+            _, arrived, azimuth = independent_echo(MOVING.targets[target], stamp)
+            range_ = 1500.0 * (arrived - stamp) / 2
+            assert abs(simulated.scan.range[k] - range_) < 6e-6
+            difference = math.remainder(simulated.scan.azimuth[k] - azimuth, 2 * math.pi)
+            assert abs(difference) < 6e-9
+            assert (
+                abs(
+                    math.dist(simulated.truth[target][0::2], simulated.scan.sensor_pose[:2])
+                    - range_
+                )
+                > 1e-3
+            )
+
+
+def test_a_position_is_valid_at_the_middle_of_the_echo_and_the_scan_complete_at_its_end():
+    for simulated in Simulator(MOVING, 1, start=500.0):
+        np.testing.assert_array_equal(simulated.scan.time_offset, simulated.scan.range / 1500.0)
+        last = simulated.scan.stamp + 2 * simulated.scan.range.max() / 1500.0
+        assert simulated.complete == pytest.approx(last, abs=1e-9)
+
+
+def test_an_empty_scan_is_complete_at_once():
+    (simulated,) = Simulator(scenario(sensor=EXACT, sound_speed=1500.0, scans=1), 1)
+    assert len(simulated.scan) == 0
+    assert simulated.complete == simulated.scan.stamp
+
+
+def test_one_target_s_luck_does_not_change_another_s():
+    # The second target's echo is the same whether the first is within the coverage or not.
+    sensor = dataclasses.replace(SENSOR, detection_probability=1.0, max_range=5000.0)
+    second = np.array([0.0, 0.0, 3000.0, 0.0])
+
+    def echo_of_second(first: float) -> float:
+        targets = (np.array([first, 0.0, 0.0, 0.0]), second)
+        (simulated,) = Simulator(scenario(sensor=sensor, targets=targets, scans=1), 5)
+        return simulated.scan.range[simulated.origin == 1].item()
+
+    assert echo_of_second(3000.0) == echo_of_second(8000.0)

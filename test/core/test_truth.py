@@ -1,0 +1,143 @@
+"""Judging confirmed tracks: each is exactly one of true, redundant, misplaced and false."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import ConfirmedTrack, SensorModel
+from tsepm_ros.analysis.truth import NO_TARGET, Outcome, judge, measurement_sigma, nees
+
+TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
+MISPLACED, FALSE = Outcome.MISPLACED, Outcome.FALSE
+SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.02)
+TARGETS = np.array([[3000.0, 5.0, 0.0, 0.0], [0.0, 0.0, -5000.0, 4.0]])
+
+# Per scan: detection 0 comes from target 0, 1 from target 1, 2 and 3 are clutter.
+ORIGINS = [np.array([0, 1, -1, -1])] * 5
+
+
+def truth_at(stamp: float) -> np.ndarray:
+    states = TARGETS.copy()
+    states[:, 0::2] += stamp * states[:, 1::2]
+    return states
+
+
+def track(sources: list[int], target: int = 0, off=(0.0, 0.0), stamp: float = 100.0):
+    """A track with these detections, one per scan, displaced from a target by `off`."""
+    state = truth_at(stamp)[target]
+    state[0::2] += off
+    hits = tuple(enumerate(sources))
+    return ConfirmedTrack(0, stamp, state, np.diag([900.0, 1.0, 900.0, 1.0]), hits, 0.0)
+
+
+def judged(*tracks, origins=ORIGINS):
+    return judge(tracks, origins, truth_at, SENSOR, lambda stamp: np.zeros(2))
+
+
+def outcomes(*tracks, **more):
+    return [one.outcome for one in judged(*tracks, **more)]
+
+
+@pytest.mark.parametrize(
+    ("sources", "outcome", "pure"),
+    [
+        pytest.param([0, 0, 0, 0, 0], TRUE, True, id="all"),
+        pytest.param([0, 0, 2, 0, 3], TRUE, False, id="3 of 5"),
+        pytest.param([0, 0, 1, 0, 1], TRUE, False, id="3 of 5, 2 from another target"),
+        pytest.param([0, 0, 2, 3, 2], FALSE, False, id="2 of 5"),
+        pytest.param([0, 2, 0, 3], FALSE, False, id="exactly half"),
+        pytest.param([0, 1, 0, 1], FALSE, False, id="half and half"),
+        pytest.param([2, 3, 2, 3, 2], FALSE, False, id="clutter only"),
+    ],
+)
+def test_a_track_on_the_target_is_true_with_more_than_half_of_its_hits(sources, outcome, pure):
+    (one,) = judged(track(sources))
+    assert one.outcome is outcome
+    assert one.pure is pure
+    assert one.target == (0 if outcome is TRUE else NO_TARGET)
+
+
+def test_the_first_true_track_of_a_target_is_true_and_later_ones_are_redundant():
+    good = [0] * 5
+    assert outcomes(track(good), track(good), track(good)) == [TRUE, REDUNDANT, REDUNDANT]
+
+
+def test_each_target_has_its_own_first():
+    first, second = track([0] * 5), track([1] * 5, target=1)
+    assert outcomes(first, second, first, second) == [TRUE, TRUE, REDUNDANT, REDUNDANT]
+
+
+def test_a_misplaced_track_is_not_the_first():
+    far = track([0] * 5, off=(1e4, 0.0))
+    assert outcomes(far, track([0] * 5), far) == [MISPLACED, TRUE, MISPLACED]
+
+
+def test_a_false_track_is_false_even_where_it_lies_on_a_target():
+    assert outcomes(track([2] * 5), track([0] * 5)) == [FALSE, TRUE]
+
+
+def test_the_target_that_gave_the_hits_counts_not_the_nearest():
+    (one,) = judged(track([1] * 5, target=0))
+    assert (one.outcome, one.target) == (MISPLACED, 1)
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (-0.6, 0.8)])
+@pytest.mark.parametrize(("factor", "outcome"), [(2.999, TRUE), (3.001, MISPLACED)])
+def test_three_sigma_of_the_larger_axis_is_the_border(direction, factor, outcome):
+    # Target 0 is 3500 m away at the stamp: across 0.02 * 3500 = 70 m, along 30 m.
+    sigma = measurement_sigma(SENSOR, np.array([3500.0, 0.0]))
+    assert sigma == pytest.approx(70.0, rel=1e-3)
+    off = factor * sigma * np.array(direction)
+    assert outcomes(track([0] * 5, off=off)) == [outcome]
+
+
+def test_the_border_is_measured_from_where_the_sensor_is():
+    off = (0.0, 100.0)  # 3 sigma: 210 m seen from the origin, 90 m from 500 m away
+    tracks = [track([0] * 5, off=off)]
+    near = judge(tracks, ORIGINS, truth_at, SENSOR, lambda stamp: np.array([3000.0, 0.0]))
+    assert outcomes(*tracks) == [TRUE]
+    assert near[0].outcome is MISPLACED
+
+
+def test_the_truth_is_taken_at_the_track_s_stamp():
+    late = track([0] * 5, stamp=1000.0)
+    early = ConfirmedTrack(0, 100.0, late.state, late.covariance, late.hits, 0.0)
+    assert outcomes(late) == [TRUE]
+    assert outcomes(early) == [MISPLACED]
+
+
+def test_errors_are_those_from_the_target():
+    (one,) = judged(track([0] * 5, off=(30.0, -40.0)))
+    assert one.position_error == pytest.approx(50.0)
+    assert one.velocity_error == 0.0
+    assert one.nees == pytest.approx(2500.0 / 900.0)
+    (false,) = judged(track([2] * 5))
+    assert math.isnan(false.position_error)
+    assert math.isnan(false.nees)
+
+
+def test_nees_uses_the_whole_covariance():
+    covariance = np.array([[4.0, 1.9], [1.9, 1.0]])
+    error = np.array([2.0, -1.0])
+    assert nees(error, covariance) == pytest.approx(error @ np.linalg.inv(covariance) @ error)
+
+
+def test_no_tracks_are_judged_to_nothing():
+    assert judged() == []
+
+
+def test_every_track_is_exactly_one_of_the_four_and_the_counts_add_up():
+    rng = np.random.default_rng(1)
+    tracks = [
+        track(rng.integers(0, 4, 5).tolist(), int(rng.integers(2)), rng.normal(0, 150, 2))
+        for _ in range(200)
+    ]
+    found = outcomes(*tracks)
+    assert len(found) == 200
+    assert {outcome: found.count(outcome) > 0 for outcome in Outcome} == dict.fromkeys(
+        Outcome, True
+    )
+    assert found.count(TRUE) <= 2

@@ -1,0 +1,233 @@
+"""Where the sensor was when an echo left and came back."""
+
+from __future__ import annotations
+
+import enum
+import itertools
+import math
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.scan import LARGEST, checked_covariance
+
+FloatArray = NDArray[np.float64]
+
+
+class Coverage(enum.Enum):
+    """Whether a history can answer for a span of time."""
+
+    YES = "yes"
+    NOT_YET = "not yet"
+    NEVER = "never"
+
+
+@dataclass(frozen=True)
+class PoseSample:
+    """A pose of the sensor at a time.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    x, y, yaw : float
+        Fixed frame, m and rad.
+    covariance : (3, 3) ndarray or None
+        Covariance of x, y, yaw; None if unknown.
+    rates : (float, float, float) or None
+        Velocity vx, vy (fixed frame, m/s) and yaw rate (rad/s), for what lies beyond the newest
+        sample; None if unknown: the difference of the last two samples counts.
+    """
+
+    stamp: float
+    x: float
+    y: float
+    yaw: float
+    covariance: FloatArray | None = None
+    rates: tuple[float, float, float] | None = None
+
+    def check(self) -> None:
+        """Check that a scan can be placed by this sample.
+
+        Raises
+        ------
+        ValueError
+            If it cannot; the message says why.
+        """
+        pose = (self.x, self.y, self.yaw)
+        if not math.isfinite(self.stamp):
+            raise ValueError(f"stamp must be finite; got {self.stamp}")
+        if not all(abs(value) <= LARGEST["sensor_pose"] for value in pose):
+            raise ValueError(f"pose must be finite and on earth; got {pose}")
+        if self.covariance is not None:
+            checked_covariance("covariance", self.covariance)
+
+
+class PoseHistory:
+    """Recent poses of the sensor, interpolated linearly in between.
+
+    Parameters
+    ----------
+    max_samples : int
+        Samples kept.
+    max_extrapolation : float
+        Time beyond the first or last sample, s, for which the nearest two samples still answer.
+    max_gap : float
+        Longest time between two samples, s, that is interpolated across.
+    """
+
+    def __init__(
+        self,
+        max_samples: int = 10_000,
+        max_extrapolation: float = 0.0,
+        max_gap: float = math.inf,
+    ) -> None:
+        self.max_extrapolation = max_extrapolation
+        self.max_gap = max_gap
+        self._samples: deque[PoseSample] = deque(maxlen=max_samples)
+
+    def __len__(self) -> int:
+        """Number of samples held."""
+        return len(self._samples)
+
+    def add(self, sample: PoseSample) -> bool:
+        """Add a sample; returns False, and ignores it, if it is not later than the last one."""
+        if self._samples and sample.stamp <= self._samples[-1].stamp:
+            return False
+        self._samples.append(sample)
+        return True
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._samples.clear()
+
+    @property
+    def last_stamp(self) -> float | None:
+        """Stamp of the newest sample, s."""
+        return self._samples[-1].stamp if self._samples else None
+
+    def coverage(self, first: float, last: float) -> Coverage:
+        """Whether poses from `first` to `last` (s) can be given, now or with later samples."""
+        if not self._samples:
+            return Coverage.NOT_YET
+        if first < self._samples[0].stamp - self.max_extrapolation:
+            return Coverage.NEVER
+        if last > self._samples[-1].stamp:
+            return Coverage.NOT_YET
+        stamps = [sample.stamp for sample in self._bracket(first, last)]
+        begin = max((i for i, stamp in enumerate(stamps) if stamp <= first), default=0)
+        stamps = stamps[begin : bisect_left(stamps, last) + 1]
+        if any(b - a > self.max_gap for a, b in itertools.pairwise(stamps)):
+            return Coverage.NEVER
+        return Coverage.YES
+
+    def can_extrapolate(self, last: float) -> bool:
+        """Whether `last` (s) is beyond the newest sample by no more than what is allowed."""
+        return bool(self._samples) and last <= self._samples[-1].stamp + self.max_extrapolation
+
+    def poses(self, times: FloatArray) -> FloatArray:
+        """Poses at the given times.
+
+        Parameters
+        ----------
+        times : (n,) ndarray
+            s.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            x, y, yaw.
+
+        Raises
+        ------
+        ValueError
+            If a time is beyond what the history covers and may extrapolate.
+        """
+        times = np.asarray(times, float)
+        if len(times) == 0:
+            return np.zeros((0, 3))
+        samples = self._around(float(times.min()), float(times.max()))
+        stamps = np.array([sample.stamp for sample in samples])
+        values = np.array([(sample.x, sample.y, sample.yaw) for sample in samples])
+        values[:, 2] = np.unwrap(values[:, 2])
+        if len(samples) == 1:
+            return np.repeat(values, len(times), axis=0)
+        left = np.clip(np.searchsorted(stamps, times, side="right") - 1, 0, len(stamps) - 2)
+        step = (stamps[left + 1] - stamps[left])[:, None]
+        share = (times - stamps[left])[:, None] / step
+        poses = values[left] + share * (values[left + 1] - values[left])
+        newest = self._samples[-1]
+        beyond = times > newest.stamp
+        if newest.rates is not None and beyond.any():
+            ahead = (times[beyond] - newest.stamp)[:, None]
+            poses[beyond] = values[-1] + ahead * np.array(newest.rates)
+        return poses
+
+    def covariance(self, time: float) -> FloatArray | None:
+        """Pose covariance of the sample nearest to a time (s); None if unknown."""
+        if not self._samples:
+            return None
+        return min(self._around(time, time), key=lambda s: abs(s.stamp - time)).covariance
+
+    def _around(self, first: float, last: float) -> list[PoseSample]:
+        """The samples around a span of time that is covered."""
+        if self.coverage(first, last) is not Coverage.YES and not (
+            self.coverage(first, first) is not Coverage.NEVER and self.can_extrapolate(last)
+        ):
+            raise ValueError(f"no pose is known from {first} s to {last} s")
+        return self._bracket(first, last)
+
+    def _bracket(self, first: float, last: float) -> list[PoseSample]:
+        stamps = [sample.stamp for sample in self._samples]
+        begin = max(bisect_left(stamps, first) - 1, 0)
+        end = min(bisect_left(stamps, last) + 2, len(stamps))
+        begin = max(min(begin, end - 2), 0)
+        return list(self._samples)[begin:end]
+
+
+def echo_poses(
+    poses_at: Callable[[FloatArray], FloatArray],
+    stamp: float,
+    time_offset: FloatArray | None,
+    azimuth: FloatArray,
+    *,
+    heading: bool = True,
+) -> FloatArray:
+    """Sensor poses that place echoes received by a moving, turning sensor.
+
+    An echo leaves at t0 = stamp and arrives at t1 = stamp + 2 time_offset. Its azimuth was measured
+    against the heading at t1, its range r is the mean of both legs. With u the line of sight, the
+    leg back is ``r - u.(s(t1) - s(t0)) / 2`` to first order, so the target is at distance r along u
+    from ``s(t1) - u u.(s(t1) - s(t0)) / 2``, with the yaw at t1.
+
+    Parameters
+    ----------
+    poses_at : callable
+        Gives the sensor's poses (x, y, yaw), (m, 3), at m times, such as `PoseHistory.poses`.
+    stamp : float
+        Start of transmit, s.
+    time_offset : (n,) ndarray or None
+        Time after `stamp` for which each position is valid, s; None: 0 for all.
+    azimuth : (n,) ndarray
+        rad, sensor frame.
+    heading : bool, optional
+        False where the azimuths count from the fixed frame's x axis already: the yaw is then 0.
+
+    Returns
+    -------
+    (3,) or (n, 3) ndarray
+        One pose for the scan where there are no time offsets, else one per detection.
+    """
+    turned = 1.0 if heading else 0.0
+    sent = poses_at(np.array([stamp]))[0] * [1.0, 1.0, turned]
+    if time_offset is None or not time_offset.any():
+        return sent
+    poses = poses_at(stamp + 2.0 * time_offset) * [1.0, 1.0, turned]
+    sight = np.stack([np.cos(azimuth + poses[:, 2]), np.sin(azimuth + poses[:, 2])], axis=1)
+    moved = ((poses[:, :2] - sent[:2]) * sight).sum(axis=1, keepdims=True)
+    poses[:, :2] -= 0.5 * moved * sight
+    return poses

@@ -1,0 +1,546 @@
+"""From arriving messages to results, without ROS: what the node and offline replays share.
+
+A session takes own-ship poses and scans as they arrive, puts each scan in its place in time and in
+the fixed frame, or drops it with a reason, and runs the initiator.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tsepm_ros.holding import TrackHold
+from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.methods import METHODS, available_methods, make_initiator
+from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample, echo_poses
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.scan import Scan
+from tsepm_ros.scan_order import Arrival, ScanOrder
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
+
+QUEUE_LENGTH = 1000
+"""Scans that may wait for own-ship data at once."""
+
+MAX_YAW_VARIANCE = math.pi**2
+"""Variance of the heading above which there is none, rad^2."""
+
+Now = float | tuple[float, ...]
+"""Time on one clock or on several, s."""
+
+OWN_SHIP_SOURCES = ("none", "odometry", "tf")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOptions:
+    """How arriving data is put in order and in place.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    method: str = parameter("tsepm", "Track initiation method", choices=available_methods())
+    own_ship_source: str = parameter(
+        "none",
+        "Where the sensor's pose comes from: none (it does not move), odometry or tf",
+        choices=OWN_SHIP_SOURCES,
+        read_only=True,
+    )
+    fixed_frame: str = parameter(
+        "",
+        "Frame of the tracks (ENU); empty: the odometry's frame, else the detections' own",
+        read_only=True,
+    )
+    sensor_frame: str = parameter(
+        "", "Frame of the detections; empty: that of the first message", read_only=True
+    )
+    own_ship_timeout: float = parameter(
+        2.0,
+        "Time that a scan waits for the own-ship data that belongs to it",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    own_ship_max_extrapolation: float = parameter(
+        0.5,
+        "Own-ship data this much older than the scan still places it, once it has waited",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    own_ship_max_gap: float = parameter(
+        10.0,
+        "Longest gap between own-ship data that is interpolated across",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+    )
+    restart_jump: float = parameter(
+        60.0,
+        "A stamp farther back than this is a restart and resets the state; nearer is a late scan",
+        unit="s",
+        minimum=0.0,
+    )
+    max_gap: float = parameter(
+        0.0,
+        "A gap between scans longer than this drops the potential tracks; 0: the window times the "
+        "median scan interval",
+        unit="s",
+        minimum=0.0,
+    )
+    max_scan_time: float = parameter(
+        5.0,
+        "Time that a scan may take, a last resort behind the limits on counts; off in studies and "
+        "offline runs, so that they are reproducible",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+    )
+    hold_time: float = parameter(
+        120.0, "Time for which a confirmed track stays on tracks/current", unit="s", minimum=0.0
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything a session is made from.
+
+    Attributes
+    ----------
+    session : SessionOptions
+    sensor : SensorModel
+    common : CommonOptions
+    methods : mapping of str to options
+        Each method's own options, by the method's name; defaults where one is missing.
+    """
+
+    session: SessionOptions = field(default_factory=SessionOptions)
+    sensor: SensorModel = field(default_factory=SensorModel)
+    common: CommonOptions = field(default_factory=CommonOptions)
+    methods: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def method_options(self) -> Any:
+        """Options of the chosen method."""
+        method = self.session.method
+        return self.methods.get(method) or METHODS[method].Options()
+
+    def make_initiator(self) -> Initiator:
+        """Make the initiator that these settings describe."""
+        return make_initiator(
+            self.session.method,
+            sensor=self.sensor,
+            **dataclasses.asdict(self.common),
+            **dataclasses.asdict(self.method_options),
+        )
+
+    @property
+    def window(self) -> int:
+        """Scans of the chosen method's window."""
+        return int(self.method_options.window)
+
+
+@dataclass(frozen=True)
+class SensorScan:
+    """A scan as it arrives: not yet placed in the fixed frame.
+
+    Attributes
+    ----------
+    scan : Scan
+        Detections; its sensor pose is not used.
+    frame_id : str
+        The sensor's frame.
+    north_referenced : bool
+        The azimuths count from the fixed frame's x axis (east), not from the sensor's.
+    stamp_ns : int
+        The stamp as received, ns: a date in seconds does not fit a float64 to the last digit.
+    """
+
+    scan: Scan
+    frame_id: str
+    north_referenced: bool = False
+    stamp_ns: int = 0
+
+
+@dataclass(frozen=True)
+class ScanResult:
+    """What one processed scan gave.
+
+    Attributes
+    ----------
+    stamp : float
+        The scan's stamp, s.
+    stamp_ns : int
+        The stamp as received, ns.
+    scan : Scan
+        The scan as processed, with its sensor pose.
+    frame_id : str
+        The fixed frame.
+    arrival : Arrival
+        How the scan followed on; RESTART and GAP dropped what was held before it.
+    new : list of ConfirmedTrack
+        Newly confirmed tracks.
+    current : TrackArrays
+        Every track held, at `stamp`.
+    ended : list of int
+        Ids of the tracks that are held no longer.
+    statistics : ScanStatistics
+        The initiator's counts.
+    core_seconds : float
+        Time that the initiator took, s.
+    """
+
+    stamp: float
+    stamp_ns: int
+    scan: Scan
+    frame_id: str
+    arrival: Arrival
+    new: list[ConfirmedTrack]
+    current: TrackArrays
+    ended: list[int]
+    statistics: ScanStatistics
+    core_seconds: float
+
+
+def _echo_span(scan: Scan) -> tuple[float, float]:
+    """Time from the transmit to the last echo's arrival, s, for which poses are needed."""
+    if scan.time_offset is None or not len(scan):
+        return scan.stamp, scan.stamp
+    offsets = 2.0 * scan.time_offset
+    return scan.stamp + min(float(offsets.min()), 0.0), scan.stamp + max(float(offsets.max()), 0.0)
+
+
+def _waited(since: Now, now: Now) -> float:
+    """Least time that has passed on any clock, s; one that was set back tells nothing."""
+    passed = np.atleast_1d(np.subtract(now, since))
+    return float(passed[passed >= 0].min(initial=math.inf))
+
+
+def _ignore(reason: str, sentence: str) -> None:
+    pass
+
+
+class Session:
+    """Puts scans in order and in place and runs the initiator on them.
+
+    Parameters
+    ----------
+    settings : Settings
+        Method, options, sensor and frames.
+    report : callable, optional
+        Called as ``report(reason, sentence)`` for every scan, detection or own-ship sample that is
+        dropped and every reset; the reasons are counted in `dropped` as well.
+    live : bool, optional
+        Whether `max_scan_time` holds.
+
+    Attributes
+    ----------
+    dropped : Counter
+        Drops by reason since the start or the last reset.
+    look_up : callable or None
+        Called as ``look_up(sensor frame, first, last)`` for the span of time (s) of a scan that is
+        to be placed, to give its poses by `add_own_ship`; None where they come by themselves.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        report: Callable[[str, str], None] = _ignore,
+        *,
+        live: bool = False,
+    ) -> None:
+        self._report = report
+        self._live = live
+        self._settings = settings
+        self.initiator = settings.make_initiator()
+        self.dropped: Counter[str] = Counter()
+        self.look_up: Callable[[str, float, float], None] | None = None
+        options = settings.session
+        self._order = ScanOrder(settings.window, options.restart_jump, options.max_gap)
+        self._hold = TrackHold(options.hold_time)
+        self._poses = PoseHistory(
+            max_extrapolation=options.own_ship_max_extrapolation,
+            max_gap=options.own_ship_max_gap,
+        )
+        self._moves = options.own_ship_source != "none"
+        self._fixed_frame: str | None = None
+        self._sensor_frame: str | None = None
+        self._own_ship_frame = ""
+        self._forget_frames()
+        self._waiting: deque[tuple[Now, Arrival, SensorScan]] = deque()
+        self._ended: list[int] = []
+
+    @property
+    def settings(self) -> Settings:
+        """The settings in use."""
+        return self._settings
+
+    @property
+    def waiting(self) -> int:
+        """Scans that wait for own-ship data."""
+        return len(self._waiting)
+
+    @property
+    def own_ship_stamp(self) -> float | None:
+        """Stamp of the newest own-ship pose, s."""
+        return self._poses.last_stamp
+
+    def configure(self, settings: Settings) -> bool:
+        """Change settings before the next scan; frames and the own-ship source stay as they are.
+
+        Returns
+        -------
+        bool
+            Whether potential tracks were kept. Another method, or another number of hits, starts
+            over.
+        """
+        old, self._settings = self._settings, settings
+        options = settings.session
+        self._order.restart_jump = options.restart_jump
+        self._order.max_gap = options.max_gap
+        self._hold.hold_time = options.hold_time
+        self._poses.max_extrapolation = options.own_ship_max_extrapolation
+        self._poses.max_gap = options.own_ship_max_gap
+        if settings.window != old.window:
+            self._order.resize(settings.window)
+        if options.method != old.session.method:
+            next_track_id = self.initiator.next_track_id
+            self.initiator = settings.make_initiator()
+            self.initiator.next_track_id = next_track_id
+            return False
+        return self.initiator.configure(settings.sensor, settings.common, settings.method_options)
+
+    def reset(self) -> list[int]:
+        """Forget scans, tracks, poses and counts; returns the ids of the tracks that end."""
+        self.initiator.reset()
+        self.dropped.clear()
+        self._order.reset()
+        self._poses.clear()
+        self._waiting.clear()
+        self._forget_frames()
+        ended, self._ended = self._ended, []
+        return ended + self._hold.clear()
+
+    def drop(self, reason: str, sentence: str, number: int = 1) -> None:
+        """Count and report something that cannot be used."""
+        self.dropped[reason] += number
+        self._report(reason, sentence)
+
+    def add_own_ship(self, sample: PoseSample, frame_id: str, child_frame_id: str = "") -> None:
+        """Take a pose of the sensor, or of a vessel whose frame is `child_frame_id`.
+
+        There is no transform from the vessel to the sensor: where the frames have different names,
+        the sensor is taken to be at the vessel's origin, and that is reported.
+        """
+        try:
+            sample.check()
+        except ValueError as error:
+            self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
+            return
+        self._own_ship_frame = child_frame_id
+        if self._fixed_frame is None:
+            self._fixed_frame = frame_id
+        if frame_id != self._fixed_frame:
+            self.drop(
+                "own_ship_frame",
+                f"own-ship data is in frame {frame_id!r}, the fixed frame is {self._fixed_frame!r}",
+            )
+            return
+        if self._is_before_own_ship(sample.stamp):
+            self._poses.clear()
+        if not self._poses.add(sample):
+            self.drop(
+                "own_ship_late", f"own-ship data of {sample.stamp:.3f} s is not newer than the last"
+            )
+
+    def add_scan(self, arrived: SensorScan, now: Now) -> None:
+        """Take a scan that arrived at the time `now`."""
+        if not self._frame_is_known(arrived):
+            return
+        scan = arrived.scan
+        if self._is_too_large(scan):
+            return
+        arrival = self._order.judge(scan.stamp)
+        if arrival is Arrival.RESTART and self._is_before_own_ship(scan.stamp):
+            self._poses.clear()
+        if arrival in (Arrival.SAME_STAMP, Arrival.LATE):
+            self.drop(
+                f"scan_{arrival.value}",
+                f"the scan of {scan.stamp:.3f} s is not later than the last one",
+            )
+            return
+        self._sensor_frame = arrived.frame_id
+        if self._fixed_frame is None and not self._moves:
+            self._fixed_frame = arrived.frame_id
+        self._waiting.append((now, arrival, arrived))
+        if len(self._waiting) > QUEUE_LENGTH:
+            _, oldest_arrival, oldest = self._waiting.popleft()
+            self._start_over(oldest_arrival, oldest.scan.stamp)
+            self.drop("queue_full", f"more than {QUEUE_LENGTH} scans wait for own-ship data")
+
+    def process(self, now: Now = math.inf) -> Iterator[ScanResult]:
+        """Process the scans that can be, in order.
+
+        Parameters
+        ----------
+        now : float or tuple of float
+            Time on the clock of `add_scan`, s; of several clocks the one counts by which a scan
+            has waited least. Scans that waited too long for own-ship data are dropped; by default
+            none waits any longer.
+
+        Yields
+        ------
+        ScanResult
+        """
+        while self._waiting:
+            since, arrival, arrived = self._waiting[0]
+            placed = self._placed(arrived, _waited(since, now))
+            if placed is None:
+                return
+            self._waiting.popleft()
+            self._start_over(arrival, arrived.scan.stamp)
+            if isinstance(placed, Scan):
+                yield self._run(placed, arrival, arrived.stamp_ns)
+
+    def health(self) -> tuple[str, str, dict[str, object]]:
+        """State of the session for diagnostics: level, a sentence, and figures by name."""
+        totals = self.initiator.totals
+        cut = totals.cut_potential_tracks + totals.cut_confirmations
+        values: dict[str, object] = dataclasses.asdict(totals)
+        values["potential_tracks"] = self.initiator.statistics.potential_tracks
+        values["potential_tracks_most"] = totals.potential_tracks
+        values["waiting_for_own_ship"] = len(self._waiting)
+        values.update({f"dropped.{name}": n for name, n in sorted(self.dropped.items())})
+        if self.dropped:
+            worst, number = self.dropped.most_common(1)[0]
+            return "warn", f"dropped: {number} {worst}", values
+        if cut:
+            return "warn", f"a limit cut {cut} hypotheses", values
+        if not totals.scans:
+            return "warn", "no scan yet", values
+        return "ok", f"{totals.scans} scans, {totals.confirmed} confirmed tracks", values
+
+    def _is_too_large(self, scan: Scan) -> bool:
+        limit = self._settings.common.max_detections
+        if len(scan) > limit:
+            self.drop(
+                "too_many_detections",
+                f"a scan of {len(scan)} detections is more than max_detections = {limit}",
+            )
+        return len(scan) > limit
+
+    def _forget_frames(self) -> None:
+        options = self._settings.session
+        self._fixed_frame = options.fixed_frame or None
+        self._sensor_frame = options.sensor_frame or None
+        self._own_ship_frame = ""
+
+    @property
+    def fixed_frame(self) -> str:
+        """Frame of the tracks; empty while it is not known."""
+        return self._fixed_frame or ""
+
+    def _frame_is_known(self, arrived: SensorScan) -> bool:
+        frames = [self._sensor_frame]
+        if not self._moves and not arrived.north_referenced:
+            frames.append(self._fixed_frame)  # nothing tells where else the sensor might be
+        for expected in frames:
+            if expected is not None and arrived.frame_id != expected:
+                self.drop(
+                    "unknown_frame",
+                    f"detections are in frame {arrived.frame_id!r}, expected is {expected!r}",
+                )
+                return False
+        return True
+
+    def _placed(self, arrived: SensorScan, waited: float) -> Scan | bool | None:
+        """Place a scan in the fixed frame; None: wait; False: dropped."""
+        scan = arrived.scan
+        if self._is_too_large(scan):
+            return False
+        if not self._moves:
+            return scan
+        first, last = _echo_span(scan)
+        if self.look_up is not None:
+            self.look_up(arrived.frame_id, first, last)
+        coverage = self._poses.coverage(first, last)
+        timed_out = waited >= self._settings.session.own_ship_timeout
+        if coverage is Coverage.NOT_YET and not timed_out:
+            return None
+        if coverage is Coverage.NEVER or not (
+            coverage is Coverage.YES or self._poses.can_extrapolate(last)
+        ):
+            reason = "own_ship_stale" if len(self._poses) else "own_ship_missing"
+            self.drop(reason, f"no own-ship data for the scan of {scan.stamp:.3f} s")
+            return False
+        if self._own_ship_frame not in ("", arrived.frame_id):
+            self._report(
+                "mounting",
+                f"own-ship data is of frame {self._own_ship_frame!r}, detections are in "
+                f"{arrived.frame_id!r}: taken to be the same place and direction",
+            )
+        heading = not arrived.north_referenced
+        covariance = self._poses.covariance(scan.stamp)
+        if covariance is not None and heading and covariance[2, 2] > MAX_YAW_VARIANCE:
+            self.drop("heading_unknown", "the own-ship data has no heading, but detections need it")
+            return False
+        if covariance is not None and not heading:
+            covariance = covariance * np.outer([1, 1, 0], [1, 1, 0])
+        return dataclasses.replace(
+            scan,
+            sensor_pose=echo_poses(
+                self._poses.poses, scan.stamp, scan.time_offset, scan.azimuth, heading=heading
+            ),
+            sensor_pose_covariance=covariance,
+        )
+
+    def _is_before_own_ship(self, stamp: float) -> bool:
+        last = self._poses.last_stamp
+        return last is not None and last - stamp > self._settings.session.restart_jump
+
+    def _start_over(self, arrival: Arrival, stamp: float) -> None:
+        """Drop what cannot continue across a restart or a long gap."""
+        if arrival is Arrival.RESTART:
+            self._report("restart", f"stamps went back to {stamp:.3f} s: starting over")
+            self.initiator.reset()
+            self._ended += self._hold.clear()
+        elif arrival is Arrival.GAP:
+            self._report("gap", f"long gap before {stamp:.3f} s: potential tracks dropped")
+            self.initiator.reset()
+
+    def _run(self, scan: Scan, arrival: Arrival, stamp_ns: int) -> ScanResult:
+        if self._live:
+            self.initiator.max_scan_time = self._settings.session.max_scan_time
+        begin = time.perf_counter()
+        new = self.initiator.process(scan)
+        core_seconds = time.perf_counter() - begin
+        statistics = self.initiator.statistics
+        cut = statistics.cut_potential_tracks + statistics.cut_confirmations
+        if cut:
+            self._report("limit", f"a limit cut {cut} hypotheses at {scan.stamp:.3f} s")
+        ended = self._ended + self._hold.update(scan.stamp, new)
+        self._ended = []
+        return ScanResult(
+            stamp=scan.stamp,
+            stamp_ns=stamp_ns,
+            scan=scan,
+            frame_id=self.fixed_frame,
+            arrival=arrival,
+            new=new,
+            current=self._hold.current(scan.stamp),
+            ended=ended,
+            statistics=statistics,
+            core_seconds=core_seconds,
+        )
