@@ -1,0 +1,198 @@
+"""A plan-position picture of a run: detections, truth and confirmed tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse
+from numpy.typing import NDArray
+
+from tsepm_ros.track import ConfirmedTrack
+
+FloatArray = NDArray[np.float64]
+
+CHI_95 = 2.447746830680816
+"""Axis factor of the ellipse that holds a bivariate Gaussian with 95 %."""
+
+SEA, INK, TRUTH, GOOD, BAD = "#f7fafc", "#1a202c", "#2b6cb0", "#c05621", "#718096"
+
+
+@dataclass
+class Picture:
+    """What to draw, in the fixed frame, m.
+
+    Attributes
+    ----------
+    title : str
+    detections : list of (n, 2) ndarray
+        Positions per scan, oldest first.
+    truth : list of (m, 2) ndarray
+        A path per target.
+    on_target, off_target : list of ConfirmedTrack
+        Tracks drawn in full, and those drawn faintly.
+    own_ship : (m, 2) ndarray, optional
+        Path of the sensor.
+    velocity_seconds : float
+        Length of the velocity lines, s of travel.
+    on_target_label, off_target_label : str
+        What the legend calls the tracks; the number is added.
+    """
+
+    title: str
+    detections: list[FloatArray] = field(default_factory=list)
+    truth: list[FloatArray] = field(default_factory=list)
+    on_target: list[ConfirmedTrack] = field(default_factory=list)
+    off_target: list[ConfirmedTrack] = field(default_factory=list)
+    own_ship: FloatArray | None = None
+    velocity_seconds: float = 120.0
+    on_target_label: str = "true starts (velocity, 95 % ellipse)"
+    off_target_label: str = "false starts"
+
+
+def draw(picture: Picture, insets: Sequence[FloatArray] = ()) -> Figure:
+    """Draw the picture.
+
+    Parameters
+    ----------
+    picture : Picture
+    insets : sequence of (2,) ndarray
+        Points around which the scene is also drawn enlarged, up to four.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    columns = 2 if insets else 0
+    rows = (len(insets) + 1) // 2 if insets else 1
+    figure = plt.figure(figsize=(15.5 if columns else 9.5, 9.0), layout="constrained")
+    grid = figure.add_gridspec(max(rows, 1), 2 + columns)
+    main = figure.add_subplot(grid[:, :2])
+    _scene(main, picture)
+    main.set_title(picture.title, loc="left")
+    main.legend(handles=_legend(picture), loc="upper right", framealpha=0.95, fontsize=9)
+    reach = _inset_reach(picture, insets)
+    for number, centre in enumerate(insets[:4]):
+        axes = figure.add_subplot(grid[number // 2, 2 + number % 2])
+        _scene(axes, picture, inset=True)
+        axes.set_xlim(centre[0] - reach, centre[0] + reach)
+        axes.set_ylim(centre[1] - reach, centre[1] + reach)
+        axes.set_title(f"target {number}", loc="left", fontsize=10)
+        axes.set_xlabel("")
+        axes.set_ylabel("")
+    return figure
+
+
+def save(picture: Picture, path: Path, insets: Sequence[FloatArray] = ()) -> None:
+    """Draw the picture into a file; the suffix gives the format."""
+    figure = draw(picture, insets)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _scene(axes: Axes, picture: Picture, inset: bool = False) -> None:
+    axes.set_facecolor(SEA)
+    ages = np.linspace(0.12, 0.6, max(len(picture.detections), 1))
+    for alpha, points in zip(ages, picture.detections, strict=False):
+        axes.scatter(points[:, 0], points[:, 1], s=5, color=INK, alpha=alpha, linewidths=0)
+    if picture.own_ship is not None and len(picture.own_ship):
+        axes.plot(*picture.own_ship.T, color=INK, linewidth=1.2)
+        axes.plot(*picture.own_ship[-1], marker="^", color=INK, markersize=8)
+    for track in picture.off_target:
+        _track(axes, track, picture, BAD, 0.55, 0.7)
+    for number, path in enumerate(picture.truth):
+        axes.plot(*path.T, color=TRUTH, linewidth=2.2)
+        axes.plot(*path[0], marker="o", color=TRUTH, markersize=4)
+        if not inset:
+            axes.annotate(
+                str(number), path[-1], (6, 6), textcoords="offset points", color=TRUTH, fontsize=11
+            )
+    for track in picture.on_target:
+        _track(axes, track, picture, GOOD, 1.0, 1.6)
+    axes.set_aspect("equal", adjustable="box" if inset else "datalim")
+    axes.set_xlabel("east, m")
+    axes.set_ylabel("north, m")
+    axes.grid(color="#e2e8f0", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _track(
+    axes: Axes,
+    track: ConfirmedTrack,
+    picture: Picture,
+    colour: str,
+    alpha: float,
+    width: float,
+) -> None:
+    start = track.position
+    end = start + track.velocity * picture.velocity_seconds
+    axes.plot([start[0], end[0]], [start[1], end[1]], color=colour, alpha=alpha, linewidth=width)
+    axes.plot(*start, marker="o", color=colour, alpha=alpha, markersize=2.5 * width)
+    values, vectors = np.linalg.eigh(track.position_covariance)
+    axes.add_patch(
+        Ellipse(
+            (float(start[0]), float(start[1])),
+            *(2 * CHI_95 * np.sqrt(np.maximum(values, 0.0))),
+            angle=float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0]))),
+            facecolor="none",
+            edgecolor=colour,
+            alpha=alpha,
+            linewidth=width,
+        )
+    )
+
+
+def _legend(picture: Picture) -> list[Line2D]:
+    def dots(colour: str, label: str, **style: Any) -> Line2D:
+        return Line2D([], [], color=colour, marker="o", linestyle="", label=label, **style)
+
+    number = sum(len(points) for points in picture.detections)
+    handles = [dots(INK, f"detections, fading with age ({number})", markersize=3, alpha=0.6)]
+    if picture.own_ship is not None and len(picture.own_ship):
+        handles.append(Line2D([], [], color=INK, marker="^", label="own ship"))
+    if picture.truth:
+        handles.append(Line2D([], [], color=TRUTH, linewidth=2.2, label="truth"))
+    handles.append(
+        Line2D(
+            [],
+            [],
+            color=GOOD,
+            marker="o",
+            markersize=4,
+            label=f"{picture.on_target_label}: {len(picture.on_target)}",
+        )
+    )
+    handles.append(
+        Line2D(
+            [],
+            [],
+            color=BAD,
+            marker="o",
+            markersize=2,
+            alpha=0.7,
+            label=f"{picture.off_target_label}: {len(picture.off_target)}",
+        )
+    )
+    return handles
+
+
+def _inset_reach(picture: Picture, insets: Sequence[FloatArray]) -> float:
+    """Half the width of an inset: wide enough for the paths and ellipses in it."""
+    reach = 300.0
+    for track in picture.on_target:
+        reach = max(reach, 2.0 * CHI_95 * float(np.sqrt(np.trace(track.position_covariance))))
+    for path in picture.truth:
+        reach = max(reach, 0.9 * float(np.linalg.norm(path[-1] - path[0])))
+    return reach

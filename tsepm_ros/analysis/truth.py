@@ -1,0 +1,140 @@
+"""Judging confirmed tracks against known truth.
+
+Each confirmed track of a run is exactly one of: *true* (more than half of its hits from one
+target, and its position within 3 sigma of the measurement error's larger axis there; the first
+such per target), *redundant* (another true one for the same target), *misplaced* (more than half
+of its hits from one target, but farther off), *false* (the rest).
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.conversion import major_sigma, position_covariance
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.track import ConfirmedTrack
+
+FloatArray = NDArray[np.float64]
+
+NO_TARGET = -1
+SIGMAS = 3.0
+
+
+class Outcome(enum.Enum):
+    """What a confirmed track turned out to be."""
+
+    TRUE = "true"
+    REDUNDANT = "redundant"
+    MISPLACED = "misplaced"
+    FALSE = "false"
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A confirmed track and what it is.
+
+    Attributes
+    ----------
+    track : ConfirmedTrack
+    outcome : Outcome
+    target : int
+        Index of the target that gave more than half of the hits, or NO_TARGET.
+    pure : bool
+        All hits come from that target.
+    position_error, velocity_error : float
+        Distance from that target's state, m and m/s; nan without one.
+    nees : float
+        Normalised estimation error squared, ideally 4 on average; nan without a target.
+    """
+
+    track: ConfirmedTrack
+    outcome: Outcome
+    target: int
+    pure: bool
+    position_error: float
+    velocity_error: float
+    nees: float
+
+
+def measurement_sigma(sensor: SensorModel, offset: FloatArray) -> float:
+    """Larger axis of the measurement error, m, for a target at `offset` (2,) from the sensor."""
+    range_ = float(np.hypot(*offset))
+    covariance = position_covariance(
+        range_, np.arctan2(offset[1], offset[0]), sensor.range_variance(range_), sensor.azimuth_std
+    )
+    return float(major_sigma(covariance))
+
+
+def nees(error: FloatArray, covariance: FloatArray) -> float:
+    """Normalised estimation error squared, ``e' P^-1 e``."""
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+def judge(
+    tracks: Sequence[ConfirmedTrack],
+    origins: Sequence[NDArray[np.int64]],
+    truth_at: Callable[[float], FloatArray],
+    sensor: SensorModel,
+    sensor_position_at: Callable[[float], FloatArray],
+) -> list[Judged]:
+    """Judge the confirmed tracks of one run.
+
+    Parameters
+    ----------
+    tracks : sequence of ConfirmedTrack
+        In order of confirmation.
+    origins : sequence of (n,) ndarray of int
+        Per scan, the target index of each detection, negative for clutter.
+    truth_at : callable
+        States (k, 4) of all targets at a stamp, s.
+    sensor : SensorModel
+        For the measurement error.
+    sensor_position_at : callable
+        Sensor position (2,) at a stamp, s.
+
+    Returns
+    -------
+    list of Judged
+        In the order of the tracks.
+    """
+    started: set[int] = set()
+    judged = []
+    for track in tracks:
+        sources = np.array([origins[scan][index] for scan, index in track.hits])
+        target = _majority(sources)
+        if target == NO_TARGET:
+            judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan))
+            continue
+        truth = truth_at(track.stamp)[target]
+        error = track.state - truth
+        distance = float(np.hypot(error[0], error[2]))
+        sigma = measurement_sigma(sensor, truth[0::2] - sensor_position_at(track.stamp))
+        outcome = Outcome.MISPLACED
+        if distance <= SIGMAS * sigma:
+            outcome = Outcome.REDUNDANT if target in started else Outcome.TRUE
+            started.add(target)
+        judged.append(
+            Judged(
+                track,
+                outcome,
+                target,
+                bool((sources == target).all()),
+                distance,
+                float(np.hypot(error[1], error[3])),
+                nees(error, track.covariance),
+            )
+        )
+    return judged
+
+
+def _majority(sources: NDArray[np.int64]) -> int:
+    """The target that gave more than half of the hits, or NO_TARGET."""
+    targets, counts = np.unique(sources[sources >= 0], return_counts=True)
+    if len(targets) and 2 * counts.max() > len(sources):
+        return int(targets[counts.argmax()])
+    return NO_TARGET

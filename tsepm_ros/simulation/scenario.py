@@ -1,0 +1,315 @@
+"""Scenarios: what is simulated, from a YAML file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from tsepm_ros.sensor import SensorModel
+
+FloatArray = NDArray[np.float64]
+
+PLACEMENT_TRIES = 10_000
+LARGEST_SCANS = 10_000_000
+
+
+@dataclass(frozen=True)
+class OwnShipMotion:
+    """A platform at constant speed and turn rate.
+
+    Attributes
+    ----------
+    x, y : float
+        Position at time 0, m.
+    yaw : float
+        Heading at time 0, rad, counter-clockwise from east.
+    speed : float
+        m/s, along the heading.
+    turn_rate : float
+        rad/s, counter-clockwise.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    speed: float = 0.0
+    turn_rate: float = 0.0
+
+    def pose(self, time: float) -> FloatArray:
+        """Pose (x, y, yaw) at a time after the start, s."""
+        yaw = self.yaw + self.turn_rate * time
+        if abs(self.turn_rate) < 1e-9:
+            along = self.speed * time * np.array([math.cos(self.yaw), math.sin(self.yaw)])
+        else:
+            radius = self.speed / self.turn_rate
+            along = radius * np.array(
+                [math.sin(yaw) - math.sin(self.yaw), math.cos(self.yaw) - math.cos(yaw)]
+            )
+        return np.array([self.x + along[0], self.y + along[1], yaw])
+
+
+@dataclass(frozen=True)
+class TargetArea:
+    """Targets to draw: how many, from where, how fast.
+
+    Each target starts anywhere in the area with equal probability per m^2, with any heading, and is
+    drawn again until it stays within `ranges` for the whole run.
+
+    Attributes
+    ----------
+    count : int
+        Number of targets.
+    ranges : (float, float)
+        Nearest and farthest distance from the origin, m.
+    azimuths : (float, float)
+        Sector, rad.
+    speed : float
+        m/s.
+    """
+
+    count: int
+    ranges: tuple[float, float]
+    azimuths: tuple[float, float]
+    speed: float
+
+    def draw(self, rng: np.random.Generator, duration: float) -> list[FloatArray]:
+        """Draw the targets' states at time 0, (4,) each.
+
+        Raises
+        ------
+        ValueError
+            If no target could be found that stays within the ranges.
+        """
+        return [self._draw_one(rng, duration) for _ in range(self.count)]
+
+    def _draw_one(self, rng: np.random.Generator, duration: float) -> FloatArray:
+        near, far = self.ranges
+        for _ in range(PLACEMENT_TRIES):
+            distance = math.sqrt(rng.uniform(near**2, far**2))
+            azimuth = rng.uniform(*self.azimuths)
+            heading = rng.uniform(-math.pi, math.pi)
+            position = distance * np.array([math.cos(azimuth), math.sin(azimuth)])
+            velocity = self.speed * np.array([math.cos(heading), math.sin(heading)])
+            if self._stays(position, velocity, duration):
+                return np.array([position[0], velocity[0], position[1], velocity[1]])
+        raise ValueError(f"targets: none found that stays within {self.ranges} m for {duration} s")
+
+    def _stays(self, position: FloatArray, velocity: FloatArray, duration: float) -> bool:
+        closest = 0.0
+        if velocity.any():
+            closest = float(np.clip(-position @ velocity / (velocity @ velocity), 0.0, duration))
+        distances = [np.linalg.norm(position + velocity * t) for t in (0.0, closest, duration)]
+        return bool(min(distances) >= self.ranges[0] and max(distances) <= self.ranges[1])
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scene to simulate.
+
+    Attributes
+    ----------
+    name : str
+    scans : int
+        Number of scans.
+    period : float
+        Time between scans, s; scan k is sent at ``k * period``.
+    sensor : SensorModel
+        The true sensor; its clutter density and detection probability are what is simulated.
+    sound_speed : float
+        m/s; 0: echoes arrive at once.
+    targets : tuple of (4,) ndarray
+        States ``[x, vx, y, vy]`` at time 0.
+    areas : tuple of TargetArea
+        Targets to draw anew in every run.
+    own_ship : OwnShipMotion
+    clutter_box : (4,) tuple of float, optional
+        Clutter fills x from, x to, y from, y to (m) instead of the sensor's whole coverage.
+    """
+
+    name: str
+    scans: int = 16
+    period: float = 12.0
+    sensor: SensorModel = field(default_factory=SensorModel)
+    sound_speed: float = 0.0
+    targets: tuple[FloatArray, ...] = ()
+    areas: tuple[TargetArea, ...] = ()
+    own_ship: OwnShipMotion = field(default_factory=OwnShipMotion)
+    clutter_box: tuple[float, float, float, float] | None = None
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last scan, s."""
+        return (self.scans - 1) * self.period
+
+    @property
+    def area(self) -> float:
+        """Area that clutter fills, m^2."""
+        if self.clutter_box is None:
+            return self.sensor.coverage_area
+        x_min, x_max, y_min, y_max = self.clutter_box
+        return (x_max - x_min) * (y_max - y_min)
+
+
+def shipped_scenarios() -> list[str]:
+    """Names of the scenarios that come with the package."""
+    folder = resources.files("tsepm_ros.simulation") / "scenarios"
+    return sorted(
+        item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml")
+    )
+
+
+def load_scenario(name: str) -> Scenario:
+    """Load a scenario by the name of a shipped one, or from a YAML file.
+
+    Parameters
+    ----------
+    name : str
+        A name from `shipped_scenarios` or a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scenario, or a value in it is not allowed; the message names it.
+    """
+    if name.endswith((".yaml", ".yml")):
+        try:
+            text = Path(name).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ValueError(f"scenario file cannot be read: {error}") from None
+    elif name in shipped_scenarios():
+        source = resources.files("tsepm_ros.simulation") / "scenarios" / f"{name}.yaml"
+        text = source.read_text(encoding="utf-8")
+    else:
+        known = ", ".join(shipped_scenarios())
+        raise ValueError(f"scenario must be a .yaml file or one of {known}; got {name!r}")
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        problem = " ".join(str(error).split())
+        raise ValueError(f"scenario {name!r} is not valid YAML: {problem}") from None
+    return scenario_from(content, name)
+
+
+def scenario_from(content: Any, name: str = "scenario") -> Scenario:
+    """Make a scenario from the content of a YAML file.
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown or a value is not allowed; the message names it.
+    """
+    values = dict(_mapping(content, f"scenario {name!r}"))
+    sensor = _section(SensorModel, values.pop("sensor", {}), "sensor")
+    own_ship = _section(OwnShipMotion, _radians(values.pop("own_ship", {}), "own_ship"), "own_ship")
+    entries = values.pop("targets", [])
+    if not isinstance(entries, list):
+        raise ValueError(f"targets must be a list; got {entries!r}")
+    targets, areas = [], []
+    for index, entry in enumerate(entries):
+        where = f"targets[{index}]"
+        values_of = _radians(entry, where)
+        if "state" in values_of:
+            _known(values_of, ["state"], where)
+            targets.append(_numbers(values_of["state"], 4, f"{where}.state"))
+        else:
+            areas.append(_area(values_of, where))
+    if "clutter_box" in values:
+        values["clutter_box"] = _intervals(values["clutter_box"], 2, "clutter_box")
+    values.setdefault("name", Path(name).stem)
+    for key in ("areas",):
+        if key in values:
+            raise ValueError(f"scenario: unknown key {key!r}; areas are given under targets")
+    scenario: Scenario = _section(Scenario, values, "scenario")
+    if not 1 <= scenario.scans <= LARGEST_SCANS:
+        raise ValueError(f"scenario.scans must be from 1 to {LARGEST_SCANS}; got {scenario.scans}")
+    if scenario.period <= 0 or scenario.sound_speed < 0:
+        raise ValueError("scenario.period must be above 0 and scenario.sound_speed at least 0")
+    return dataclasses.replace(
+        scenario, sensor=sensor, own_ship=own_ship, targets=tuple(targets), areas=tuple(areas)
+    )
+
+
+def _mapping(content: Any, where: str) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise ValueError(f"{where} must be a mapping of keys to values; got {content!r}")
+    return content
+
+
+def _known(content: dict[str, Any], known: list[str], where: str) -> None:
+    unknown = sorted(str(key) for key in content if key not in known)
+    if unknown:
+        raise ValueError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(known)}")
+
+
+def _section(kind: type[Any], content: Any, where: str) -> Any:
+    """Make a dataclass from a mapping, its plain fields checked for their types."""
+    content = dict(_mapping(content, where))
+    fields = {field.name: field.type for field in dataclasses.fields(kind)}
+    _known(content, list(fields), where)
+    for key, value in content.items():
+        if fields[key] in ("int", "float"):
+            content[key] = _number(value, str(fields[key]), f"{where}.{key}")
+    try:
+        return kind(**content)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def _number(value: Any, kind: str, where: str) -> float | int:
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300:
+        return value if kind == "int" else float(value)
+    if kind == "float" and isinstance(value, float) and math.isfinite(value):
+        return value
+    expected = "a finite number (YAML needs the point: 1.0e-6)" if kind == "float" else "an integer"
+    raise ValueError(f"{where} must be {expected}; got {value!r}")
+
+
+def _area(entry: dict[str, Any], where: str) -> TargetArea:
+    entry = dict(entry)
+    for key in ("ranges", "azimuths"):
+        entry[key] = _intervals(entry.get(key), 1, f"{where}.{key}")
+    entry.setdefault("count", 1)
+    area: TargetArea = _section(TargetArea, entry, where)
+    if area.count < 0 or area.ranges[0] < 0:
+        raise ValueError(f"{where}: count and ranges must be at least 0")
+    return area
+
+
+def _radians(content: Any, where: str) -> dict[str, Any]:
+    """Convert the values whose key ends in `_deg`."""
+    turned = {}
+    for key, value in _mapping(content, where).items():
+        if isinstance(key, str) and key.endswith("_deg"):
+            try:
+                turned[key.removesuffix("_deg")] = np.deg2rad(np.asarray(value, float)).tolist()
+            except (TypeError, ValueError):
+                raise ValueError(f"{where}.{key} must be in degrees; got {value!r}") from None
+        else:
+            turned[key] = value
+    return turned
+
+
+def _intervals(value: Any, count: int, where: str) -> tuple[float, ...]:
+    """Some intervals, from and to each."""
+    numbers = _numbers(value, 2 * count, where).tolist()
+    if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
+        raise ValueError(f"{where} must go from low to high; got {value!r}")
+    return tuple(numbers)
+
+
+def _numbers(value: Any, count: int, where: str) -> FloatArray:
+    try:
+        array = np.array(value, float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise ValueError(f"{where} must be a list of {count} finite numbers; got {value!r}")
+    return array

@@ -1,0 +1,174 @@
+"""Simulated sonar scans with known truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.scan import Scan
+from tsepm_ros.simulation.scenario import Scenario
+
+FloatArray = NDArray[np.float64]
+
+CLUTTER = -1
+"""Origin of a detection that comes from no target."""
+
+ECHO_ITERATIONS = 50
+ECHO_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class SimulatedScan:
+    """A scan with its truth.
+
+    Attributes
+    ----------
+    scan : Scan
+        The detections, in the sensor frame; the sensor pose is the true one at the stamp.
+    origin : (n,) ndarray of int
+        Target index of each detection, or CLUTTER.
+    truth : (k, 4) ndarray
+        The targets' states at the stamp.
+    complete : float
+        Time at which the last echo has arrived, s.
+    """
+
+    scan: Scan
+    origin: NDArray[np.int64]
+    truth: FloatArray
+    complete: float
+
+
+class Simulator:
+    """Draws the scans of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to simulate.
+    seed : int or sequence of int
+        Seed; the same seed gives the same scans, bit for bit.
+    start : float, optional
+        Stamp of the first scan, s.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int | list[int], start: float = 0.0) -> None:
+        self.scenario = scenario
+        self.start = start
+        self._rng = np.random.default_rng(seed)
+        drawn = [
+            state for area in scenario.areas for state in area.draw(self._rng, scenario.duration)
+        ]
+        self.targets = [*scenario.targets, *drawn]
+
+    def __iter__(self) -> Iterator[SimulatedScan]:
+        """Draw the scans one by one."""
+        for index in range(self.scenario.scans):
+            yield self._scan(index * self.scenario.period)
+
+    def truth(self, time: float) -> FloatArray:
+        """States of the k targets at a time after the start (s), (k, 4)."""
+        states = np.array(self.targets).reshape(-1, 4)
+        states[:, 0::2] += states[:, 1::2] * time
+        return states
+
+    def _scan(self, time: float) -> SimulatedScan:
+        echoes = [
+            echo
+            for index, state in enumerate(self.targets)
+            if (echo := self._detect(index, state, time)) is not None
+        ]
+        clutter = self._clutter(time)
+        ranges = np.array([echo[0] for echo in echoes] + clutter[0].tolist())
+        azimuths = np.array([echo[1] for echo in echoes] + clutter[1].tolist())
+        origin = np.array([echo[2] for echo in echoes] + [CLUTTER] * len(clutter[0]), np.int64)
+        order = self._rng.permutation(len(ranges))
+        ranges, azimuths, origin = ranges[order], azimuths[order], origin[order]
+        speed = self.scenario.sound_speed
+        offsets = ranges / speed if speed > 0 else None
+        last = 0.0 if offsets is None or not len(offsets) else 2.0 * float(offsets.max())
+        return SimulatedScan(
+            scan=Scan(
+                stamp=self.start + time,
+                range=ranges,
+                azimuth=azimuths,
+                time_offset=offsets,
+                sensor_pose=self.scenario.own_ship.pose(time),
+            ),
+            origin=origin,
+            truth=self.truth(time),
+            complete=self.start + time + last,
+        )
+
+    def _detect(
+        self, index: int, state: FloatArray, time: float
+    ) -> tuple[float, float, int] | None:
+        """Measure one target; None if it is missed or outside the coverage."""
+        sensor = self.scenario.sensor
+        distance, azimuth = self._echo(state, time)
+        # The draws do not depend on the outcome, so that one target's luck is not another's.
+        missed = self._rng.random() >= sensor.detection_probability
+        errors = self._rng.standard_normal(2)
+        if missed or not sensor.covers([distance], [azimuth])[0]:
+            return None
+        measured = distance + errors[0] * math.sqrt(float(sensor.range_variance(distance)))
+        if measured <= 0:
+            return None
+        return measured, azimuth + errors[1] * sensor.azimuth_std, index
+
+    def _echo(self, state: FloatArray, time: float) -> tuple[float, float]:
+        """True range (mean of both legs) and azimuth (against the heading at arrival).
+
+        The ping leaves at `time`, meets the moving target, and returns to where the sensor is then.
+        """
+        own_ship = self.scenario.own_ship
+        sent = own_ship.pose(time)[:2]
+        speed = self.scenario.sound_speed
+        position, velocity = state[0::2], state[1::2]
+        if speed <= 0:
+            there = position + velocity * time
+            return _polar(there, own_ship.pose(time))
+        out = _travel(lambda delay: position + velocity * (time + delay), sent, speed)
+        there = position + velocity * (time + out)
+        back = _travel(lambda delay: own_ship.pose(time + out + delay)[:2], there, speed)
+        _, azimuth = _polar(there, own_ship.pose(time + out + back))
+        return 0.5 * speed * (out + back), azimuth
+
+    def _clutter(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Ranges and azimuths of the clutter: Poisson in number, uniform in area (Eqs. 1-2)."""
+        sensor = self.scenario.sensor
+        number = self._rng.poisson(sensor.clutter_density * self.scenario.area)
+        if self.scenario.clutter_box is None:
+            square = self._rng.uniform(sensor.min_range**2, sensor.max_range**2, number)
+            start = sensor.azimuth_min
+            return (
+                np.sqrt(np.maximum(square, 1e-6)),
+                self._rng.uniform(start, start + sensor.sector_width, number),
+            )
+        x_min, x_max, y_min, y_max = self.scenario.clutter_box
+        x, y, yaw = self.scenario.own_ship.pose(time)
+        east = self._rng.uniform(x_min, x_max, number) - x
+        north = self._rng.uniform(y_min, y_max, number) - y
+        return np.hypot(east, north), np.arctan2(north, east) - yaw
+
+
+def _travel(
+    position_after: Callable[[float], FloatArray], start: FloatArray, speed: float
+) -> float:
+    """Time in which sound from `start` meets something that moves, s."""
+    delay = 0.0
+    for _ in range(ECHO_ITERATIONS):
+        longer = float(np.linalg.norm(position_after(delay) - start)) / speed
+        if abs(longer - delay) < ECHO_TOLERANCE:
+            return longer
+        delay = longer
+    return delay
+
+
+def _polar(position: FloatArray, pose: FloatArray) -> tuple[float, float]:
+    offset = position - pose[:2]
+    return float(np.hypot(*offset)), math.atan2(offset[1], offset[0]) - float(pose[2])
