@@ -1,0 +1,63 @@
+"""ROS messages to detections and own-ship samples, and tracks to ROS messages.
+
+All knowledge of message layouts is here, one module per message family; nothing needs rclpy. The
+classes of messages are imported where one is built, so reading needs no ROS at all.
+"""
+
+from msg_adapters.detections import (
+    DetectionMessage,
+    message_class,
+    read_detections,
+    supported_types,
+)
+from msg_adapters.diagnostics import diagnostics
+from msg_adapters.errors import MessageError
+from msg_adapters.ground_truth import truth_markers, truth_tracks
+from msg_adapters.own_ship_odometry import OwnShipSample, odometry_message, read_own_ship
+from msg_adapters.point_cloud import read_fields, write_cloud
+from msg_adapters.point_cloud_detections import detections_cloud
+from msg_adapters.recorded_scan import read_recorded_scan
+from msg_adapters.session_input import pose_sample, sensor_scan
+from msg_adapters.stamps import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
+from msg_adapters.track_cloud import (
+    TRACK_DTYPE,
+    read_track_cloud,
+    track_cloud,
+    track_covariances,
+    track_states,
+)
+from msg_adapters.track_markers import clear_markers, track_markers
+from msg_adapters.track_odometry import track_odometry
+
+__all__ = [
+    "TRACK_DTYPE",
+    "DetectionMessage",
+    "MessageError",
+    "OwnShipSample",
+    "clear_markers",
+    "detections_cloud",
+    "diagnostics",
+    "make_header",
+    "message_class",
+    "ns_to_seconds",
+    "ns_to_time",
+    "odometry_message",
+    "pose_sample",
+    "read_detections",
+    "read_fields",
+    "read_own_ship",
+    "read_recorded_scan",
+    "read_track_cloud",
+    "seconds_to_ns",
+    "sensor_scan",
+    "supported_types",
+    "time_to_ns",
+    "track_cloud",
+    "track_covariances",
+    "track_markers",
+    "track_odometry",
+    "track_states",
+    "truth_markers",
+    "truth_tracks",
+    "write_cloud",
+]

@@ -1,0 +1,31 @@
+"""The error that every adapter raises for a message it cannot use."""
+
+from __future__ import annotations
+
+
+class MessageError(ValueError):
+    """A message that cannot be used as a whole.
+
+    Parameters
+    ----------
+    reason : str
+        What is wrong in one word, for counting. Every adapter may raise ``unknown_type`` and
+        ``package_not_installed``; clouds ``missing_field``, ``duplicate_field``,
+        ``wrong_datatype``, ``wrong_count``, ``bad_offset``, ``bad_row_step`` and ``short_data``;
+        odometry ``not_finite``, ``zero_quaternion``, ``undefined_heading`` and
+        ``bad_covariance``.
+    sentence : str
+        What is wrong, for people; it names the field.
+
+    Attributes
+    ----------
+    reason : str
+    """
+
+    def __init__(self, reason: str, sentence: str) -> None:
+        super().__init__(reason, sentence)
+        self.reason = reason
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return str(self.args[1])

@@ -1,0 +1,44 @@
+"""The simulator's and the player's truth, in the layout and look of tracks."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.track_markers import track_markers
+from tsepm_ros.track import ConfirmedTrack
+
+if TYPE_CHECKING:
+    from std_msgs.msg import Header
+    from visualization_msgs.msg import MarkerArray
+
+TRUTH_COLOR = (0.17, 0.42, 0.69)
+
+
+def truth_tracks(stamp: float, states: NDArray[np.float64]) -> list[ConfirmedTrack]:
+    """True states as tracks without error.
+
+    Parameters
+    ----------
+    stamp : float
+        s.
+    states : (k, 4) ndarray
+        ``[x, vx, y, vy]`` of each target, m and m/s.
+
+    Returns
+    -------
+    list of ConfirmedTrack
+        `track_id` is the target's index, the covariance 0, the evaluation nan.
+    """
+    return [
+        ConfirmedTrack(index, stamp, state, np.zeros((4, 4)), (), math.nan)
+        for index, state in enumerate(np.reshape(states, (-1, 4)))
+    ]
+
+
+def truth_markers(header: Header, truth: list[ConfirmedTrack]) -> MarkerArray:
+    """Markers of the truth: position, velocity and label in the colour of truth."""
+    return track_markers(header, truth, color=TRUTH_COLOR)

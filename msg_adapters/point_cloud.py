@@ -1,0 +1,222 @@
+"""Reading and writing sensor_msgs/PointCloud2 with NumPy alone."""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Collection, Iterable
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.errors import MessageError
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2, PointField
+    from std_msgs.msg import Header
+
+# The numbers are those of the message definition of sensor_msgs/PointField.
+_DATATYPES = {
+    1: ("INT8", "i1"),
+    2: ("UINT8", "u1"),
+    3: ("INT16", "i2"),
+    4: ("UINT16", "u2"),
+    5: ("INT32", "i4"),
+    6: ("UINT32", "u4"),
+    7: ("FLOAT32", "f4"),
+    8: ("FLOAT64", "f8"),
+}
+_NUMBER_OF_FORMAT = {form: number for number, (_, form) in _DATATYPES.items()}
+
+
+def read_fields(
+    cloud: PointCloud2, names: Iterable[str], *, integers: Collection[str] = ()
+) -> dict[str, NDArray[np.float64]]:
+    """Read fields of a cloud.
+
+    Fields may come in any order, at any offset, with padding, in either byte order; the cloud may
+    be organised, with padding after its rows. Fields that are not asked for are not looked at. A
+    cloud without points has every field that it names, whatever its sizes say.
+
+    Parameters
+    ----------
+    cloud : sensor_msgs.msg.PointCloud2
+        Of height h and width w.
+    names : iterable of str
+        The fields to read.
+    integers : collection of str, optional
+        Those of them that may also have an integer datatype.
+
+    Returns
+    -------
+    dict of str to (h * w,) ndarray of float64
+        A copy of each field, row by row.
+
+    Raises
+    ------
+    MessageError
+        If a field is missing, there twice, of a datatype that is not allowed, not a scalar, or
+        not inside the point; if the rows are shorter than their points, or the data than the rows.
+    """
+    fields = [_field(cloud, name) for name in dict.fromkeys(names)]
+    formats = [_format(field, integers) for field in fields]
+    if cloud.height * cloud.width == 0:
+        return {field.name: np.empty(0) for field in fields}
+    if not fields:
+        return {}
+    _check_offsets(cloud, fields, formats)
+    _check_size(cloud)
+    order = ">" if cloud.is_bigendian else "<"
+    layout = {
+        "names": [field.name for field in fields],
+        "formats": [order + form for form in formats],
+        "offsets": [field.offset for field in fields],
+        "itemsize": cloud.point_step,
+    }
+    points: NDArray[Any] = np.ndarray(
+        (cloud.height, cloud.width),
+        np.dtype(layout),  # type: ignore[call-overload]
+        np.frombuffer(cloud.data, np.uint8),
+        0,
+        (cloud.row_step, cloud.point_step),
+    )
+    with np.errstate(invalid="ignore"):  # a signalling NaN is as good a NaN as any
+        return {
+            field.name: points[field.name].astype(np.float64, order="C").ravel() for field in fields
+        }
+
+
+def _field(cloud: PointCloud2, name: str) -> PointField:
+    """Return the one field of that name."""
+    found = [field for field in cloud.fields if field.name == name]
+    if not found:
+        there = ", ".join(field.name for field in cloud.fields) or "none"
+        raise MessageError("missing_field", f"field {name!r} is missing; the cloud has {there}")
+    if len(found) > 1:
+        raise MessageError("duplicate_field", f"field {name!r} is there {len(found)} times")
+    return found[0]
+
+
+def _format(field: PointField, integers: Collection[str]) -> str:
+    """Return the NumPy format of a field, without byte order."""
+    datatype, form = _DATATYPES.get(field.datatype, (f"number {field.datatype}", ""))
+    allowed = "fiu" if field.name in integers else "f"
+    if not form.startswith(tuple(allowed)):
+        raise MessageError(
+            "wrong_datatype",
+            f"field {field.name!r} must be FLOAT32 or FLOAT64; its datatype is {datatype}",
+        )
+    if field.count != 1:
+        raise MessageError(
+            "wrong_count", f"field {field.name!r} must have the count 1; it has {field.count}"
+        )
+    return form
+
+
+def _check_offsets(cloud: PointCloud2, fields: list[PointField], formats: list[str]) -> None:
+    """Check that the fields lie inside the point and apart from each other."""
+    spans = sorted(
+        (field.offset, field.offset + int(form[1]), field.name)
+        for field, form in zip(fields, formats, strict=True)
+    )
+    for _, end, name in spans:
+        if end > cloud.point_step:
+            raise MessageError(
+                "bad_offset",
+                f"field {name!r} ends at byte {end}, beyond point_step = {cloud.point_step}",
+            )
+    for (_, end, name), (start, _, following) in pairwise(spans):
+        if start < end:
+            raise MessageError("bad_offset", f"fields {name!r} and {following!r} overlap")
+
+
+def _check_size(cloud: PointCloud2) -> None:
+    """Check that the rows hold their points and the data the rows."""
+    if cloud.row_step < cloud.width * cloud.point_step:
+        raise MessageError(
+            "bad_row_step",
+            f"row_step = {cloud.row_step} is less than width * point_step = "
+            f"{cloud.width * cloud.point_step}",
+        )
+    if len(cloud.data) < cloud.height * cloud.row_step:
+        raise MessageError(
+            "short_data",
+            f"data has {len(cloud.data)} bytes, less than height * row_step = "
+            f"{cloud.height * cloud.row_step}",
+        )
+
+
+def write_cloud(header: Header, points: NDArray[Any]) -> PointCloud2:
+    """Write a little-endian cloud of height 1 with the offsets of the array's dtype.
+
+    Padding is zero, so equal points give equal bytes.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+    points : (n,) structured ndarray
+        Its fields are scalars of 8 to 32 bit integers or 32 or 64 bit floats.
+
+    Returns
+    -------
+    sensor_msgs.msg.PointCloud2
+        ``is_dense`` says that every float of every point is finite.
+
+    Raises
+    ------
+    ValueError
+        If the array is not of that kind.
+    """
+    if points.ndim != 1 or points.dtype.names is None:
+        raise ValueError("points must be a structured array of one dimension")
+    packed = np.zeros(len(points), points.dtype.newbyteorder("<"))
+    for name in points.dtype.names:
+        packed[name] = points[name]
+    floats = [packed[name] for name in points.dtype.names if points.dtype[name].kind == "f"]
+    return cloud_of(header, packed, all(bool(np.isfinite(values).all()) for values in floats))
+
+
+def cloud_of(header: Header, packed: NDArray[Any], is_dense: bool) -> PointCloud2:
+    """Make the cloud of points that are little-endian and zero in the padding already.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+    packed : (n,) structured ndarray
+        As for `write_cloud`.
+    is_dense : bool
+        Whether every float is finite.
+
+    Returns
+    -------
+    sensor_msgs.msg.PointCloud2
+    """
+    from sensor_msgs.msg import PointCloud2
+
+    return PointCloud2(
+        header=header,
+        height=1,
+        width=len(packed),
+        fields=list(_point_fields(packed.dtype)),
+        is_bigendian=False,
+        point_step=packed.dtype.itemsize,
+        row_step=packed.nbytes,
+        data=array.array("B", packed.tobytes()),
+        is_dense=is_dense,
+    )
+
+
+@lru_cache(maxsize=64)
+def _point_fields(dtype: np.dtype[Any]) -> tuple[PointField, ...]:
+    """Return the field descriptions of a structured dtype; the same ones for the same dtype."""
+    from sensor_msgs.msg import PointField
+
+    described = []
+    for name, (form, offset, *_) in (dtype.fields or {}).items():
+        number = _NUMBER_OF_FORMAT.get(f"{form.kind}{form.itemsize}")
+        if number is None:
+            raise ValueError(f"points: field {name!r} has the type {form}, which a cloud has not")
+        described.append(PointField(name=name, offset=offset, datatype=number, count=1))
+    return tuple(described)

@@ -1,0 +1,40 @@
+"""From what the adapters read to what a session takes."""
+
+from __future__ import annotations
+
+from msg_adapters.detections import DetectionMessage
+from msg_adapters.own_ship_odometry import OwnShipSample
+from msg_adapters.stamps import ns_to_seconds
+from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.scan import Scan
+from tsepm_ros.session import SensorScan
+
+
+def sensor_scan(detections: DetectionMessage) -> SensorScan:
+    """A detection message as a scan that is not yet placed."""
+    return SensorScan(
+        scan=Scan(
+            stamp=ns_to_seconds(detections.stamp_ns),
+            range=detections.range,
+            azimuth=detections.azimuth,
+            range_std=detections.range_std,
+            azimuth_std=detections.azimuth_std,
+            time_offset=detections.time_offset,
+            features=detections.features,
+        ),
+        frame_id=detections.frame_id,
+        north_referenced=detections.north_referenced,
+        stamp_ns=detections.stamp_ns,
+    )
+
+
+def pose_sample(sample: OwnShipSample) -> PoseSample:
+    """An own-ship message as a pose."""
+    return PoseSample(
+        stamp=ns_to_seconds(sample.stamp_ns),
+        x=sample.x,
+        y=sample.y,
+        yaw=sample.yaw,
+        covariance=sample.pose_covariance,
+        rates=(sample.vx, sample.vy, sample.yaw_rate),
+    )

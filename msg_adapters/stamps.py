@@ -1,0 +1,76 @@
+"""Stamps and headers: builtin_interfaces/Time, integer nanoseconds and seconds.
+
+Integer nanoseconds are exact. Seconds since 1970 in a float64 are not: they resolve 0.24 us.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+    from std_msgs.msg import Header
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+def time_to_ns(time: Time) -> int:
+    """Return the nanoseconds of a time message."""
+    return int(time.sec) * NANOSECONDS_PER_SECOND + int(time.nanosec)
+
+
+def ns_to_time(nanoseconds: int) -> Time:
+    """Return the time message of integer nanoseconds.
+
+    Raises
+    ------
+    ValueError
+        If the message cannot hold it: its seconds are 32 bit with a sign.
+    """
+    from builtin_interfaces.msg import Time
+
+    seconds, rest = divmod(int(nanoseconds), NANOSECONDS_PER_SECOND)
+    if not -(2**31) <= seconds < 2**31:
+        raise ValueError(f"stamp must be within 32-bit seconds; got {seconds} s")
+    return Time(sec=seconds, nanosec=rest)
+
+
+def ns_to_seconds(nanoseconds: int) -> float:
+    """Return the float64 nearest to the nanoseconds in seconds."""
+    return nanoseconds / NANOSECONDS_PER_SECOND
+
+
+def seconds_to_ns(seconds: float) -> int:
+    """Return the integer nanoseconds nearest to a float64 in seconds.
+
+    Raises
+    ------
+    ValueError
+        If the seconds are not finite.
+    """
+    if not math.isfinite(seconds):
+        raise ValueError(f"stamp must be finite; got {seconds!r}")
+    # Apart, because the product of a date in seconds and 1e9 does not fit the 53 bits.
+    fraction, whole = math.modf(seconds)
+    return int(whole) * NANOSECONDS_PER_SECOND + round(fraction * NANOSECONDS_PER_SECOND)
+
+
+def make_header(stamp_ns: int, frame_id: str) -> Header:
+    """Return a message header.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Stamp, ns.
+    frame_id : str
+        Name of the frame.
+
+    Raises
+    ------
+    ValueError
+        If the stamp does not fit a time message.
+    """
+    from std_msgs.msg import Header
+
+    return Header(stamp=ns_to_time(stamp_ns), frame_id=frame_id)

@@ -1,0 +1,137 @@
+"""Tracks in sensor_msgs/PointCloud2, with state and full covariance.
+
+No standard message carries the covariance between position and velocity; this layout does.
+
+============================== ======== =======================================================
+field                          datatype meaning
+============================== ======== =======================================================
+``x``, ``y``, ``z``            FLOAT32  position, m; z is 0
+``track_id``                   UINT32   unique for the life of the node
+``state_x`` ... ``state_vy``   FLOAT64  ``[x, vx, y, vy]``, m and m/s, fixed frame, at the stamp
+``cov_00`` ... ``cov_33``      FLOAT64  covariance of that state, row by row
+``evaluation``, ``score``      FLOAT64  figures of the method; nan where it has none
+``hit_count``, ``scan_count``  UINT16   hits, and scans since the first; at most 65535
+``age``                        FLOAT64  time since the first hit, s
+============================== ======== =======================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.point_cloud import cloud_of, read_fields
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2
+    from std_msgs.msg import Header
+
+STATE_FIELDS = ("state_x", "state_vx", "state_y", "state_vy")
+COVARIANCE_FIELDS = tuple(f"cov_{row}{column}" for row in range(4) for column in range(4))
+
+TRACK_DTYPE = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z")),
+        ("track_id", "<u4"),
+        *((name, "<f8") for name in (*STATE_FIELDS, *COVARIANCE_FIELDS, "evaluation", "score")),
+        *((name, "<u2") for name in ("hit_count", "scan_count")),
+        ("age", "<f8"),
+    ],
+    align=True,  # each float64 at a multiple of 8, and so the size of the whole
+)
+"""One point of the cloud."""
+
+_BLOCKS_DTYPE = np.dtype(
+    [
+        ("xyz", "<f4", (3,)),
+        ("track_id", "<u4"),
+        ("numbers", "<f8", (22,)),
+        ("counts", "<u2", (2,)),
+        ("age", "<f8"),
+    ],
+    align=True,
+)
+"""The same bytes with the fields of a kind together, to fill them at once."""
+
+_LARGEST_COUNT = int(np.iinfo(np.uint16).max)
+_LARGEST_ID = int(np.iinfo(np.uint32).max)
+
+
+def track_cloud(header: Header, tracks: Sequence[ConfirmedTrack]) -> PointCloud2:
+    """Build the cloud of some tracks; without tracks it is empty and has all fields.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+        The fixed frame, and the stamp of every state: a point has none of its own, so carry each
+        track there with `ConfirmedTrack.predicted` first.
+    tracks : sequence of ConfirmedTrack
+
+    Returns
+    -------
+    sensor_msgs.msg.PointCloud2
+
+    Raises
+    ------
+    ValueError
+        If a track_id does not fit 32 bits without a sign.
+    """
+    arrays = TrackArrays.of(tracks)
+    bad_ids = arrays.track_id[(arrays.track_id < 0) | (arrays.track_id > _LARGEST_ID)]
+    if len(bad_ids):
+        raise ValueError(f"track_id must be from 0 to {_LARGEST_ID}; got {bad_ids[0]}")
+    records = np.zeros(len(arrays), _BLOCKS_DTYPE)
+    records["xyz"][:, :2] = arrays.state[:, 0::2]
+    records["track_id"] = arrays.track_id
+    numbers = records["numbers"]
+    numbers[:, :4] = arrays.state
+    numbers[:, 4:20] = arrays.covariance.reshape(-1, 16)
+    numbers[:, 20] = arrays.evaluation
+    numbers[:, 21] = arrays.score
+    records["counts"][:, 0] = np.minimum([len(hits) for hits in arrays.hits], _LARGEST_COUNT)
+    records["counts"][:, 1] = np.minimum(arrays.scan_count, _LARGEST_COUNT)
+    records["age"] = arrays.age
+    is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
+    return cloud_of(header, records.view(TRACK_DTYPE), is_dense)
+
+
+def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
+    """Read a cloud of tracks: the inverse of `track_cloud`.
+
+    Parameters
+    ----------
+    cloud : sensor_msgs.msg.PointCloud2
+        With the fields of this layout, in any order, and perhaps others.
+
+    Returns
+    -------
+    (n,) ndarray of TRACK_DTYPE
+        `track_states` and `track_covariances` give its states and covariances as arrays.
+
+    Raises
+    ------
+    MessageError
+        If a field is missing or malformed.
+    """
+    names = TRACK_DTYPE.names or ()
+    integers = [name for name in names if TRACK_DTYPE[name].kind == "u"]
+    values = read_fields(cloud, names, integers=integers)
+    records = np.zeros(len(values["x"]), TRACK_DTYPE)
+    for name in names:
+        records[name] = values[name]
+    return records
+
+
+def track_states(records: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the states of tracks that were read, (n, 4): ``[x, vx, y, vy]``, m and m/s."""
+    return np.stack([records[name] for name in STATE_FIELDS], axis=-1)
+
+
+def track_covariances(records: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the covariances of tracks that were read, (n, 4, 4), in the order of the state."""
+    rows = np.stack([records[name] for name in COVARIANCE_FIELDS], axis=-1)
+    return rows.reshape(-1, 4, 4)

@@ -1,0 +1,184 @@
+"""Tracks as visualization_msgs/MarkerArray, for RViz and Foxglove."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from std_msgs.msg import Header
+    from visualization_msgs.msg import Marker, MarkerArray
+
+    from tsepm_ros.track import ConfirmedTrack
+
+Color = tuple[float, float, float]
+
+NAMESPACES = ("position", "velocity", "ellipse", "label")
+"""The markers of one track: each has the track's id in its own namespace."""
+
+TRACK_COLOR: Color = (0.1, 0.9, 0.3)
+
+ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
+"""Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
+
+_LABEL_HEIGHT = 3.0  # in sizes of the position's marker: readable when that is a few pixels
+_ELLIPSE_OPACITY = 0.25
+_THICKNESS = 0.01  # m; RViz refuses a scale of 0
+
+
+def track_markers(
+    header: Header,
+    tracks: Iterable[ConfirmedTrack],
+    ended_ids: Iterable[int] = (),
+    *,
+    minimum_size: float = 20.0,
+    lead_time: float = 60.0,
+    color: Color = TRACK_COLOR,
+) -> MarkerArray:
+    """Build the markers that show the current tracks and remove those that ended.
+
+    Each track has a sphere at its position, an arrow to where its velocity takes it, its 95 %
+    ellipse, and a label with id, speed and the position's largest standard deviation.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+        The fixed frame, and the stamp of the states.
+    tracks : iterable of ConfirmedTrack
+        Every current track.
+    ended_ids : iterable of int, optional
+        Ids of the tracks that ended since the last message.
+    minimum_size : float, optional
+        Sphere, arrow and label follow the largest standard deviation of the position, but not
+        below this, m. The ellipse is always true to scale.
+    lead_time : float, optional
+        How far ahead the arrow points, s.
+    color : (float, float, float), optional
+        Red, green and blue, 0 to 1.
+
+    Returns
+    -------
+    visualization_msgs.msg.MarkerArray
+        Deletions first.
+    """
+    from visualization_msgs.msg import MarkerArray
+
+    markers = [
+        _marker(header, namespace, track_id, "DELETE")
+        for track_id in ended_ids
+        for namespace in NAMESPACES
+    ]
+    for track in tracks:
+        semi_major, _, _ = confidence_ellipse(track.position_covariance)
+        sigma = semi_major / ELLIPSE_SCALE
+        size = max(minimum_size, sigma)
+        markers += (
+            _position(header, track, size, color),
+            _velocity(header, track, size, lead_time, color),
+            _ellipse(header, track, color),
+            _label(header, track, size, sigma, color),
+        )
+    return MarkerArray(markers=markers)
+
+
+def clear_markers(header: Header) -> MarkerArray:
+    """Build the message that removes every marker of the topic."""
+    from visualization_msgs.msg import MarkerArray
+
+    return MarkerArray(markers=[_marker(header, "", 0, "DELETEALL")])
+
+
+def confidence_ellipse(covariance: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the 95 % ellipse of a Gaussian position.
+
+    Parameters
+    ----------
+    covariance : (2, 2) ndarray
+        m^2.
+
+    Returns
+    -------
+    semi_major, semi_minor : float
+        m.
+    angle : float
+        Of the major axis, rad, counter-clockwise from x.
+    """
+    xx, xy, yy = (float(value) for value in covariance[[0, 0, 1], [0, 1, 1]])
+    mean, half_difference = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    spread = math.hypot(half_difference, xy)
+    smaller = max(mean - spread, 0.0)  # rounding can take a degenerate one below 0
+    angle = 0.5 * math.atan2(xy, half_difference)
+    return ELLIPSE_SCALE * math.sqrt(mean + spread), ELLIPSE_SCALE * math.sqrt(smaller), angle
+
+
+def _marker(header: Header, namespace: str, track_id: int, action: str) -> Marker:
+    from visualization_msgs.msg import Marker
+
+    # The id of a marker has a sign, that of a track has not: the upper half becomes negative.
+    signed_id = (track_id + 2**31) % 2**32 - 2**31
+    return Marker(header=header, ns=namespace, id=signed_id, action=getattr(Marker, action))
+
+
+def _shape(
+    header: Header,
+    namespace: str,
+    track: ConfirmedTrack,
+    kind: str,
+    scale: tuple[float, float, float],
+    color: Color,
+) -> Marker:
+    marker = _marker(header, namespace, track.track_id, "ADD")
+    marker.type = getattr(marker, kind)
+    marker.scale.x, marker.scale.y, marker.scale.z = scale
+    marker.color.r, marker.color.g, marker.color.b = color
+    marker.color.a = 1.0
+    return marker
+
+
+def _place(marker: Marker, track: ConfirmedTrack, ahead: float = 0.0) -> Marker:
+    """Put a marker at the track's position, or `ahead` m along the y axis from it."""
+    x, y = track.position
+    marker.pose.position.x, marker.pose.position.y = float(x), float(y) + ahead
+    return marker
+
+
+def _position(header: Header, track: ConfirmedTrack, size: float, color: Color) -> Marker:
+    shape = _shape(header, "position", track, "SPHERE", (size, size, size), color)
+    return _place(shape, track)
+
+
+def _velocity(
+    header: Header, track: ConfirmedTrack, size: float, lead_time: float, color: Color
+) -> Marker:
+    from geometry_msgs.msg import Point
+
+    # Of an arrow between two points: diameters of shaft and head, length of the head.
+    scale = (0.3 * size, 0.8 * size, size)
+    marker = _shape(header, "velocity", track, "ARROW", scale, color)
+    ends = (track.position, track.position + lead_time * track.velocity)
+    marker.points = [Point(x=float(x), y=float(y)) for x, y in ends]
+    return marker
+
+
+def _ellipse(header: Header, track: ConfirmedTrack, color: Color) -> Marker:
+    semi_major, semi_minor, angle = confidence_ellipse(track.position_covariance)
+    scale = (max(2 * semi_major, _THICKNESS), max(2 * semi_minor, _THICKNESS), _THICKNESS)
+    marker = _shape(header, "ellipse", track, "CYLINDER", scale, color)
+    marker.color.a = _ELLIPSE_OPACITY
+    marker.pose.orientation.z, marker.pose.orientation.w = math.sin(angle / 2), math.cos(angle / 2)
+    return _place(marker, track)
+
+
+def _label(
+    header: Header, track: ConfirmedTrack, size: float, sigma: float, color: Color
+) -> Marker:
+    height = _LABEL_HEIGHT * size
+    marker = _shape(header, "label", track, "TEXT_VIEW_FACING", (0.0, 0.0, height), color)
+    # Plain ASCII: RViz's font has no Greek.
+    speed = math.hypot(*track.velocity)
+    marker.text = f"{track.track_id}: {speed:.1f} m/s, sigma {sigma:.0f} m"
+    return _place(marker, track, ahead=height)

@@ -1,0 +1,58 @@
+"""PointCloud2 messages packed byte by byte with struct: no code shared with the adapters."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+from sensor_msgs.msg import PointCloud2, PointField
+
+DATATYPES = {
+    "b": PointField.INT8,
+    "B": PointField.UINT8,
+    "h": PointField.INT16,
+    "H": PointField.UINT16,
+    "i": PointField.INT32,
+    "I": PointField.UINT32,
+    "f": PointField.FLOAT32,
+    "d": PointField.FLOAT64,
+}
+
+
+def raw_cloud(
+    fields: Sequence[tuple[str, str]],
+    points: Sequence[Sequence[float]],
+    *,
+    gap: int = 0,
+    big_endian: bool = False,
+    height: int = 1,
+    row_padding: int = 0,
+    stamp: tuple[int, int] = (1_700_000_000, 123_456_789),
+    frame_id: str = "sonar",
+) -> PointCloud2:
+    """Pack points.
+
+    `fields` are names with struct format characters; `gap` bytes of rubbish stand before each field
+    and after the last one, `row_padding` bytes after each row.
+    """
+    order = ">" if big_endian else "<"
+    cloud = PointCloud2(height=height, width=len(points) // height, is_bigendian=big_endian)
+    cloud.header.stamp.sec, cloud.header.stamp.nanosec = stamp
+    cloud.header.frame_id = frame_id
+    rubbish = b"\xff" * gap
+    offset = 0
+    for name, code in fields:
+        offset += gap
+        cloud.fields.append(PointField(name=name, offset=offset, datatype=DATATYPES[code], count=1))
+        offset += struct.calcsize(code)
+    cloud.point_step = offset + gap
+    cloud.row_step = cloud.width * cloud.point_step + row_padding
+    data = b""
+    for start in range(0, len(points), max(cloud.width, 1)):
+        for point in points[start : start + cloud.width]:
+            for (_, code), value in zip(fields, point, strict=True):
+                data += rubbish + struct.pack(order + code, value)
+            data += rubbish
+        data += b"\xff" * row_padding
+    cloud.data = data
+    return cloud

@@ -1,0 +1,95 @@
+"""The registry of input types."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters import MessageError, detections, message_class, read_detections, supported_types
+from msg_adapters.stamps import time_to_ns
+
+
+@pytest.fixture
+def _other_registry(monkeypatch):
+    monkeypatch.setattr(detections, "_adapters", dict(detections._adapters))
+
+
+def test_point_cloud_is_supported_and_its_class_found():
+    assert "sensor_msgs/msg/PointCloud2" in supported_types()
+    assert message_class("sensor_msgs/msg/PointCloud2") is PointCloud2
+
+
+def test_a_message_of_an_unknown_type_is_refused_with_the_known_ones():
+    with pytest.raises(MessageError) as error:
+        read_detections(String())
+    assert error.value.reason == "unknown_type"
+    assert "'std_msgs/msg/String' is not known" in str(error.value)
+    assert "sensor_msgs/msg/PointCloud2" in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["sensor_msgs/msg/Image", "PointCloud2", "os/system", ""])
+def test_the_class_of_an_unknown_type_is_refused_with_the_known_ones(name):
+    with pytest.raises(MessageError, match=r"known are .*sensor_msgs/msg/PointCloud2") as error:
+        message_class(name)
+    assert error.value.reason == "unknown_type"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("sonar_msgs_not_there/msg/Ping", id="package"),
+        pytest.param("sensor_msgs/msg/NotThere", id="message"),
+    ],
+)
+@pytest.mark.usefixtures("_other_registry")
+def test_a_type_whose_package_is_not_installed_is_named(name):
+    detections.register(name)(lambda message, options: None)
+    with pytest.raises(MessageError, match=f"'{name}' needs the package") as error:
+        message_class(name)
+    assert error.value.reason == "package_not_installed"
+
+
+@pytest.mark.usefixtures("_other_registry")
+def test_a_later_adapter_needs_one_registration_and_no_installed_package():
+    @detections.register("sonar_msgs/msg/Ping")
+    def read_ping(ping, options):
+        angle = np.array(ping.bearings) * (-1.0 if options.bearing_reference == "bow" else 1.0)
+        return detections.good_detections(
+            time_to_ns(ping.header.stamp),
+            ping.header.frame_id,
+            range=np.array(ping.ranges),
+            azimuth=angle,
+        )
+
+    class Ping(SimpleNamespace):
+        __msgtype__ = "sonar_msgs/msg/Ping"
+
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=3, nanosec=5), frame_id="sonar")
+    ping = Ping(header=header, ranges=[10.0, -1.0, 30.0], bearings=[1.0, 2.0, 3.0])
+    assert "sonar_msgs/msg/Ping" in supported_types()
+    found = read_detections(ping)
+    assert (found.stamp_ns, found.frame_id) == (3_000_000_005, "sonar")
+    np.testing.assert_array_equal(found.azimuth, [-1.0, -3.0])
+    np.testing.assert_array_equal(found.index, [0, 2])
+    np.testing.assert_array_equal(read_detections(ping, bearing_reference="north").azimuth, [1, 3])
+
+
+def test_an_error_survives_pickling():
+    error = pickle.loads(pickle.dumps(MessageError("short_data", "data is short")))
+    assert (error.reason, str(error)) == ("short_data", "data is short")
+
+
+def test_importing_the_adapters_imports_no_ros():
+    code = (
+        "import sys, msg_adapters; "
+        "print({'rclpy', 'sensor_msgs', 'nav_msgs', 'visualization_msgs'} & set(sys.modules))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "set()"

@@ -1,0 +1,257 @@
+"""The own ship's odometry, in and out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from nav_msgs.msg import Odometry
+from scipy.spatial.transform import Rotation
+
+from msg_adapters import MessageError, OwnShipSample, odometry_message, read_own_ship
+
+
+def _message(rotation=None, *, linear=(0.0, 0.0, 0.0), angular=(0.0, 0.0, 0.0)):
+    message = Odometry(child_frame_id="base_link")
+    message.header.frame_id = "odom"
+    message.header.stamp.sec, message.header.stamp.nanosec = 1_700_000_000, 123_456_789
+    pose, twist = message.pose.pose, message.twist.twist
+    pose.position.x, pose.position.y, pose.position.z = 100.5, -200.25, -3.0
+    turn = (rotation or Rotation.identity()).as_quat()
+    for name, value in zip("xyzw", turn, strict=True):
+        setattr(pose.orientation, name, float(value))
+    for name, value in zip("xyz", linear, strict=True):
+        setattr(twist.linear, name, value)
+    for name, value in zip("xyz", angular, strict=True):
+        setattr(twist.angular, name, value)
+    return message
+
+
+def test_stamp_frames_and_position_are_read():
+    sample = read_own_ship(_message())
+    assert sample.stamp_ns == 1_700_000_000_123_456_789
+    assert (sample.frame_id, sample.child_frame_id) == ("odom", "base_link")
+    assert (sample.x, sample.y) == (100.5, -200.25)
+
+
+@pytest.mark.parametrize(
+    ("heading", "ahead", "port"),
+    [
+        pytest.param(0.0, (1, 0), (0, 1), id="east"),
+        pytest.param(90.0, (0, 1), (-1, 0), id="north"),
+        pytest.param(180.0, (-1, 0), (0, -1), id="west"),
+        pytest.param(270.0, (0, -1), (1, 0), id="south"),
+    ],
+)
+def test_twist_is_turned_into_the_fixed_frame(heading, ahead, port):
+    rotation = Rotation.from_euler("z", heading, degrees=True)
+    sample = read_own_ship(_message(rotation, linear=(5.0, 0.5, 0.0), angular=(0.0, 0.0, 0.125)))
+    expected = 5.0 * np.array(ahead) + 0.5 * np.array(port)
+    np.testing.assert_allclose([sample.vx, sample.vy], expected, atol=1e-14)
+    turned = math.remainder(sample.yaw - math.radians(heading), 2 * math.pi)
+    assert turned == pytest.approx(0.0, abs=1e-14)
+    assert sample.yaw_rate == pytest.approx(0.125)
+
+
+def test_roll_and_pitch_are_read_and_used_on_the_twist():
+    yaw, pitch, roll = 2.0, -0.25, 0.4
+    rotation = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    linear = (5.0, 1.0, -2.0)
+    sample = read_own_ship(_message(rotation, linear=linear))
+    assert (sample.yaw, sample.pitch, sample.roll) == pytest.approx((yaw, pitch, roll), rel=1e-14)
+    np.testing.assert_allclose([sample.vx, sample.vy], rotation.apply(linear)[:2], rtol=1e-14)
+
+
+def test_yaw_rate_is_the_derivative_of_the_yaw():
+    rotation = Rotation.from_euler("ZYX", [1.0, 0.3, -0.5])
+    angular, step = np.array([0.1, -0.2, 0.3]), 1e-5
+    yaw = [
+        read_own_ship(_message(rotation * Rotation.from_rotvec(angular * time))).yaw
+        for time in (-step, step)
+    ]
+    rate = read_own_ship(_message(rotation, angular=angular)).yaw_rate
+    assert rate == pytest.approx((yaw[1] - yaw[0]) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize("length", [1e-3, 0.5, 2.0, 1e3])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_quaternion_need_not_be_of_unit_length(length, sign):
+    message = _message(Rotation.from_euler("z", 0.75), linear=(4.0, 0.0, 0.0))
+    for name in "xyzw":
+        value = getattr(message.pose.pose.orientation, name)
+        setattr(message.pose.pose.orientation, name, sign * length * value)
+    sample = read_own_ship(message)
+    assert sample.yaw == pytest.approx(0.75)
+    assert math.hypot(sample.vx, sample.vy) == pytest.approx(4.0)
+
+
+def _set(message, path, value):
+    *parents, name = path.split(".")
+    for parent in parents:
+        message = getattr(message, parent)
+    setattr(message, name, value)
+
+
+USED = [
+    *(f"pose.pose.position.{name}" for name in "xy"),
+    *(f"pose.pose.orientation.{name}" for name in "xyzw"),
+    *(f"twist.twist.linear.{name}" for name in "xyz"),
+    *(f"twist.twist.angular.{name}" for name in "xyz"),
+]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("path", USED)
+def test_a_value_that_is_not_finite_is_refused_by_its_name(path, value):
+    message = _message()
+    _set(message, path, value)
+    field = path.removeprefix("pose.").removeprefix("twist.")
+    with pytest.raises(MessageError, match=f"^{field} must be finite") as error:
+        read_own_ship(message)
+    assert error.value.reason == "not_finite"
+
+
+@pytest.mark.parametrize("w", [0.0, 1e-9], ids=["zero", "next-to-zero"])
+def test_a_quaternion_without_direction_is_refused(w):
+    message = _message()
+    message.pose.pose.orientation.w = w
+    with pytest.raises(MessageError, match=r"pose\.orientation must not be zero") as error:
+        read_own_ship(message)
+    assert error.value.reason == "zero_quaternion"
+
+
+@pytest.mark.parametrize("pitch", [90.0, -90.0])
+def test_a_vessel_on_end_has_no_heading(pitch):
+    with pytest.raises(MessageError, match="no heading") as error:
+        read_own_ship(_message(Rotation.from_euler("y", pitch, degrees=True)))
+    assert error.value.reason == "undefined_heading"
+
+
+POSE_COVARIANCE = np.array([[4.0, 0.5, 0.01], [0.5, 9.0, 0.02], [0.01, 0.02, 0.001]])
+
+
+def _with_covariance(block):
+    message = _message()
+    full = np.diag([0.0, 0.0, 7.0, 8.0, 9.0, 0.0])
+    full[np.ix_([0, 1, 5], [0, 1, 5])] = block
+    message.pose.covariance = full.ravel()
+    return message
+
+
+def test_covariance_is_that_of_x_y_and_yaw():
+    sample = read_own_ship(_with_covariance(POSE_COVARIANCE))
+    np.testing.assert_array_equal(sample.pose_covariance, POSE_COVARIANCE)
+
+
+def test_a_covariance_of_zeros_is_not_known():
+    assert read_own_ship(_message()).pose_covariance is None
+
+
+def test_a_covariance_that_rounding_left_uneven_is_made_symmetric():
+    uneven = POSE_COVARIANCE.copy()
+    uneven[0, 1] += 1e-3
+    found = read_own_ship(_with_covariance(uneven)).pose_covariance
+    np.testing.assert_array_equal(found, found.T)
+    assert found[0, 1] == pytest.approx(0.5005)
+
+
+@pytest.mark.parametrize(
+    ("block", "reason"),
+    [
+        pytest.param(np.diag([1.0, math.nan, 1.0]), "not_finite", id="nan"),
+        pytest.param(np.diag([1.0, 1.0, math.inf]), "not_finite", id="infinite"),
+        pytest.param(np.diag([1.0, -1.0, 1.0]), "bad_covariance", id="negative"),
+        pytest.param([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "bad_covariance", id="correlation-above-1"),
+    ],
+)
+def test_an_impossible_covariance_is_refused(block, reason):
+    with pytest.raises(MessageError, match=r"pose\.covariance of x, y and yaw") as error:
+        read_own_ship(_with_covariance(block))
+    assert error.value.reason == reason
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.5, 3.0, -2.5])
+@pytest.mark.parametrize(
+    "covariance", [None, POSE_COVARIANCE], ids=["covariance-unknown", "covariance"]
+)
+def test_a_written_sample_is_read_back(over_the_wire, yaw, covariance):
+    sample = OwnShipSample(
+        stamp_ns=1_700_000_000_123_456_789,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x=10.0,
+        y=-20.0,
+        yaw=yaw,
+        roll=0.2,
+        pitch=-0.1,
+        vx=3.0,
+        vy=-1.0,
+        yaw_rate=0.03,
+        pose_covariance=covariance,
+    )
+    found = read_own_ship(over_the_wire(odometry_message(sample)))
+    for name in ("stamp_ns", "frame_id", "child_frame_id", "x", "y"):
+        assert getattr(found, name) == getattr(sample, name), name
+    for name in ("yaw", "roll", "pitch", "vx", "vy", "yaw_rate"):
+        assert getattr(found, name) == pytest.approx(getattr(sample, name), rel=1e-12), name
+    if covariance is None:
+        assert found.pose_covariance is None
+    else:
+        np.testing.assert_array_equal(found.pose_covariance, covariance)
+
+
+def _sample(**values):
+    return OwnShipSample(0, "odom", "base_link", x=1.0, y=2.0, **{"yaw": math.pi / 2, **values})
+
+
+def test_written_twist_is_in_the_child_frame():
+    message = odometry_message(_sample(vx=0.0, vy=5.0, yaw_rate=0.1))  # northward, heading north
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    assert (linear.x, linear.y, linear.z) == pytest.approx((5.0, 0.0, 0.0), abs=1e-14)
+    assert (angular.x, angular.y, angular.z) == pytest.approx((0.0, 0.0, 0.1), abs=1e-14)
+
+
+def test_written_turn_changes_the_yaw_alone():
+    sample = _sample(roll=0.4, pitch=-0.3, yaw_rate=0.05)
+    angular = odometry_message(sample).twist.twist.angular
+    before, after = (
+        Rotation.from_euler("ZYX", [sample.yaw + sign * 0.05 * 1e-4, -0.3, 0.4]) for sign in (-1, 1)
+    )
+    rates = (before.inv() * after).as_rotvec() / 2e-4
+    np.testing.assert_allclose([angular.x, angular.y, angular.z], rates, rtol=1e-6)
+
+
+def test_written_covariance_is_large_where_a_sample_says_nothing():
+    message = odometry_message(_sample(pose_covariance=POSE_COVARIANCE))
+    covariance = np.reshape(message.pose.covariance, (6, 6))
+    expected = np.diag([0.0, 0.0, 1e6, 1e6, 1e6, 0.0])
+    expected[np.ix_([0, 1, 5], [0, 1, 5])] = POSE_COVARIANCE
+    np.testing.assert_array_equal(covariance, expected)
+
+
+def test_a_covariance_that_is_not_known_is_written_as_zeros():
+    message = odometry_message(_sample())
+    assert not np.any(message.pose.covariance)
+    assert not np.any(message.twist.covariance)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "position"),
+    [
+        pytest.param(None, np.zeros((2, 2)), id="covariance-unknown"),
+        pytest.param(POSE_COVARIANCE, POSE_COVARIANCE[:2, :2], id="covariance"),
+    ],
+)
+def test_an_unknown_heading_has_a_large_variance_and_leaves_the_velocity_right(
+    covariance, position
+):
+    sample = _sample(yaw=0.7, vx=3.0, vy=-4.0, pose_covariance=covariance)
+    found = read_own_ship(odometry_message(sample, heading_known=False))
+    expected = np.diag([0.0, 0.0, 1e6])
+    expected[:2, :2] = position
+    np.testing.assert_array_equal(found.pose_covariance, expected)
+    assert (found.vx, found.vy) == pytest.approx((3.0, -4.0))
+    assert found.yaw == pytest.approx(0.7)
+    if covariance is not None:
+        assert covariance[2, 2] == 0.001  # the caller's array is left alone

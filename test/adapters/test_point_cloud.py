@@ -1,0 +1,231 @@
+"""Reading and writing PointCloud2 in every layout that the format allows."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from raw_cloud import raw_cloud
+from sensor_msgs.msg import PointField
+
+from msg_adapters import MessageError, read_fields, write_cloud
+
+POINTS = [(1.5, -2.25, 30.0), (4.0, 5.5, -6.75), (7.0, -8.125, 9.5), (10.0, 11.5, 12.25)]
+
+
+@pytest.mark.parametrize("big_endian", [False, True], ids=["little-endian", "big-endian"])
+@pytest.mark.parametrize(
+    "layout",
+    [
+        pytest.param({}, id="packed"),
+        pytest.param({"gap": 3}, id="unaligned-padding"),
+        pytest.param({"height": 2}, id="organised"),
+        pytest.param({"height": 2, "row_padding": 5}, id="organised-row-padding"),
+        pytest.param({"height": 4, "row_padding": 1, "gap": 2}, id="one-column"),
+    ],
+)
+@pytest.mark.parametrize("codes", ["fff", "ddd", "fdf"], ids=["float32", "float64", "mixed"])
+def test_fields_are_read_from_every_layout(codes, layout, big_endian):
+    cloud = raw_cloud(list(zip("abc", codes, strict=True)), POINTS, big_endian=big_endian, **layout)
+    values = read_fields(cloud, ["c", "a"])
+    assert list(values) == ["c", "a"]
+    for name, column in (("a", 0), ("c", 2)):
+        assert values[name].dtype == np.float64
+        np.testing.assert_array_equal(values[name], [point[column] for point in POINTS])
+
+
+def test_offsets_count_and_not_the_order_of_the_descriptions():
+    cloud = raw_cloud(list(zip("abc", "fdf", strict=True)), POINTS)
+    cloud.fields = list(reversed(cloud.fields))
+    np.testing.assert_array_equal(read_fields(cloud, ["a"])["a"], [1.5, 4.0, 7.0, 10.0])
+
+
+def test_values_are_a_copy_of_the_message():
+    cloud = raw_cloud([("a", "d")], [(1.0,), (2.0,)])
+    values = read_fields(cloud, ["a"])["a"]
+    values[:] = 0.0
+    np.testing.assert_array_equal(read_fields(cloud, ["a"])["a"], [1.0, 2.0])
+
+
+def test_bytes_after_the_last_row_are_ignored():
+    cloud = raw_cloud([("a", "d")], [(1.0,), (2.0,)])
+    cloud.data = bytes(cloud.data) + b"rest"
+    np.testing.assert_array_equal(read_fields(cloud, ["a"])["a"], [1.0, 2.0])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_signalling_nan_is_a_nan():
+    cloud = raw_cloud([("a", "f")], [(0.0,)])
+    cloud.data = struct.pack("<I", 0x7F800001)
+    assert math.isnan(read_fields(cloud, ["a"])["a"][0])
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        pytest.param({"width": 0}, id="width"),
+        pytest.param({"height": 0, "width": 4}, id="height"),
+        pytest.param({"width": 0, "point_step": 0, "row_step": 0}, id="no-sizes"),
+        pytest.param({"width": 0, "height": 5, "row_step": 64}, id="rows-without-data"),
+    ],
+)
+def test_a_cloud_without_points_reads_as_empty(sizes):
+    cloud = raw_cloud([("a", "f"), ("b", "d")], [])
+    for name, value in sizes.items():
+        setattr(cloud, name, value)
+    values = read_fields(cloud, ["a", "b"])
+    assert [values[name].shape for name in "ab"] == [(0,), (0,)]
+
+
+def _first_field(**values):
+    def change(cloud):
+        for name, value in values.items():
+            setattr(cloud.fields[0], name, value)
+
+    return change
+
+
+def _cloud(**values):
+    def change(cloud):
+        for name, value in values.items():
+            setattr(cloud, name, value)
+
+    return change
+
+
+BAD_FIELDS = [
+    pytest.param(_first_field(name="other"), "missing_field", "'a' is missing", id="missing"),
+    pytest.param(_cloud(fields=[]), "missing_field", "the cloud has none", id="no-fields"),
+    pytest.param(
+        lambda cloud: cloud.fields.append(cloud.fields[0]),
+        "duplicate_field",
+        "'a' is there 2 times",
+        id="duplicate",
+    ),
+    *(
+        pytest.param(
+            _first_field(datatype=getattr(PointField, name)),
+            "wrong_datatype",
+            f"'a' must be .* {name}",
+            id=f"datatype-{name}",
+        )
+        for name in ("INT8", "UINT8", "INT16", "UINT16", "INT32", "UINT32")
+    ),
+    pytest.param(
+        _first_field(datatype=0), "wrong_datatype", "'a' must be .* number 0", id="datatype-0"
+    ),
+    pytest.param(
+        _first_field(datatype=9), "wrong_datatype", "'a' must be .* number 9", id="datatype-9"
+    ),
+    pytest.param(_first_field(count=0), "wrong_count", "'a' must have the count 1", id="count-0"),
+    pytest.param(_first_field(count=2), "wrong_count", "'a' must have the count 1", id="count-2"),
+]
+BAD_SIZES = [
+    pytest.param(_first_field(offset=13), "bad_offset", "'a' ends at byte 17", id="offset-beyond"),
+    pytest.param(_first_field(offset=2), "bad_offset", "'a' and 'b' overlap", id="overlap"),
+    pytest.param(_cloud(point_step=0), "bad_offset", "beyond point_step = 0", id="no-point_step"),
+    pytest.param(_cloud(point_step=14), "bad_offset", "'c' ends at byte 16", id="point_step-short"),
+    pytest.param(_cloud(row_step=63), "bad_row_step", "row_step = 63", id="row_step-short"),
+    pytest.param(_cloud(row_step=0), "bad_row_step", "row_step = 0", id="no-row_step"),
+    pytest.param(_cloud(data=bytes(63)), "short_data", "data has 63 bytes", id="data-one-short"),
+    pytest.param(_cloud(data=b""), "short_data", "data has 0 bytes", id="no-data"),
+    pytest.param(_cloud(height=2), "short_data", "height .* = 128", id="height-beyond-data"),
+    pytest.param(
+        _cloud(height=2**32 - 1, width=2**32 - 1), "bad_row_step", "row_step", id="largest-sizes"
+    ),
+]
+
+
+def _four_points():
+    return raw_cloud([("a", "f"), ("b", "d"), ("c", "f")], POINTS)
+
+
+@pytest.mark.parametrize(("spoil", "reason", "sentence"), BAD_FIELDS + BAD_SIZES)
+def test_a_malformed_cloud_is_refused_with_its_reason(spoil, reason, sentence):
+    cloud = _four_points()
+    read_fields(cloud, ["a", "b", "c"])  # good before it is spoilt
+    spoil(cloud)
+    with pytest.raises(MessageError, match=sentence) as error:
+        read_fields(cloud, ["a", "b", "c"])
+    assert error.value.reason == reason
+    assert isinstance(error.value, ValueError)
+
+
+@pytest.mark.parametrize(("spoil", "reason", "sentence"), BAD_FIELDS)
+def test_a_malformed_field_is_refused_in_an_empty_cloud_too(spoil, reason, sentence):
+    cloud = raw_cloud([("a", "f"), ("b", "d"), ("c", "f")], [])
+    spoil(cloud)
+    with pytest.raises(MessageError, match=sentence) as error:
+        read_fields(cloud, ["a"])
+    assert error.value.reason == reason
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        pytest.param(_first_field(datatype=PointField.UINT8), id="datatype"),
+        pytest.param(_first_field(count=33), id="count"),
+        pytest.param(_first_field(offset=4000), id="offset"),
+        pytest.param(lambda cloud: cloud.fields.append(cloud.fields[0]), id="duplicate"),
+    ],
+)
+def test_a_malformed_field_that_is_not_asked_for_does_no_harm(spoil):
+    cloud = _four_points()
+    spoil(cloud)
+    np.testing.assert_array_equal(read_fields(cloud, ["b"])["b"], [-2.25, 5.5, -8.125, 11.5])
+
+
+@pytest.mark.parametrize("code", list("bBhHiI"))
+def test_integers_are_read_where_they_are_allowed(code):
+    largest = 2 ** (8 * struct.calcsize(code) - code.islower()) - 1
+    cloud = raw_cloud([("a", code)], [(largest,), (1,)])
+    np.testing.assert_array_equal(read_fields(cloud, ["a"], integers=["a"])["a"], [largest, 1])
+
+
+def test_written_cloud_has_the_offsets_of_the_dtype(header, over_the_wire):
+    dtype = np.dtype([("a", "f4"), ("b", "f8"), ("c", "u2"), ("d", "i1")], align=True)
+    points = np.array([(1.5, -2.5, 3, -4), (5.5, 6.5, 65535, 8)], dtype)
+    cloud = over_the_wire(write_cloud(header, points))
+    assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
+        ("a", 0, PointField.FLOAT32, 1),
+        ("b", 8, PointField.FLOAT64, 1),
+        ("c", 16, PointField.UINT16, 1),
+        ("d", 18, PointField.INT8, 1),
+    ]
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 2, 24, 48)
+    assert not cloud.is_bigendian
+    assert cloud.is_dense
+    assert cloud.header == header
+    expected = struct.pack("<f4xdHb5x", 1.5, -2.5, 3, -4)
+    expected += struct.pack("<f4xdHb5x", 5.5, 6.5, 65535, 8)
+    assert bytes(cloud.data) == expected
+
+
+def test_written_cloud_is_little_endian_and_its_padding_zero_whatever_the_array_is(header):
+    dtype = np.dtype({"names": ["a", "b"], "formats": [">f4", ">u2"], "itemsize": 12})
+    points = np.frombuffer(b"\xff" * 12, dtype).copy()
+    points["a"], points["b"] = 1.5, 258
+    assert bytes(write_cloud(header, points).data) == struct.pack("<fH6x", 1.5, 258)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_written_cloud_is_dense_only_where_all_floats_are_finite(header, value):
+    points = np.array([(1.0, 2), (value, 2)], [("a", "f8"), ("b", "u2")])
+    assert not write_cloud(header, points).is_dense
+    assert write_cloud(header, points[:1]).is_dense
+
+
+@pytest.mark.parametrize(
+    ("points", "sentence"),
+    [
+        pytest.param(np.zeros(3), "structured array", id="not-structured"),
+        pytest.param(np.zeros((2, 2), [("a", "f4")]), "one dimension", id="two-dimensions"),
+        pytest.param(np.zeros(2, [("a", "i8")]), "'a' has the type int64", id="64-bit-integer"),
+        pytest.param(np.zeros(2, [("a", "f4", (3,))]), "'a' has the type", id="not-scalar"),
+    ],
+)
+def test_what_a_cloud_cannot_hold_is_not_written(header, points, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        write_cloud(header, points)

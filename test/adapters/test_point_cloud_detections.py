@@ -1,0 +1,391 @@
+"""Detections in PointCloud2: every form, and every bad one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from raw_cloud import raw_cloud
+
+from msg_adapters import MessageError, detections_cloud, read_detections
+from tsepm_ros.scan import LARGEST
+
+RANGE = [1000.5, 2500.25, 7071.0]
+ANGLE = [0.25, -2.5, 4.75]
+DEGREE = math.pi / 180.0
+
+
+def _rows(*columns):
+    return list(zip(*columns, strict=True))
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        pytest.param({}, id="packed"),
+        pytest.param({"gap": 5}, id="padding"),
+        pytest.param({"big_endian": True}, id="big-endian"),
+        pytest.param({"height": 3, "row_padding": 7}, id="organised-row-padding"),
+    ],
+)
+@pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
+def test_range_and_azimuth_are_read_in_any_order_and_layout(code, layout):
+    fields = [("label", "H"), ("azimuth", code), ("z", "f"), ("range", code)]
+    found = read_detections(raw_cloud(fields, _rows([1, 2, 3], ANGLE, [9.0] * 3, RANGE), **layout))
+    np.testing.assert_array_equal(found.range, RANGE)
+    np.testing.assert_array_equal(found.azimuth, ANGLE)  # every value is exact in float32
+    np.testing.assert_array_equal(found.index, [0, 1, 2])
+    assert found.range.dtype == found.azimuth.dtype == np.float64
+    assert not found.north_referenced
+    assert found.dropped == {}
+    assert len(found) == 3
+
+
+def test_stamp_keeps_its_nanoseconds_and_the_frame_its_name():
+    cloud = raw_cloud([("range", "f"), ("azimuth", "f")], [], frame_id="sonar_head")
+    found = read_detections(cloud)
+    assert found.stamp_ns == 1_700_000_000_123_456_789
+    assert found.frame_id == "sonar_head"
+
+
+@pytest.mark.parametrize(
+    ("bearing", "azimuth"),
+    [
+        pytest.param(0.0, 0.0, id="bow-ahead"),
+        pytest.param(90.0, -90.0, id="starboard-right"),
+        pytest.param(180.0, -180.0, id="stern-behind"),
+        pytest.param(270.0, -270.0, id="port-left"),
+    ],
+)
+def test_a_bearing_from_the_bow_is_clockwise(bearing, azimuth):
+    cloud = raw_cloud([("range", "d"), ("bearing", "d")], [(5.0, bearing * DEGREE)])
+    found = read_detections(cloud, bearing_reference="bow")
+    assert found.azimuth[0] == pytest.approx(azimuth * DEGREE, abs=1e-15)
+    assert not found.north_referenced
+
+
+@pytest.mark.parametrize(
+    ("bearing", "east", "north"),
+    [
+        pytest.param(0.0, 0.0, 1.0, id="north"),
+        pytest.param(90.0, 1.0, 0.0, id="east"),
+        pytest.param(180.0, 0.0, -1.0, id="south"),
+        pytest.param(270.0, -1.0, 0.0, id="west"),
+    ],
+)
+def test_a_bearing_from_north_becomes_an_angle_from_east(bearing, east, north):
+    cloud = raw_cloud([("range", "d"), ("bearing", "d")], [(5.0, bearing * DEGREE)])
+    found = read_detections(cloud, bearing_reference="north")
+    direction = [math.cos(found.azimuth[0]), math.sin(found.azimuth[0])]
+    np.testing.assert_allclose(direction, [east, north], atol=1e-15)
+    assert found.north_referenced
+
+
+@pytest.mark.parametrize("reference", ["bow", "north"])
+@pytest.mark.parametrize("fields", [("range", "azimuth"), ("x", "y")], ids=["azimuth", "xy"])
+def test_only_bearings_are_referenced_to_north(fields, reference):
+    cloud = raw_cloud([(name, "d") for name in fields], [(3.0, 0.5)])
+    first = read_detections(cloud)
+    found = read_detections(cloud, bearing_reference=reference)
+    assert not found.north_referenced
+    assert found.azimuth[0] == first.azimuth[0]
+
+
+@pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
+def test_x_and_y_become_range_and_azimuth(code):
+    fields = [(name, code) for name in ("x", "y", "z")]
+    found = read_detections(
+        raw_cloud(fields, [(3.0, 4.0, 50.0), (-5.0, 0.0, 0.0), (0.0, -2.0, 0.0)])
+    )
+    np.testing.assert_allclose(found.range, [5.0, 5.0, 2.0], rtol=1e-15)
+    np.testing.assert_allclose(found.azimuth, [math.atan2(4, 3), math.pi, -math.pi / 2], rtol=1e-15)
+
+
+VALUES = {"range": 100.0, "azimuth": 0.5, "bearing": 0.25, "x": 30.0, "y": 40.0}
+
+
+@pytest.mark.parametrize(
+    ("names", "range_", "azimuth"),
+    [
+        pytest.param("x y bearing azimuth range", 100.0, 0.5, id="azimuth-first"),
+        pytest.param("x y bearing range", 100.0, -0.25, id="bearing-next"),
+        pytest.param("x y range", 50.0, math.atan2(40, 30), id="xy-last"),
+        pytest.param("x y azimuth bearing", 50.0, math.atan2(40, 30), id="angles-without-range"),
+    ],
+)
+def test_the_first_complete_form_of_a_position_is_used(names, range_, azimuth):
+    names = names.split()
+    cloud = raw_cloud([(name, "d") for name in names], [[VALUES[name] for name in names]])
+    found = read_detections(cloud)
+    assert found.range[0] == pytest.approx(range_, rel=1e-15)
+    assert found.azimuth[0] == pytest.approx(azimuth, rel=1e-15)
+
+
+@pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
+def test_optional_fields_are_read_into_their_places(code):
+    names = ("intensity", "range_std", "azimuth_std", "time_offset", "range_width")
+    names += ("azimuth_width", "range_rate")
+    fields = [("range", code), ("azimuth", code), *((name, code) for name in names)]
+    row = (9.0, 1.0, 0.5, 0.25, 0.125, 2.5, 8.0, 0.75, -3.5)
+    found = read_detections(raw_cloud(fields, [row]))
+    assert (found.range_std, found.azimuth_std, found.time_offset) == (0.25, 0.125, 2.5)
+    assert {name: values[0] for name, values in found.features.items()} == {
+        "intensity": 0.5,
+        "range_width": 8.0,
+        "azimuth_width": 0.75,
+        "range_rate": -3.5,
+    }
+
+
+def test_optional_fields_that_are_not_there_are_none():
+    found = read_detections(raw_cloud([("range", "d"), ("azimuth", "d")], [(1.0, 1.0)]))
+    assert found.range_std is found.azimuth_std is found.time_offset is None
+    assert found.features == {}
+
+
+@pytest.mark.parametrize("code", ["B", "H"], ids=["uint8", "uint16"])
+def test_intensity_may_be_an_integer(code):
+    fields = [("x", "f"), ("y", "f"), ("intensity", code)]
+    found = read_detections(raw_cloud(fields, [(1.0, 1.0, 200)]))
+    np.testing.assert_array_equal(found.features["intensity"], [200.0])
+
+
+NAN, INF = math.nan, math.inf
+FIELDS = ("range", "azimuth", "range_std", "azimuth_std", "time_offset", "intensity")
+GOOD = (1000.0, 0.5, 10.0, 0.02, 0.5, 3.0)
+
+
+def _with(**values):
+    return [values.get(name, good) for name, good in zip(FIELDS, GOOD, strict=True)]
+
+
+BAD_DETECTIONS = [
+    ("range_not_finite", "range", NAN),
+    ("range_not_finite", "range", INF),
+    ("range_not_finite", "range", -INF),
+    ("range_not_positive", "range", 0.0),
+    ("range_not_positive", "range", -5.0),
+    ("azimuth_not_finite", "azimuth", NAN),
+    ("azimuth_not_finite", "azimuth", INF),
+    ("azimuth_not_finite", "azimuth", -INF),
+    *(
+        (f"{name}_not_positive", name, value)
+        for name in ("range_std", "azimuth_std")
+        for value in (0.0, -1.0, NAN, INF)
+    ),
+    ("time_offset_not_finite", "time_offset", NAN),
+    ("time_offset_not_finite", "time_offset", -INF),
+    *((f"{name}_too_large", name, 2.0 * LARGEST[name]) for name in FIELDS if name in LARGEST),
+]
+
+
+@pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
+@pytest.mark.parametrize(
+    ("reason", "name", "value"),
+    [pytest.param(*case, id=f"{case[1]}={case[2]}") for case in BAD_DETECTIONS],
+)
+@pytest.mark.filterwarnings("error")
+def test_a_bad_detection_is_dropped_and_counted_and_the_rest_kept(reason, name, value, code):
+    rows = [_with(range=100.0), _with(**{name: value}), _with(range=300.0)]
+    found = read_detections(raw_cloud([(field, code) for field in FIELDS], rows))
+    assert found.dropped == {reason: 1}
+    np.testing.assert_array_equal(found.range, [100.0, 300.0])
+    np.testing.assert_array_equal(found.index, [0, 2])
+    for array in (found.azimuth, found.range_std, found.azimuth_std, found.time_offset):
+        assert len(array) == 2
+    assert len(found.features["intensity"]) == 2
+
+
+def test_a_detection_counts_once_under_its_first_reason():
+    rows = [
+        _with(range=NAN, azimuth=NAN, range_std=-1.0),
+        _with(range=-1.0, azimuth=NAN),
+        _with(azimuth=NAN, range_std=0.0),
+        _with(range_std=0.0, azimuth_std=0.0),
+        _with(azimuth_std=0.0, time_offset=NAN),
+        _with(time_offset=NAN),
+        _with(time_offset=INF),
+    ]
+    found = read_detections(raw_cloud([(name, "d") for name in FIELDS], rows))
+    assert found.dropped == {
+        "range_not_finite": 1,
+        "range_not_positive": 1,
+        "azimuth_not_finite": 1,
+        "range_std_not_positive": 1,
+        "azimuth_std_not_positive": 1,
+        "time_offset_not_finite": 2,
+    }
+    assert len(found) == 0
+
+
+@pytest.mark.parametrize("value", [NAN, INF])
+@pytest.mark.parametrize("name", ["intensity", "range_width", "azimuth_width", "range_rate"])
+def test_a_feature_that_is_not_finite_drops_nothing(name, value):
+    cloud = raw_cloud([("range", "f"), ("azimuth", "f"), (name, "f")], [(1.0, 1.0, value)])
+    found = read_detections(cloud)
+    assert found.dropped == {}
+    np.testing.assert_array_equal(found.features[name], [value])
+
+
+@pytest.mark.parametrize("azimuth", [-math.pi, math.pi, 2 * math.pi, 7.5, -1e6, 1e300])
+def test_any_finite_azimuth_is_good(azimuth):
+    found = read_detections(raw_cloud([("range", "d"), ("azimuth", "d")], [(1.0, azimuth)]))
+    assert found.azimuth[0] == azimuth
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "reason"),
+    [
+        pytest.param(0.0, 0.0, "range_not_positive", id="origin"),
+        pytest.param(NAN, 1.0, "range_not_finite", id="nan"),
+        pytest.param(1.0, -INF, "range_not_finite", id="infinite"),
+        pytest.param(NAN, INF, "range_not_finite", id="nan-and-infinite"),
+        pytest.param(1.7e308, 1.7e308, "range_not_finite", id="overflow"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_a_bad_x_or_y_is_a_bad_range(x, y, reason):
+    found = read_detections(raw_cloud([("x", "d"), ("y", "d")], [(x, y), (3.0, 4.0)]))
+    assert found.dropped == {reason: 1}
+    np.testing.assert_array_equal(found.range, [5.0])
+
+
+@pytest.mark.parametrize("reference", ["bow", "north"])
+@pytest.mark.parametrize("value", [NAN, INF])
+@pytest.mark.filterwarnings("error")
+def test_a_bad_bearing_is_a_bad_azimuth(value, reference):
+    cloud = raw_cloud([("range", "f"), ("bearing", "f")], [(1.0, value)])
+    found = read_detections(cloud, bearing_reference=reference)
+    assert found.dropped == {"azimuth_not_finite": 1}
+
+
+@pytest.mark.parametrize("names", ["range azimuth", "range bearing", "x y", ""])
+def test_an_empty_cloud_has_no_detections(names):
+    found = read_detections(raw_cloud([(name, "f") for name in names.split()], []))
+    assert len(found) == len(found.azimuth) == len(found.index) == 0
+    assert found.dropped == {}
+
+
+@pytest.mark.parametrize("points", [0, 1], ids=["empty", "one-point"])
+@pytest.mark.parametrize("names", ["range", "azimuth bearing", "range x", "x z", "y"])
+def test_a_cloud_without_a_complete_position_is_refused(names, points):
+    names = names.split()
+    cloud = raw_cloud([(name, "f") for name in names], [[1.0] * len(names)] * points)
+    with pytest.raises(MessageError, match="'range' and 'azimuth', or") as error:
+        read_detections(cloud)
+    assert error.value.reason == "missing_field"
+
+
+@pytest.mark.parametrize(
+    "name", ["range", "azimuth", "range_std", "azimuth_std", "time_offset", "range_rate"]
+)
+def test_an_integer_where_the_unit_matters_is_refused(name):
+    names = list(dict.fromkeys(["range", "azimuth", name]))
+    cloud = raw_cloud(
+        [(field, "i" if field == name else "f") for field in names], [[1] * len(names)]
+    )
+    with pytest.raises(MessageError, match=f"'{name}' must be FLOAT32 or FLOAT64") as error:
+        read_detections(cloud)
+    assert error.value.reason == "wrong_datatype"
+
+
+def test_data_that_is_short_is_refused():
+    cloud = raw_cloud([("range", "f"), ("azimuth", "f")], [(1.0, 1.0), (2.0, 2.0)])
+    cloud.data = cloud.data[:-1]
+    with pytest.raises(MessageError) as error:
+        read_detections(cloud)
+    assert error.value.reason == "short_data"
+
+
+def test_an_unknown_bearing_reference_is_refused():
+    cloud = raw_cloud([("range", "f"), ("bearing", "f")], [(1.0, 1.0)])
+    with pytest.raises(ValueError, match="bearing_reference must be one of bow, north; got 'grid'"):
+        read_detections(cloud, bearing_reference="grid")
+
+
+def test_a_hundred_thousand_detections_are_all_read(header):
+    random = np.random.default_rng(1)
+    distance, azimuth = random.uniform(1, 9000, 100_000), random.uniform(-3, 3, 100_000)
+    distance[::1000] = np.nan
+    found = read_detections(detections_cloud(header, range=distance, azimuth=azimuth))
+    assert found.dropped == {"range_not_finite": 100}
+    np.testing.assert_array_equal(found.range, distance[np.isfinite(distance)])
+    np.testing.assert_array_equal(found.azimuth, azimuth[found.index])
+
+
+def test_built_cloud_gives_back_every_bit(header, over_the_wire):
+    random = np.random.default_rng(2)
+    given = {
+        name: random.uniform(0.1, 3.0, 50)
+        for name in (
+            *("range", "azimuth", "range_std", "azimuth_std", "time_offset"),
+            *("intensity", "range_width", "azimuth_width", "range_rate"),
+        )
+    }
+    found = read_detections(over_the_wire(detections_cloud(header, **given)))
+    assert (found.stamp_ns, found.frame_id) == (1_700_000_000_123_456_789, "map")
+    for name, values in given.items():
+        read = found.features[name] if name in found.features else getattr(found, name)
+        np.testing.assert_array_equal(read, values, err_msg=name)
+
+
+@pytest.mark.parametrize("angle", [{"azimuth": [0.0, 1.0]}, {"bearing": [0.0, -1.0]}], ids=list)
+def test_built_cloud_shows_in_rviz(header, angle):
+    cloud = detections_cloud(header, range=[100.0, 200.0], **angle)
+    fields = [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields[:3]]
+    assert fields == [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]  # 7 is FLOAT32
+    assert len(cloud.data) == cloud.width * cloud.height * cloud.point_step
+    points = np.frombuffer(cloud.data, np.float32).reshape(2, -1)
+    expected = [[100.0, 0.0, 0.0], [200.0 * math.cos(1.0), 200.0 * math.sin(1.0), 0.0]]
+    np.testing.assert_allclose(points[:, :3], expected, rtol=1e-6)
+
+
+def test_built_cloud_of_true_bearings_claims_no_place_in_the_sensor_frame(header):
+    cloud = detections_cloud(header, range=[5.0], bearing=[0.25], bearing_reference="north")
+    assert [field.name for field in cloud.fields] == ["range", "bearing"]
+    found = read_detections(cloud, bearing_reference="north")
+    assert found.azimuth[0] == math.pi / 2 - 0.25
+
+
+def test_built_cloud_leaves_out_what_is_none(header):
+    cloud = detections_cloud(header, range=[5.0], azimuth=[1.0], range_std=None, intensity=[2.0])
+    names = [field.name for field in cloud.fields]
+    assert names == ["x", "y", "z", "range", "azimuth", "intensity"]
+
+
+def test_built_cloud_without_detections_is_good(header, over_the_wire):
+    cloud = over_the_wire(detections_cloud(header, range=[], azimuth=[]))
+    assert (cloud.height, cloud.width, cloud.row_step, len(cloud.data)) == (1, 0, 0, 0)
+    assert len(read_detections(cloud)) == 0
+
+
+@pytest.mark.filterwarnings("error")
+def test_built_cloud_carries_bad_values_as_they_are(header):
+    cloud = detections_cloud(header, range=[NAN, -1.0, 5.0], azimuth=[1.0, 1.0, INF])
+    assert read_detections(cloud).dropped == {
+        "range_not_finite": 1,
+        "range_not_positive": 1,
+        "azimuth_not_finite": 1,
+    }
+    assert not cloud.is_dense
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        pytest.param({}, "exactly one of azimuth and bearing", id="no-angle"),
+        pytest.param(
+            {"azimuth": [1.0], "bearing": [1.0]}, "exactly one of azimuth", id="both-angles"
+        ),
+        pytest.param({"azimuth": [1.0, 2.0]}, "azimuth must be .* as long", id="length"),
+        pytest.param({"azimuth": 1.0}, "azimuth must be of one dimension", id="scalar"),
+        pytest.param({"azimuth": [1.0], "depth": [1.0]}, "depth is not a field", id="name"),
+        pytest.param(
+            {"bearing": [1.0], "bearing_reference": "grid"}, "bearing_reference", id="reference"
+        ),
+    ],
+)
+def test_built_cloud_refuses_what_it_cannot_say(header, given, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        detections_cloud(header, range=[1.0], **given)

@@ -1,0 +1,61 @@
+"""Time messages, nanoseconds and seconds."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from builtin_interfaces.msg import Time
+
+from msg_adapters import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
+
+
+@pytest.mark.parametrize(
+    ("nanoseconds", "sec", "nanosec"),
+    [
+        pytest.param(0, 0, 0, id="zero"),
+        pytest.param(1_700_000_000_123_456_789, 1_700_000_000, 123_456_789, id="date"),
+        pytest.param(999_999_999, 0, 999_999_999, id="below one second"),
+        pytest.param(-1, -1, 999_999_999, id="before the epoch"),
+        pytest.param((2**31 - 1) * 10**9, 2**31 - 1, 0, id="largest second"),
+    ],
+)
+def test_nanoseconds_and_time_message_are_each_other_s_inverse(nanoseconds, sec, nanosec):
+    message = ns_to_time(nanoseconds)
+    assert (message.sec, message.nanosec) == (sec, nanosec)
+    assert time_to_ns(Time(sec=sec, nanosec=nanosec)) == nanoseconds
+
+
+@pytest.mark.parametrize("seconds", [2**31, -(2**31) - 1], ids=["above", "below"])
+def test_time_message_refuses_what_its_seconds_cannot_hold(seconds):
+    with pytest.raises(ValueError, match="stamp must be within 32-bit seconds"):
+        ns_to_time(seconds * 10**9)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"),
+    [
+        pytest.param(0.1, 100_000_000, id="tenth"),
+        pytest.param(-0.5, -500_000_000, id="negative"),
+        # Exactly representable: one rounding of the product with 1e9 would be off by up to 128 ns.
+        pytest.param(1_700_000_000 + 2**-22, 1_700_000_000_000_000_238, id="date"),
+    ],
+)
+def test_seconds_to_nanoseconds_rounds_once(seconds, nanoseconds):
+    assert seconds_to_ns(seconds) == nanoseconds
+
+
+def test_seconds_of_nanoseconds_are_the_nearest_float():
+    assert ns_to_seconds(1_700_000_000_123_456_789) == 1_700_000_000.123456789
+    assert ns_to_seconds(100_000_000) == 0.1
+
+
+@pytest.mark.parametrize("seconds", [math.nan, math.inf])
+def test_seconds_that_are_not_finite_are_refused(seconds):
+    with pytest.raises(ValueError, match="stamp must be finite"):
+        seconds_to_ns(seconds)
+
+
+def test_header_has_stamp_and_frame(over_the_wire):
+    header = over_the_wire(make_header(12_000_000_034, "sonar"))
+    assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (12, 34, "sonar")

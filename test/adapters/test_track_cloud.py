@@ -1,0 +1,159 @@
+"""The layout of the track cloud, byte by byte, and its inverse."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from raw_cloud import DATATYPES, raw_cloud
+
+from msg_adapters import (
+    TRACK_DTYPE,
+    MessageError,
+    read_track_cloud,
+    track_cloud,
+    track_covariances,
+    track_states,
+)
+
+LAYOUT = [
+    ("x", 0, "f"),
+    ("y", 4, "f"),
+    ("z", 8, "f"),
+    ("track_id", 12, "I"),
+    ("state_x", 16, "d"),
+    ("state_vx", 24, "d"),
+    ("state_y", 32, "d"),
+    ("state_vy", 40, "d"),
+    ("cov_00", 48, "d"),
+    ("cov_01", 56, "d"),
+    ("cov_02", 64, "d"),
+    ("cov_03", 72, "d"),
+    ("cov_10", 80, "d"),
+    ("cov_11", 88, "d"),
+    ("cov_12", 96, "d"),
+    ("cov_13", 104, "d"),
+    ("cov_20", 112, "d"),
+    ("cov_21", 120, "d"),
+    ("cov_22", 128, "d"),
+    ("cov_23", 136, "d"),
+    ("cov_30", 144, "d"),
+    ("cov_31", 152, "d"),
+    ("cov_32", 160, "d"),
+    ("cov_33", 168, "d"),
+    ("evaluation", 176, "d"),
+    ("score", 184, "d"),
+    ("hit_count", 192, "H"),
+    ("scan_count", 194, "H"),
+    ("age", 200, "d"),
+]
+POINT_STEP = 208
+UNSYMMETRIC = np.arange(16.0).reshape(4, 4) + 0.125
+"""No covariance, but it shows rows and columns that were exchanged."""
+
+
+def test_fields_stand_in_the_order_and_at_the_offsets_of_the_contract(header, make_track):
+    cloud = track_cloud(header, [make_track()])
+    assert [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields] == [
+        (name, offset, DATATYPES[code], 1) for name, offset, code in LAYOUT
+    ]
+    assert (cloud.point_step, cloud.row_step, cloud.height, cloud.width) == (208, 208, 1, 1)
+    assert not cloud.is_bigendian
+    assert all(offset % struct.calcsize(code) == 0 for _, offset, code in LAYOUT)
+
+
+def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
+    tracks = [make_track(covariance=UNSYMMETRIC), make_track(track_id=2**32 - 1, score=math.nan)]
+    data = bytes(over_the_wire(track_cloud(header, tracks)).data)
+    assert len(data) == 2 * POINT_STEP
+    for start, track in zip((0, POINT_STEP), tracks, strict=True):
+        found = [
+            struct.unpack_from("<" + code, data, start + offset)[0] for _, offset, code in LAYOUT
+        ]
+        expected = [track.state[0], track.state[2], 0.0, track.track_id, *track.state]
+        expected += [track.covariance[row, column] for row in range(4) for column in range(4)]
+        expected += [track.evaluation, track.score, 5, 7, 72.0]
+        np.testing.assert_array_equal(found, expected)
+        assert data[start + 196 : start + 200] == bytes(4)
+
+
+def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
+    random = np.random.default_rng(3)
+    tracks = [
+        make_track(
+            track_id=int(random.integers(2**32)),
+            state=random.normal(size=4) * 5000,
+            covariance=random.normal(size=(4, 4)),
+            hits=((0, 0),) * int(random.integers(20)),
+            evaluation=random.normal(),
+            score=math.nan,
+            scan_count=int(random.integers(65536)),
+            age=random.uniform(0, 100),
+        )
+        for _ in range(20)
+    ]
+    records = read_track_cloud(over_the_wire(track_cloud(header, tracks)))
+    assert records.dtype == TRACK_DTYPE
+    np.testing.assert_array_equal(track_states(records), [track.state for track in tracks])
+    np.testing.assert_array_equal(track_covariances(records), [t.covariance for t in tracks])
+    np.testing.assert_array_equal(records["hit_count"], [len(track.hits) for track in tracks])
+    for name in ("track_id", "evaluation", "score", "scan_count", "age"):
+        np.testing.assert_array_equal(records[name], [getattr(track, name) for track in tracks])
+    np.testing.assert_array_equal(records["x"], [np.float32(track.state[0]) for track in tracks])
+    np.testing.assert_array_equal(records["y"], [np.float32(track.state[2]) for track in tracks])
+
+
+def test_reading_takes_the_layout_from_the_message():
+    names = [(name, code) for name, _, code in reversed(LAYOUT)]
+    row = [float(place) if code in "fd" else place for place, (_, code) in enumerate(names)]
+    cloud = raw_cloud([("extra", "B"), *names], [[9, *row]], big_endian=True, gap=1)
+    records = read_track_cloud(cloud)
+    for place, (name, _) in enumerate(names):
+        assert records[name][0] == place, name
+
+
+def test_without_tracks_the_cloud_is_empty_and_has_all_fields(header, over_the_wire):
+    cloud = over_the_wire(track_cloud(header, []))
+    assert [field.name for field in cloud.fields] == [name for name, _, _ in LAYOUT]
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 0, POINT_STEP, 0)
+    assert len(cloud.data) == 0
+    assert len(read_track_cloud(cloud)) == 0
+    assert track_covariances(read_track_cloud(cloud)).shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize(
+    ("count", "written"), [(65534, 65534), (65535, 65535), (65536, 65535), (10**6, 65535)]
+)
+def test_counts_saturate(header, make_track, count, written):
+    track = make_track(hits=((0, 0),) * count, scan_count=count)
+    records = read_track_cloud(track_cloud(header, [track]))
+    assert (records["hit_count"][0], records["scan_count"][0]) == (written, written)
+
+
+@pytest.mark.parametrize("track_id", [-1, 2**32])
+def test_an_id_that_does_not_fit_is_refused(header, make_track, track_id):
+    with pytest.raises(ValueError, match=f"track_id must be from 0 to .*; got {track_id}"):
+        track_cloud(header, [make_track(track_id=track_id)])
+
+
+def test_a_score_that_the_method_has_not_is_said_in_is_dense(header, make_track):
+    assert track_cloud(header, [make_track()]).is_dense
+    assert not track_cloud(header, [make_track(score=math.nan)]).is_dense
+
+
+@pytest.mark.parametrize("name", ["x", "track_id", "cov_12", "age"])
+def test_a_cloud_that_lacks_a_field_is_refused(header, make_track, name):
+    cloud = track_cloud(header, [make_track()])
+    cloud.fields = [field for field in cloud.fields if field.name != name]
+    with pytest.raises(MessageError, match=f"'{name}' is missing") as error:
+        read_track_cloud(cloud)
+    assert error.value.reason == "missing_field"
+
+
+def test_truth_without_errors_can_be_written(header, make_track):
+    truth = make_track(covariance=np.zeros((4, 4)), hits=())
+    records = read_track_cloud(track_cloud(header, [truth]))
+    assert not track_covariances(records).any()
+    assert records["hit_count"][0] == 0

@@ -1,0 +1,152 @@
+"""Tracks as markers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from visualization_msgs.msg import Marker
+
+from msg_adapters import clear_markers, track_markers
+
+KINDS = {
+    "position": Marker.SPHERE,
+    "velocity": Marker.ARROW,
+    "ellipse": Marker.CYLINDER,
+    "label": Marker.TEXT_VIEW_FACING,
+}
+
+
+def _covariance(position):
+    covariance = np.zeros((4, 4))
+    covariance[np.ix_([0, 2], [0, 2])] = position
+    return covariance
+
+
+def _by_kind(message):
+    return {marker.ns: marker for marker in message.markers}
+
+
+def test_each_current_track_has_each_kind_once_under_its_id(header, make_track, over_the_wire):
+    message = over_the_wire(track_markers(header, [make_track(), make_track(track_id=9)], []))
+    shown = [(marker.ns, marker.id, marker.type, marker.action) for marker in message.markers]
+    assert sorted(shown) == sorted(
+        (kind, track_id, shape, Marker.ADD) for track_id in (7, 9) for kind, shape in KINDS.items()
+    )
+    for marker in message.markers:
+        assert marker.header == header
+        assert marker.color.a > 0
+        assert (marker.lifetime.sec, marker.lifetime.nanosec) == (0, 0)
+
+
+def test_an_ended_track_is_deleted_in_every_namespace_where_it_was_shown(header, make_track):
+    shown = track_markers(header, [make_track(track_id=2**32 - 5)])
+    removed = track_markers(header, [make_track()], ended_ids=[2**32 - 5]).markers
+    deletions = [marker for marker in removed if marker.action == Marker.DELETE]
+    assert {(m.ns, m.id) for m in deletions} == {(m.ns, m.id) for m in shown.markers}
+    assert [marker.action for marker in removed[:4]] == [Marker.DELETE] * 4
+    assert {(m.ns, m.id) for m in removed[4:]} == {(kind, 7) for kind in KINDS}
+
+
+def test_without_tracks_nothing_is_said(header):
+    assert track_markers(header, [], []).markers == []
+
+
+def test_clearing_removes_everything(header, over_the_wire):
+    (marker,) = over_the_wire(clear_markers(header)).markers
+    assert marker.action == Marker.DELETEALL
+    assert marker.header == header
+
+
+@pytest.mark.parametrize("track_id", [2**31 - 1, 2**31, 2**32 - 1])
+def test_ids_beyond_a_marker_s_stay_apart_and_pass(header, make_track, over_the_wire, track_id):
+    tracks = [make_track(track_id=track_id), make_track(track_id=0)]
+    message = track_markers(header, tracks)
+    ids = {marker.id for marker in message.markers}
+    assert len(ids) == 2
+    assert all(-(2**31) <= marker_id < 2**31 for marker_id in ids)
+    assert {marker.id for marker in over_the_wire(message).markers} == ids
+
+
+def _ellipse_of(header, make_track, position):
+    track = make_track(covariance=_covariance(position))
+    return _by_kind(track_markers(header, [track]))["ellipse"]
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0, 90.0, 135.0, 170.0])
+def test_ellipse_has_the_axes_of_the_covariance(header, make_track, degrees):
+    turn = math.radians(degrees)
+    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    covariance = rotation @ np.diag([120.0**2, 40.0**2]) @ rotation.T
+    marker = _ellipse_of(header, make_track, covariance)
+    variances, vectors = np.linalg.eigh(covariance)
+    diameters = 2 * np.sqrt(chi2.ppf(0.95, 2) * variances)
+    assert (marker.scale.y, marker.scale.x) == pytest.approx(tuple(diameters), rel=1e-9)
+    angle = 2 * math.atan2(marker.pose.orientation.z, marker.pose.orientation.w)
+    along = abs(vectors[:, 1] @ [math.cos(angle), math.sin(angle)])
+    assert along == pytest.approx(1.0, abs=1e-12)
+    assert (marker.pose.orientation.x, marker.pose.orientation.y) == (0.0, 0.0)
+
+
+def test_ellipse_at_45_degrees_leans_the_right_way(header, make_track):
+    marker = _ellipse_of(header, make_track, [[5.0, 4.0], [4.0, 5.0]])  # variances 9 and 1
+    assert 2 * math.atan2(marker.pose.orientation.z, marker.pose.orientation.w) == pytest.approx(
+        math.pi / 4
+    )
+    assert marker.scale.x / marker.scale.y == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        pytest.param(np.zeros((2, 2)), id="zero"),
+        pytest.param([[1.0, 1.0], [1.0, 1.0]], id="line"),
+        pytest.param(np.outer([0.1, 1.5], [0.1, 1.5]), id="below-zero-by-rounding"),
+    ],
+)
+def test_a_degenerate_ellipse_has_no_scale_of_zero(header, make_track, covariance):
+    scale = _ellipse_of(header, make_track, covariance).scale
+    assert min(scale.x, scale.y, scale.z) > 0
+
+
+def test_position_is_where_the_track_is(header, make_track):
+    shown = _by_kind(track_markers(header, [make_track()]))
+    for kind in ("position", "ellipse"):
+        place = shown[kind].pose.position
+        assert (place.x, place.y, place.z) == (3000.25, 4000.5, 0.0)
+
+
+def test_arrow_leads_where_the_velocity_takes_the_track(header, make_track):
+    arrow = _by_kind(track_markers(header, [make_track()], lead_time=100.0))["velocity"]
+    assert [(point.x, point.y) for point in arrow.points] == [(3000.25, 4000.5), (2550.25, 4225.5)]
+
+
+@pytest.mark.parametrize(
+    ("sigma", "size"),
+    [pytest.param(300.0, 300.0, id="follows-sigma"), pytest.param(3.0, 50.0, id="minimum")],
+)
+def test_sizes_follow_sigma_down_to_a_minimum(header, make_track, sigma, size):
+    track = make_track(covariance=_covariance(np.diag([sigma**2, 1.0])))
+    shown = _by_kind(track_markers(header, [track], minimum_size=50.0))
+    scale = shown["position"].scale
+    assert (scale.x, scale.y, scale.z) == pytest.approx((size, size, size))
+    assert shown["label"].scale.z == pytest.approx(3 * size)
+    assert shown["velocity"].scale.x == pytest.approx(0.3 * size)
+    # The ellipse says what is known: no minimum there.
+    assert shown["ellipse"].scale.x == pytest.approx(2 * math.sqrt(chi2.ppf(0.95, 2)) * sigma)
+
+
+def test_label_has_id_speed_and_sigma_in_ascii(header, make_track):
+    track = make_track(
+        state=np.array([0.0, 3.0, 0.0, -4.0]), covariance=_covariance(np.diag([15.0**2, 124.0**2]))
+    )
+    text = _by_kind(track_markers(header, [track]))["label"].text
+    assert text == "7: 5.0 m/s, sigma 124 m"
+    assert text.isascii()
+
+
+def test_color_is_the_caller_s(header, make_track):
+    for marker in track_markers(header, [make_track()], color=(1.0, 0.5, 0.25)).markers:
+        assert (marker.color.r, marker.color.g, marker.color.b) == (1.0, 0.5, 0.25)
