@@ -1,0 +1,163 @@
+"""Nodes in this process, in a context and a domain of their own, spun until something happens."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import Log
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+
+DEADLINE = 15.0
+"""Longest wait for anything, s: far beyond what it takes, even on a busy machine."""
+
+WARN, ERROR = 30, 40
+"""Levels of rcl_interfaces/Log."""
+
+RELIABLE = QoSProfile(depth=1000)
+BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+NodeType = TypeVar("NodeType", bound=Node)
+
+
+class Messages(list):
+    """The messages of a topic, in order of arrival."""
+
+    def __init__(self, node: Node, kind: type, topic: str, qos: QoSProfile) -> None:
+        super().__init__()
+        self.subscription = node.create_subscription(kind, topic, self.append, qos)
+
+
+class World:
+    """One context with some nodes of the package, a node that looks at them, and an executor."""
+
+    def __init__(self, domain: int, deadline: float = DEADLINE) -> None:
+        self.domain = domain
+        self.deadline = deadline
+        self.context = Context()
+        self._nodes: list[Node] = []
+        self._refused = False
+
+    def __enter__(self) -> World:
+        rclpy.init(context=self.context, domain_id=self.domain)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.observer = self.add(Node("observer", context=self.context))
+        self.log = self.listen(Log, "/rosout", LATCHED)
+        self.diagnostics = self.listen(DiagnosticArray, "/diagnostics")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+        if self._refused:
+            # A node whose constructor failed lives until it is collected, and keeps the log of the
+            # next one with its name from /rosout.
+            gc.collect()
+
+    def add(self, node: NodeType) -> NodeType:
+        self._nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def make(
+        self,
+        kind: Callable[..., NodeType],
+        parameters: dict[str, Any] | None = None,
+        **node_options: Any,
+    ) -> NodeType:
+        """Make a node with parameters, as from a file or the command line, and spin it from now."""
+        overrides = [Parameter(name, value=value) for name, value in (parameters or {}).items()]
+        try:
+            node = kind(context=self.context, parameter_overrides=overrides, **node_options)
+        except Exception:
+            self._refused = True
+            raise
+        return self.add(node)
+
+    def end(self, node: Node) -> None:
+        """End one node before the others."""
+        self._nodes.remove(node)
+        self.executor.remove_node(node)
+        node.destroy_node()
+
+    def listen(self, kind: type, topic: str, qos: QoSProfile = RELIABLE) -> Messages:
+        return Messages(self.observer, kind, topic, qos)
+
+    def spin_once(self, timeout: float = 0.005) -> None:
+        self.executor.spin_once(timeout_sec=timeout)
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        """Spin until the condition holds."""
+        end = time.monotonic() + self.deadline
+        while not condition():
+            if time.monotonic() > end:
+                pytest.fail(f"waited {self.deadline} s for {what}; logged: {self.logged()}")
+            self.spin_once()
+
+    def until_connected(self) -> None:
+        """Spin until every publisher here knows every compatible subscription here."""
+        self.until(self._is_connected, "connections between publishers and subscriptions")
+
+    def _is_connected(self) -> bool:
+        wanted: dict[str, int] = {}
+        for node in self._nodes:
+            for subscription in node.subscriptions:
+                wanted[subscription.topic_name] = wanted.get(subscription.topic_name, 0) + 1
+        return all(
+            publisher.get_subscription_count() >= wanted.get(publisher.topic_name, 0)
+            for node in self._nodes
+            for publisher in node.publishers
+        )
+
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """Call a service and return its response."""
+        client = self.observer.create_client(kind, service)
+        self.until(client.service_is_ready, f"the service {service}")
+        answer: Future = client.call_async(request)
+        self.until(answer.done, f"an answer of {service}")
+        self.observer.destroy_client(client)
+        return answer.result()
+
+    def logged(self, level: int = 0) -> list[str]:
+        """What the nodes have said, from a level of rcl_interfaces/Log on."""
+        return [entry.msg for entry in self.log if entry.level >= level]
+
+    def until_logged(self, *parts: str, level: int = 0) -> str:
+        """Spin until a sentence with all these parts is logged; returns it."""
+
+        def found() -> list[str]:
+            return [line for line in self.logged(level) if all(part in line for part in parts)]
+
+        self.until(found, f"a log entry with {parts}")
+        return found()[0]
+
+    def status(self) -> DiagnosticStatus:
+        """The status of the track initiator's diagnostics, as published after this call."""
+        seen = len(self.diagnostics)
+        self.until(lambda: len(self.diagnostics) > seen, "diagnostics")
+        return self.diagnostics[-1].status[0]
+
+    def figures(self) -> dict[str, str]:
+        """The track initiator's figures of diagnostics, as published after this call."""
+        return {value.key: value.value for value in self.status().values}
+
+    def dropped(self) -> dict[str, int]:
+        """Drops by reason, from diagnostics."""
+        return {
+            key.removeprefix("dropped."): int(value)
+            for key, value in self.figures().items()
+            if key.startswith("dropped.")
+        }

@@ -1,0 +1,45 @@
+"""The demonstration: two processes, a table, a picture and an honest exit code."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tsepm_ros.nodes.demo import main
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def demo(*arguments, timeout=60.0):
+    command = [sys.executable, "-m", "tsepm_ros.nodes.demo", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+
+
+@pytest.mark.timeout(90)
+def test_the_demo_starts_every_target_and_draws_it(tmp_path):
+    picture = tmp_path / "demo.png"
+    done = demo("--rate", "300", "--picture", str(picture))
+    assert done.returncode == 0, done.stderr
+    assert "both nodes ended with (0, 0)" in done.stdout
+    assert "4 true" in done.stdout
+    assert picture.read_bytes().startswith(PNG)
+
+
+@pytest.mark.timeout(90)
+def test_a_target_that_is_not_started_fails_the_demo(tmp_path):
+    scenario = tmp_path / "deaf.yaml"
+    scenario.write_text(
+        "scans: 6\nperiod: 2.0\nsensor: {clutter_density: 1.0e-9, detection_probability: 1.0e-6}\n"
+        "targets: [{state: [3000.0, 1.0, 3000.0, 0.0]}]\n"
+    )
+    arguments = ("--scenario", str(scenario), "--rate", "100")
+    done = demo(*arguments, "--picture", str(tmp_path / "demo.png"))
+    assert done.returncode == 1
+    assert "1 of 1 targets were not truly started" in done.stderr
+
+
+def test_an_unknown_scenario_is_refused(capsys):
+    assert main(["--scenario", "nowhere"]) == 2
+    assert "refused: scenario" in capsys.readouterr().err

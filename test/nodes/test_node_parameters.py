@@ -1,0 +1,355 @@
+"""Parameters: declared from their table, refused with a sentence, changed while running."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import pytest
+from boat import Boat
+from expectation import as_scan, assert_same, confirmed, initiator
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from sonar_driver import pings
+
+from tsepm_ros import SensorModel, available_methods
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.scan_player import ScanPlayer
+from tsepm_ros.nodes.sonar_simulator import SonarSimulator
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.parameter_groups import NODES, full_table
+
+INITIATOR = "/track_initiator"
+ROS_TYPES = {
+    bool: ParameterType.PARAMETER_BOOL,
+    int: ParameterType.PARAMETER_INTEGER,
+    float: ParameterType.PARAMETER_DOUBLE,
+    str: ParameterType.PARAMETER_STRING,
+}
+TYPE_WITHOUT_NAME = pytest.mark.xfail(
+    strict=True,
+    reason="rclpy refuses a wrong type before NodeParameters sees it, and does not say of what",
+)
+FAST_TARGET = ((3000.0, 16.0, 1500.0, -12.0),)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    (folder / "detections.csv").write_text("time_s,range_m,azimuth_rad\n0,1000,0.1\n")
+    return str(folder)
+
+
+def as_messages(values: dict[str, Any]) -> list[Any]:
+    return [
+        Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+        for name, value in values.items()
+    ]
+
+
+def set_parameters(world: Any, **values: Any) -> list[str]:
+    """Set parameters one by one through the service; returns the reasons, empty for accepted."""
+    request = SetParameters.Request(parameters=as_messages(values))
+    results = world.call(SetParameters, f"{INITIATOR}/set_parameters", request).results
+    for result in results:
+        assert result.successful == (not result.reason)
+    return [result.reason for result in results]
+
+
+def set_together(world: Any, **values: Any) -> str:
+    """Set parameters in one step; returns the reason if they were refused."""
+    request = SetParametersAtomically.Request(parameters=as_messages(values))
+    service = f"{INITIATOR}/set_parameters_atomically"
+    return world.call(SetParametersAtomically, service, request).result.reason
+
+
+def get_parameter(world: Any, name: str) -> Any:
+    request = GetParameters.Request(names=[name])
+    [value] = world.call(GetParameters, f"{INITIATOR}/get_parameters", request).values
+    return parameter_value_to_python(value)
+
+
+@pytest.mark.parametrize("kind", [TrackInitiator, SonarSimulator, ScanPlayer])
+def test_every_parameter_is_declared_with_type_default_description_and_range(
+    world, kind, recording
+):
+    given = {"recording": recording} if kind is ScanPlayer else {}
+    node = world.make(kind, given)
+    rows = list(full_table(NODES[node.get_name()]))
+    assert len(rows) > 5
+    for row in rows:
+        descriptor = node.describe_parameter(row.name)
+        assert descriptor.type == ROS_TYPES[row.type], row.name
+        assert descriptor.description.startswith(row.description), row.name
+        assert row.unit in descriptor.description, row.name
+        assert descriptor.read_only == row.read_only, row.name
+        assert descriptor.additional_constraints == row.bounds, row.name
+        if row.name not in given:
+            assert node.get_parameter(row.name).value == row.default, row.name
+        ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+        if row.type in (int, float) and row.bounds:
+            [found] = ranges
+            assert found.from_value >= row.minimum, row.name
+            assert found.to_value <= row.maximum, row.name
+            assert found.from_value <= row.default <= found.to_value, row.name
+        else:
+            assert not ranges, row.name
+
+
+def test_topics_frames_and_types_are_read_only_the_rest_is_live(world):
+    node = world.make(TrackInitiator)
+    read_only = {
+        row.name
+        for row in full_table(NODES["track_initiator"])
+        if node.describe_parameter(row.name).read_only
+    }
+    assert read_only == {
+        "own_ship_source",
+        "fixed_frame",
+        "sensor_frame",
+        "detections_type",
+        "detections_reliability",
+        "detections_depth",
+        "bearing_reference",
+    }
+
+
+@pytest.mark.parametrize("kind", [TrackInitiator, SonarSimulator, ScanPlayer])
+def test_no_node_takes_a_name_that_rclpy_uses_inside(world, kind, recording):
+    node = world.make(kind, {"recording": recording} if kind is ScanPlayer else {})
+    plain = world.add(Node("plain", context=world.context))
+    taken = {
+        name
+        for name, value in vars(plain).items()
+        if type(vars(node)[name]) is not type(value) and value is not None
+    }
+    assert not taken
+
+
+def test_the_parameter_services_answer(world):
+    world.make(TrackInitiator)
+    names = {row.name for row in full_table(NODES["track_initiator"])}
+    listed = world.call(ListParameters, f"{INITIATOR}/list_parameters", ListParameters.Request())
+    assert names < set(listed.result.names)
+    request = DescribeParameters.Request(names=["tsepm.window"])
+    answer = world.call(DescribeParameters, f"{INITIATOR}/describe_parameters", request)
+    assert answer.descriptors[0].integer_range[0].from_value == 2
+    assert get_parameter(world, "tsepm.window") == 8
+    assert get_parameter(world, "max_speed") == 10.0
+    assert get_parameter(world, "method") == "tsepm"
+
+
+REFUSED = [
+    pytest.param(TrackInitiator, "max_speed", 4, "decimal point", id="integer_for_double"),
+    pytest.param(TrackInitiator, "tsepm.window", 8.0, "an integer", id="double_for_integer"),
+    pytest.param(TrackInitiator, "method", 3, "a text", id="integer_for_text"),
+    pytest.param(
+        TrackInitiator, "publish_potential_tracks", "yes", "true or false", id="text_for_bool"
+    ),
+    pytest.param(TrackInitiator, "max_speed", [1.0], "decimal point", id="array"),
+    pytest.param(TrackInitiator, "max_speed", -1.0, "above 0", id="negative"),
+    pytest.param(TrackInitiator, "max_speed", 0.0, "above 0", id="zero"),
+    pytest.param(TrackInitiator, "max_speed", float("nan"), "above 0", id="nan"),
+    pytest.param(TrackInitiator, "sensor.max_range", float("inf"), "above 0", id="infinite"),
+    pytest.param(TrackInitiator, "tsepm.min_hits", 1, "from 2 to 32", id="too_small"),
+    pytest.param(TrackInitiator, "tsepm.min_hits", 9, "window", id="more_hits_than_window"),
+    pytest.param(TrackInitiator, "method", "best", "one of tsepm", id="unknown_method"),
+    pytest.param(TrackInitiator, "own_ship_source", "gps", "one of none", id="unknown_source"),
+    pytest.param(TrackInitiator, "detections_type", "foo", "PointCloud2", id="unknown_type"),
+    pytest.param(TrackInitiator, "sensor.azimuth_std", 2.0, "to 1", id="degrees_for_radians"),
+    pytest.param(TrackInitiator, "sensor.range_std_fraction", 0.0, "range_std", id="no_range_std"),
+    pytest.param(TrackInitiator, "sensor.min_range", 9000.0, "max_range", id="no_coverage"),
+    pytest.param(TrackInitiator, "maxspeed", 4.0, "did you mean max_speed", id="misspelt_name"),
+    pytest.param(TrackInitiator, "min_hits", 4, "tsepm.min_hits", id="name_without_its_group"),
+    pytest.param(SonarSimulator, "rate_factor", 0.0, "above 0", id="no_rate"),
+    pytest.param(SonarSimulator, "seed", -1, "at least 0", id="negative_seed"),
+    pytest.param(SonarSimulator, "scenario", "nowhere", "four_targets", id="unknown_scenario"),
+    pytest.param(SonarSimulator, "scenario", "/no/such.yaml", "such.yaml", id="no_scenario_file"),
+    pytest.param(ScanPlayer, "recording", "", "folder", id="no_recording"),
+    pytest.param(ScanPlayer, "recording", "/no/such", "detections.csv", id="missing_recording"),
+]
+
+
+@pytest.mark.parametrize(("kind", "name", "value", "expected"), REFUSED)
+def test_a_bad_value_at_the_start_is_refused_with_a_sentence_that_names_it(
+    world, kind, name, value, expected
+):
+    with pytest.raises(ParameterError) as error:
+        world.make(kind, {name: value})
+    sentence = str(error.value)
+    assert name.rpartition(".")[2] in sentence
+    assert expected in sentence
+    assert "\n" not in sentence
+
+
+def test_own_ship_from_tf_without_tf2_ros_is_refused(world, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tf2_ros", None)
+    with pytest.raises(ParameterError, match="tf2_ros is not installed"):
+        world.make(TrackInitiator, {"own_ship_source": "tf", "fixed_frame": "map"})
+
+
+def test_bearings_from_north_without_own_ship_need_a_fixed_frame(world):
+    with pytest.raises(ParameterError, match="fixed_frame"):
+        world.make(TrackInitiator, {"bearing_reference": "north"})
+    world.make(TrackInitiator, {"bearing_reference": "north", "fixed_frame": "map"})
+
+
+def test_own_ship_from_tf_needs_a_fixed_frame(world):
+    with pytest.raises(ParameterError, match="fixed_frame"):
+        world.make(TrackInitiator, {"own_ship_source": "tf"})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("max_speed", 4, "Wrong parameter type"),
+        pytest.param("max_speed", 4, "max_speed", marks=TYPE_WITHOUT_NAME),
+        ("max_speed", -1.0, "max_speed"),
+        ("max_speed", 0.0, "max_speed must be above 0"),
+        ("max_speed", float("nan"), "max_speed"),
+        ("tsepm__window", 3, "tsepm.window must be at least min_hits"),
+        ("publish_potential_tracks", "yes", "Wrong parameter type"),
+        ("tsepm__min_hits", 1, "tsepm.min_hits"),
+        ("tsepm__evaluation", "best", "tsepm.evaluation must be one of"),
+        ("method", "best", "method must be one of"),
+        ("sensor__max_range", 0.0, "sensor.max_range must be above 0"),
+        ("diagnostics_period", 0.0, "diagnostics_period"),
+    ],
+)
+def test_a_bad_value_while_running_is_refused_with_a_reason_and_changes_nothing(
+    world, name, value, expected
+):
+    boat = Boat(world)
+    sent = pings(16)
+    received = boat.send(sent[:3])
+    before = get_parameter(world, name.replace("__", "."))
+    [reason] = set_parameters(world, **{name: value})
+    assert expected in reason
+    assert "\n" not in reason
+    assert get_parameter(world, name.replace("__", ".")) == before
+    assert_same([*received, *boat.send(sent[3:])], confirmed(sent))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("own_ship_source", "odometry"),
+        ("fixed_frame", "map"),
+        ("sensor_frame", "radar"),
+        ("detections_type", "sensor_msgs/msg/PointCloud2"),
+        ("detections_reliability", "reliable"),
+        ("detections_depth", 5),
+        ("bearing_reference", "north"),
+    ],
+)
+def test_read_only_parameters_refuse_to_change(world, name, value):
+    world.make(TrackInitiator)
+    [reason] = set_parameters(world, **{name: value})
+    assert name in reason
+    assert "read-only" in reason
+
+
+def test_a_parameter_of_no_table_is_refused(world):
+    world.make(TrackInitiator)
+    [reason] = set_parameters(world, min_hits=3)
+    assert "undeclared" in reason
+
+
+def test_another_maximum_speed_takes_effect_at_the_next_scan(world):
+    boat = Boat(world)
+    sent = pings(20, targets=FAST_TARGET, clutter=0)
+    before = boat.send(sent[:8])
+    assert not any(message.width for message in before), "it is too fast at first"
+    assert set_parameters(world, max_speed=30.0) == [""]
+    after = boat.send(sent[8:])
+    same = initiator()
+    for ping in sent[:8]:
+        same.process(as_scan(ping))
+    same.configure(SensorModel(), CommonOptions(max_speed=30.0), TsepmOptions())
+    assert_same(after, [same.process(as_scan(ping)) for ping in sent[8:]])
+
+
+def test_another_number_of_hits_starts_potential_tracks_over(world):
+    boat = Boat(world)
+    sent = pings(12)
+    boat.send(sent[:3])
+    assert set_parameters(world, tsepm__min_hits=3) == [""]
+    world.until_logged("potential tracks start over")
+    assert_same(boat.send(sent[3:]), confirmed(sent[3:], min_hits=3))
+
+
+def test_another_window_takes_effect_at_the_next_scan(world):
+    boat = Boat(world)
+    sent = pings(16, targets=((3000.0, 4.0, 1500.0, -2.0), (-4000.0, 1.0, -1500.0, 2.0)))
+    received = boat.send(sent[:4])
+    assert set_parameters(world, tsepm__window=5) == [""]
+    received += boat.send(sent[4:])
+    same = initiator()
+    expected = [same.process(as_scan(ping)) for ping in sent[:4]]
+    same.configure(SensorModel(), CommonOptions(), TsepmOptions(window=5))
+    assert_same(received, expected + [same.process(as_scan(ping)) for ping in sent[4:]])
+
+
+def test_values_that_fit_only_together_are_set_in_one_step(world):
+    boat = Boat(world)
+    sent = pings(24)
+    [reason] = set_parameters(world, tsepm__min_hits=10)
+    assert "window" in reason
+    assert set_together(world, tsepm__min_hits=10, tsepm__window=12) == ""
+    assert_same(boat.send(sent), confirmed(sent, min_hits=10, window=12))
+
+
+def test_the_sensor_model_may_change_while_running(world):
+    boat = Boat(world)
+    sent = pings(16)
+    assert set_parameters(world, sensor__range_std=50.0, sensor__azimuth_std=0.03) == ["", ""]
+    same = initiator()
+    same.configure(SensorModel(range_std=50.0, azimuth_std=0.03), CommonOptions(), TsepmOptions())
+    assert_same(boat.send(sent), [same.process(as_scan(ping)) for ping in sent])
+
+
+def test_the_method_may_change_while_running(world):
+    boat = Boat(world)
+    sent = pings(16)
+    boat.send(sent[:3])
+    for method in [*reversed(available_methods()), "tsepm"]:
+        assert set_parameters(world, method=method) == [""]
+        assert get_parameter(world, "method") == method
+    if len(available_methods()) > 1:
+        assert_same(boat.send(sent[3:]), confirmed(sent[3:]))
+
+
+def test_the_same_value_again_keeps_potential_tracks(world):
+    boat = Boat(world)
+    sent = pings(16)
+    received = boat.send(sent[:3])
+    assert set_parameters(world, max_speed=10.0, tsepm__min_hits=5) == ["", ""]
+    assert_same([*received, *boat.send(sent[3:])], confirmed(sent))
+
+
+def test_the_period_of_diagnostics_may_change_while_running(world):
+    world.make(TrackInitiator, {"diagnostics_period": 3600.0})
+    assert set_parameters(world, diagnostics_period=0.05) == [""]
+    world.status()
+    world.status()
+
+
+def test_a_parameter_file_is_read(world, tmp_path):
+    path = tmp_path / "parameters.yaml"
+    path.write_text(
+        "track_initiator:\n  ros__parameters:\n    max_speed: 25.0\n    tsepm:\n      window: 9\n"
+    )
+    node = world.make(TrackInitiator, cli_args=["--ros-args", "--params-file", str(path)])
+    assert node.get_parameter("max_speed").value == 25.0
+    assert node.get_parameter("tsepm.window").value == 9

@@ -1,0 +1,183 @@
+"""Finding the driver: its type, its reliability, and what is said where they do not fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from boat import Boat, named
+from expectation import assert_same, confirmed
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from ros_world import BEST_EFFORT, ERROR, RELIABLE, World
+from sensor_msgs.msg import Image, PointCloud2
+from sonar_driver import Driver, cloud, pings
+from std_msgs.msg import String
+
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+SENT = pings()
+
+
+def reliability(node: Node) -> ReliabilityPolicy:
+    [subscription] = [one for one in node.subscriptions if one.topic_name == "/detections"]
+    return subscription.qos_profile.reliability
+
+
+def test_an_unsupported_type_is_named_once_and_a_good_driver_is_still_found(world):
+    wrong = world.add(Node("camera", context=world.context))
+    publisher = wrong.create_publisher(Image, "detections", 10)
+    world.make(TrackInitiator, named({}))
+    line = world.until_logged("sensor_msgs/msg/Image", level=ERROR)
+    assert "/detections" in line
+    assert POINT_CLOUD in line, "the supported types"
+    world.until(lambda: len(world.diagnostics) > 5, "more looks at the graph")
+    assert len(world.logged(ERROR)) == 1
+    assert world.status().message == "no publisher of detections yet"
+
+    world.end(wrong)
+    assert publisher
+    driver = world.add(Driver(world.context))
+    tracks = world.listen(PointCloud2, "tracks")
+    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+    world.until_connected()
+    for ping in SENT:
+        driver.ping(ping)
+    world.until(lambda: len(tracks) == len(SENT), "tracks")
+    assert_same(tracks, confirmed(SENT))
+
+
+def test_a_good_driver_beside_an_unsupported_one_is_read(world):
+    with World(world.domain) as elsewhere:  # one process cannot publish two types on one topic
+        talker = elsewhere.add(Node("talker", context=elsewhere.context))
+        publisher = talker.create_publisher(String, "detections", 10)
+        node = world.make(TrackInitiator, named({}))
+        world.until_logged("std_msgs/msg/String", level=ERROR)
+        driver = world.add(Driver(world.context))
+        world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+        assert publisher.topic_name == "/detections"
+    assert reliability(node) == ReliabilityPolicy.RELIABLE
+
+
+def test_a_type_may_be_given(world):
+    boat = Boat(world, detections_type=POINT_CLOUD)
+    assert_same(boat.send(SENT), confirmed(SENT))
+
+
+def test_a_driver_of_another_type_than_the_one_given_is_named(world):
+    wrong = world.add(Node("camera", context=world.context))
+    publisher = wrong.create_publisher(Image, "detections", 10)
+    world.make(TrackInitiator, named({"detections_type": POINT_CLOUD}))
+    line = world.until_logged("sensor_msgs/msg/Image", level=ERROR)
+    assert publisher
+    assert POINT_CLOUD in line
+
+
+@pytest.mark.xfail(
+    strict=True, reason="nobody looks at the graph where type and reliability are both given"
+)
+def test_a_driver_of_another_type_is_named_where_type_and_reliability_are_given(world):
+    given = {"detections_type": POINT_CLOUD, "detections_reliability": "reliable"}
+    with World(world.domain) as elsewhere:
+        camera = elsewhere.add(Node("camera", context=elsewhere.context))
+        publisher = camera.create_publisher(Image, "detections", 10)
+        world.make(TrackInitiator, named(given))
+        world.until_logged("sensor_msgs/msg/Image", POINT_CLOUD, level=ERROR)
+        assert publisher.topic_name == "/detections"
+
+
+def test_type_and_reliability_given_subscribe_before_there_is_a_driver(world):
+    given = {"detections_type": POINT_CLOUD, "detections_reliability": "best_effort"}
+    node = world.make(TrackInitiator, named(given))
+    assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
+    assert world.status().message == "no scan yet"
+
+
+def test_best_effort_may_be_asked_of_a_reliable_driver(world):
+    boat = Boat(world, detections_reliability="best_effort")
+    assert reliability(boat.node) == ReliabilityPolicy.BEST_EFFORT
+    for number, ping in enumerate(SENT, 1):
+        boat.driver.ping(ping)
+        world.until(lambda number=number: len(boat.tracks) == number, "the tracks of this ping")
+    assert_same(boat.tracks, confirmed(SENT))
+
+
+def test_reliable_asked_of_a_best_effort_driver_is_reported(world):
+    node = world.make(TrackInitiator, named({"detections_reliability": "reliable"}))
+    world.add(Driver(world.context, BEST_EFFORT))
+    line = world.until_logged("does not offer reliable", level=ERROR)
+    assert "/detections" in line
+    assert "detections_reliability" in line
+    assert reliability(node) == ReliabilityPolicy.RELIABLE
+
+
+def test_a_second_driver_that_offers_less_is_read_as_well(world):
+    boat = Boat(world)
+    assert reliability(boat.node) == ReliabilityPolicy.RELIABLE
+    world.end(boat.driver)
+    boat.driver = world.add(Driver(world.context, BEST_EFFORT))
+    world.until_logged("best effort only")
+    boat.connect()
+    assert reliability(boat.node) == ReliabilityPolicy.BEST_EFFORT
+    for number, ping in enumerate(SENT, 1):
+        boat.driver.ping(ping)
+        world.until(lambda number=number: len(boat.tracks) == number, "the tracks of this ping")
+    assert_same(boat.tracks, confirmed(SENT))
+
+
+def test_a_driver_may_start_again(world):
+    boat = Boat(world)
+    received = boat.send(SENT[:6])
+    world.end(boat.driver)
+    boat.driver = world.add(Driver(world.context))
+    boat.connect()
+    received += boat.send(SENT[6:])
+    assert_same(received, confirmed(SENT))
+
+
+def test_a_burst_longer_than_default_queues_survives(world):
+    boat = Boat(world, QoSProfile(depth=600))
+    sent = pings(500, clutter=3)
+    assert_same(boat.send(sent), confirmed(sent))
+
+
+def test_the_queue_may_be_kept_short(world):
+    boat = Boat(world, QoSProfile(depth=600), detections_depth=1)
+    sent = pings(50)
+    for ping in sent:
+        boat.driver.ping(ping)
+    world.until(
+        lambda: boat.tracks and boat.tracks[-1].header.stamp.sec == sent[-1].stamp_ns // 10**9,
+        "the newest scan",
+    )
+    assert len(boat.tracks) < 10
+
+
+def test_double_precision_and_xy_are_read_as_well(world):
+    boat = Boat(world)
+    number = len(SENT)
+    for ping in SENT:
+        distance, angle = np.float64(ping.range), np.float64(ping.azimuth)
+        columns = {"x": distance * np.cos(angle), "y": distance * np.sin(angle)}
+        boat.driver.publisher.publish(cloud(ping.stamp_ns, columns, datatype=8))
+    received = boat.take(number, 0)
+    assert [m.width for m in received] == [len(tracks) for tracks in confirmed(SENT)]
+
+
+def test_two_sonars_are_tracked_apart_by_two_nodes_in_two_namespaces(world):
+    boats = []
+    for name in ("port", "starboard"):
+        arguments = ["--ros-args", "-r", f"__ns:=/{name}"]
+        driver = world.add(Driver(world.context, RELIABLE, cli_args=arguments))
+        world.make(TrackInitiator, named({}), cli_args=arguments)
+        boats.append((driver, world.listen(PointCloud2, f"/{name}/tracks")))
+    for driver, _ in boats:
+        world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+    world.until_connected()
+    sent = [pings(seed=1), pings(seed=2, targets=((-4000.0, 2.0, 3000.0, -3.0),))]
+    for (driver, _), of_sonar in zip(boats, sent, strict=True):
+        for ping in of_sonar:
+            driver.ping(ping)
+    for (_, tracks), of_sonar in zip(boats, sent, strict=True):
+        world.until(lambda tracks=tracks: len(tracks) == len(SENT), "tracks")
+        assert_same(tracks, confirmed(of_sonar))

@@ -1,0 +1,373 @@
+"""Pings of a driver in, tracks out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from boat import Boat, named
+from expectation import (
+    COVARIANCE,
+    STATE,
+    as_scan,
+    assert_same,
+    assert_same_track,
+    assert_stamps,
+    confirmed,
+    initiator,
+)
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import ReliabilityPolicy
+from ros_world import BEST_EFFORT, LATCHED, RELIABLE
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2, PointField
+from sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+
+SECOND = 10**9
+PARTS = ["ellipse", "label", "position", "velocity"]
+"""Namespaces of a track's markers."""
+TWO_TARGETS = ((3000.0, 4.0, 1500.0, -2.0), (-2000.0, -3.0, 2500.0, 1.0))
+
+
+@pytest.mark.parametrize("driver_first", [True, False], ids=["driver_first", "node_first"])
+@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
+def test_a_driver_that_publishes_range_and_azimuth_gets_tracks(world, qos, driver_first):
+    if driver_first:
+        driver = world.add(Driver(world.context, qos))
+        node = world.make(TrackInitiator, named({}))
+    else:
+        node = world.make(TrackInitiator, named({}))
+        world.until_logged("waiting for a publisher of /detections")
+        driver = world.add(Driver(world.context, qos))
+    tracks = world.listen(PointCloud2, "tracks")
+    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+    world.until_connected()
+    sent = pings()
+    for number, ping in enumerate(sent, 1):
+        driver.ping(ping)
+        world.until(lambda number=number: len(tracks) == number, "the tracks of this ping")
+    assert_same(tracks, confirmed(sent))
+    assert_stamps(tracks, sent)
+    [subscription] = [one for one in node.subscriptions if one.topic_name == "/detections"]
+    assert subscription.qos_profile.reliability == qos.reliability
+
+
+def test_every_target_of_a_burst_is_tracked_and_ids_count_up(world):
+    boat = Boat(world)
+    sent = pings(30, targets=TWO_TARGETS, clutter=20)
+    received = boat.send(sent)
+    assert_same(received, confirmed(sent))
+    ids = [point["track_id"] for message in received for point in points(message)]
+    assert ids == list(range(len(ids)))
+    assert len(ids) >= 2
+
+
+def test_every_scan_gives_one_message_even_without_tracks_or_detections(world):
+    boat = Boat(world)
+    sent = [Ping(START_NS + index * SECOND, [], []) for index in range(3)]
+    sent += pings(2, start_ns=START_NS + 12 * SECOND)
+    received = boat.send(sent)
+    assert_stamps(received, sent)
+    assert [message.width for message in received] == [0] * 5
+    fields = [[field.name for field in message.fields] for message in received]
+    assert all(names == fields[0] for names in fields)
+    assert fields[0][:4] == ["x", "y", "z", "track_id"]
+
+
+def test_tracks_have_the_documented_layout(world):
+    boat = Boat(world)
+    message = boat.send(pings())[-1]
+    names = [field.name for field in message.fields]
+    assert names == [
+        *("x", "y", "z", "track_id", *STATE, *COVARIANCE),
+        *("evaluation", "score", "hit_count", "scan_count", "age"),
+    ]
+    kinds = {field.name: field.datatype for field in message.fields}
+    # RViz and PCL need these three as float32.
+    assert {kinds.pop(name) for name in "xyz"} == {PointField.FLOAT32}
+    assert kinds.pop("track_id") == PointField.UINT32
+    assert {kinds.pop("hit_count"), kinds.pop("scan_count")} == {PointField.UINT16}
+    assert set(kinds.values()) == {PointField.FLOAT64}
+    doubles = [f.offset for f in message.fields if f.datatype == PointField.FLOAT64]
+    assert not any(offset % 8 for offset in [*doubles, message.point_step])
+    assert {field.count for field in message.fields} == {1}
+    assert message.height == 1 and not message.is_bigendian
+    assert message.row_step == message.width * message.point_step == len(message.data)
+
+
+def test_tracks_are_in_the_detections_frame_without_own_ship(world):
+    boat = Boat(world)
+    assert {message.header.frame_id for message in boat.send(pings(3))} == {"sonar"}
+
+
+def test_fixed_frame_names_the_frame_of_the_tracks(world):
+    boat = Boat(world, fixed_frame="map", own_ship_source="odometry")
+    for index in range(5):
+        boat.driver.pose(START_NS + index * 12 * SECOND, 0, 0, 0, frame_id="map")
+    assert {message.header.frame_id for message in boat.send(pings(3))} == {"map"}
+
+
+def test_topics_follow_remapping_and_namespace(world):
+    driver = world.add(Driver(world.context, cli_args=["--ros-args", "-r", "__ns:=/sonar"]))
+    arguments = ["--ros-args", "-r", "__ns:=/boat", "-r", "detections:=/sonar/detections"]
+    world.make(TrackInitiator, named({}), cli_args=arguments)
+    tracks = world.listen(PointCloud2, "/boat/tracks")
+    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+    world.until_connected()
+    sent = pings()
+    for ping in sent:
+        driver.ping(ping)
+    world.until(lambda: len(tracks) == len(sent), "tracks")
+    assert_same(tracks, confirmed(sent))
+
+
+def test_tracks_are_offered_reliably_and_current_tracks_latched(world):
+    Boat(world)
+    [tracks] = world.observer.get_publishers_info_by_topic("/tracks")
+    [current] = world.observer.get_publishers_info_by_topic("/tracks/current")
+    assert tracks.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert current.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert current.qos_profile.durability == LATCHED.durability
+
+
+def test_each_new_track_is_an_odometry_message(world):
+    boat = Boat(world)
+    odometry = world.listen(Odometry, "tracks/odometry")
+    world.until_connected()
+    sent = pings(20, targets=TWO_TARGETS)
+    received = boat.send(sent)
+    tracks = [(message, point) for message in received for point in points(message)]
+    world.until(lambda: len(odometry) >= len(tracks), "odometry")
+    assert len(odometry) == len(tracks) >= 2
+    for (message, point), found in zip(tracks, odometry, strict=True):
+        assert found.header == message.header
+        assert found.child_frame_id == f"track_{point['track_id']}"
+        position, orientation = found.pose.pose.position, found.pose.pose.orientation
+        velocity = found.twist.twist.linear
+        assert [position.x, velocity.x, position.y, velocity.y] == [point[n] for n in STATE]
+        assert (orientation.x, orientation.y, orientation.z, orientation.w) == (0, 0, 0, 1)
+        pose, twist = found.pose.covariance.reshape(6, 6), found.twist.covariance.reshape(6, 6)
+        assert [pose[0, 0], pose[0, 1], pose[1, 1]] == [
+            point[name] for name in ("cov_00", "cov_02", "cov_22")
+        ]
+        assert [twist[0, 0], twist[0, 1], twist[1, 1]] == [
+            point[name] for name in ("cov_11", "cov_13", "cov_33")
+        ]
+        assert min(*np.diag(pose)[2:], *np.diag(twist)[2:]) >= 1e5, "not observed"
+
+
+def test_a_late_subscriber_gets_the_current_tracks_as_of_the_last_scan(world):
+    boat = Boat(world)
+    sent = pings(8)
+    received = boat.send(sent)
+    [(number, start)] = [(n, p) for n, m in enumerate(received) for p in points(m)]
+    assert number < 7, "it must have been carried forward"
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
+    world.until(lambda: current, "the current tracks")
+    [latched] = current
+    assert stamp_ns(latched) == sent[-1].stamp_ns
+    [held] = points(latched)
+    elapsed = (sent[-1].stamp_ns - sent[number].stamp_ns) / SECOND
+    track = next(track for tracks in confirmed(sent) for track in tracks)
+    assert held["track_id"] == start["track_id"]
+    assert_same_track(held, track.predicted(track.stamp + elapsed))
+    assert held["state_x"] == pytest.approx(start["state_x"] + elapsed * start["state_vx"])
+
+
+def test_markers_show_a_track_until_its_hold_time_is_over(world):
+    boat = Boat(world, hold_time=30.0)
+    markers = world.listen(MarkerArray, "tracks/markers")
+    world.until_connected()
+    sent = pings(12, clutter=0)
+    tracks = boat.send(sent)
+    world.until(lambda: len(markers) == len(sent), "markers")
+    first = next(index for index, message in enumerate(tracks) if message.width)
+    [track_id] = [point["track_id"] for point in points(tracks[first])]
+    seen = [[one for one in array.markers if one.id == track_id] for array in markers]
+    shown, deleted = seen[first : first + 3], seen[first + 3]  # 24 and 36 s later
+    for ping, of_track in zip(sent[first:], shown, strict=False):
+        assert sorted(marker.ns for marker in of_track) == PARTS
+        assert {marker.action for marker in of_track} == {Marker.ADD}
+        assert {(one.header.frame_id, stamp_ns(one)) for one in of_track} == {
+            ("sonar", ping.stamp_ns)
+        }
+    assert sorted(marker.ns for marker in deleted) == PARTS
+    assert {marker.action for marker in deleted} == {Marker.DELETE}
+    assert not any(seen[first + 4 :])
+
+
+def test_markers_are_at_the_track_and_can_be_drawn(world):
+    boat = Boat(world)
+    markers = world.listen(MarkerArray, "tracks/markers")
+    world.until_connected()
+    tracks = boat.send(pings(5, clutter=0))
+    world.until(lambda: len(markers) == 5, "markers")
+    [point] = points(tracks[-1])
+    by_name = {marker.ns: marker for marker in markers[-1].markers}
+    position = by_name["position"].pose.position
+    assert (position.x, position.y) == (point["state_x"], point["state_y"])
+    ellipse = by_name["ellipse"].scale
+    largest = np.linalg.eigvalsh(
+        [[point["cov_00"], point["cov_02"]], [point["cov_02"], point["cov_22"]]]
+    )[-1]
+    assert ellipse.x == pytest.approx(2 * math.sqrt(5.9915 * largest), rel=1e-4)
+    for marker in markers[-1].markers:
+        assert marker.color.a > 0
+        assert marker.scale.z > 0
+
+
+def test_potential_tracks_come_only_while_switched_on(world):
+    boat = Boat(world)
+    potential = world.listen(PointCloud2, "potential_tracks")
+    world.until_connected()
+    sent = pings(9, clutter=20)
+
+    def switch(on: bool) -> None:
+        value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=on)
+        request = SetParameters.Request(
+            parameters=[Parameter(name="publish_potential_tracks", value=value)]
+        )
+        response = world.call(SetParameters, "/track_initiator/set_parameters", request)
+        assert response.results[0].successful, response.results[0].reason
+
+    boat.send(sent[:3])
+    switch(True)
+    boat.send(sent[3:6])
+    world.until(lambda: len(potential) >= 3, "potential tracks")
+    switch(False)
+    boat.send(sent[6:])
+    world.status()  # after the last scan: whatever was published has come
+    assert [stamp_ns(message) for message in potential] == [p.stamp_ns for p in sent[3:6]]
+
+    same = initiator()
+    for ping in sent[:6]:
+        same.process(as_scan(ping))
+    found = {tuple(point[name] for name in STATE) for point in points(potential[-1])}
+    assert found == {tuple(track.state) for track in same.potential_tracks()}
+    assert {point["hit_count"] for point in points(potential[-1])} <= {2, 3, 4}
+    assert found
+
+
+def test_results_are_published_in_the_callback_that_made_them(world):
+    boat = Boat(world, diagnostics_period=3600.0)
+    # From here the node runs only when it is told to, once per ping.
+    world.executor.remove_node(boat.node)
+    alone = SingleThreadedExecutor(context=world.context)
+    alone.add_node(boat.node)
+    received = []
+    for number, ping in enumerate(sent := pings(6), 1):
+        boat.driver.ping(ping)
+        alone.spin_once(timeout_sec=10.0)
+        world.until(lambda number=number: len(boat.tracks) == number, "tracks without a timer")
+        received.append(boat.node.latency)
+    alone.shutdown()
+    assert_same(boat.tracks, confirmed(sent))
+    for whole, core in received:
+        assert 0 < core < whole < 5.0
+
+
+def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
+    node = world.make(TrackInitiator, named({}))
+    assert world.status().message == "no publisher of detections yet"
+    assert world.status().level == b"\x01"
+    world.end(node)
+    boat = Boat(world)
+    assert "no scan yet" in world.status().message
+    before = boat.node.get_clock().now().nanoseconds
+    sent = pings()
+    tracks = boat.send(sent)
+    status = world.status()
+    assert status.name == "track_initiator: track initiation"
+    assert status.level == b"\x00"
+    assert before <= stamp_ns(world.diagnostics[-1]) <= before + 60 * SECOND
+    figures = {value.key: value.value for value in status.values}
+    assert int(figures["scans"]) == len(sent)
+    assert int(figures["detections"]) == sum(len(ping.range) for ping in sent)
+    assert int(figures["confirmed"]) == sum(message.width for message in tracks)
+    assert int(figures["waiting_for_own_ship"]) == 0
+    assert 0 < float(figures["core_ms"]) < float(figures["latency_ms"])
+    assert {"potential_tracks", "raw_confirmations", "pruned", "merged", "started"} <= set(figures)
+    assert not [key for key in figures if key.startswith("dropped.")]
+
+
+def test_reset_forgets_scans_tracks_and_counts_but_no_id_comes_twice(world):
+    boat = Boat(world)
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
+    markers = world.listen(MarkerArray, "tracks/markers")
+    world.until_connected()
+    sent = pings()
+    first = boat.send(sent)
+    boat.driver.ping(sent[-2])  # late: dropped and counted
+    world.until(lambda: world.dropped() == {"scan_late": 1}, "the count")
+    response = world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    assert response.success and response.message
+    world.until(lambda: len(current) > len(sent) and len(markers) > len(sent), "what it cleared")
+    assert current[-1].width == 0
+    assert [marker.action for marker in markers[-1].markers] == [Marker.DELETEALL]
+    figures = world.figures()
+    assert figures["scans"] == "0"
+    assert not [key for key in figures if key.startswith("dropped.")]
+    again = boat.send(sent)  # the same stamps once more are neither late nor a restart
+    assert_same(again, confirmed(sent))
+    ids = [point["track_id"] for message in [*first, *again] for point in points(message)]
+    assert len(set(ids)) == len(ids)
+
+
+def test_reset_forgets_the_frame_of_the_detections(world):
+    boat = Boat(world)
+    sent = pings()
+    boat.send(sent)
+    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    received = boat.send(sent, frame_id="head")
+    assert_same(received, confirmed(sent))
+    assert {message.header.frame_id for message in received} == {"head"}
+
+
+def test_reset_clears_the_current_tracks_in_their_frame(world):
+    boat = Boat(world)
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
+    world.until_connected()
+    sent = pings()
+    boat.send(sent)
+    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    world.until(lambda: len(current) > len(sent), "the empty message")
+    assert current[-1].header.frame_id == "sonar", "RViz cannot place a message without a frame"
+
+
+def test_use_sim_time_takes_the_time_from_clock(world):
+    boat = Boat(world, use_sim_time=True)
+    clock = world.observer.create_publisher(Clock, "/clock", 10)
+    world.until_connected()
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = 1234, 567
+    clock.publish(message)
+    world.status()
+    world.until(lambda: stamp_ns(world.diagnostics[-1]) == 1234 * SECOND + 567, "the time in use")
+    sent = pings(start_ns=1000 * SECOND)
+    assert_same(boat.send(sent), confirmed(sent))
+
+
+def test_a_jump_of_the_clock_does_no_harm(world):
+    boat = Boat(world, use_sim_time=True)
+    clock = world.observer.create_publisher(Clock, "/clock", 10)
+    world.until_connected()
+    sent = pings(start_ns=1000 * SECOND)
+    received = []
+    for seconds, ping in zip([5000, 1000, 3, 3, 9000] * 3, sent, strict=False):
+        message = Clock()
+        message.clock.sec = seconds
+        clock.publish(message)
+        world.until(
+            lambda seconds=seconds: boat.node.get_clock().now().nanoseconds == seconds * SECOND,
+            "the time",
+        )
+        received += boat.send([ping])
+    assert_same(received, confirmed(sent))

@@ -1,0 +1,197 @@
+"""A source of scans and the track initiator as two processes, watched, judged and drawn.
+
+With a scenario the source is `sonar_simulator`, with a recording it is `scan_player`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # before rclpy.init
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+from tsepm_ros.analysis.plan_position import save
+from tsepm_ros.nodes.run_recorder import RunRecorder
+from tsepm_ros.nodes.run_review import Review, review_recording, review_simulation
+from tsepm_ros.recording import Recording, read_recording
+from tsepm_ros.simulation import Scenario, load_scenario
+
+PATIENCE = 20.0
+"""Time without any progress after which a run has failed, s."""
+
+NAMESPACE = f"/tsepm_demo_{os.getpid()}"
+"""Keeps the demonstration apart from whatever else runs on this machine."""
+PROCESS = "from tsepm_ros.nodes.{0} import main; raise SystemExit(main())"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the demonstration.
+
+    Returns
+    -------
+    int
+        0 only where both nodes ran through, every scan was processed, and every target was truly
+        started.
+    """
+    options = _parse(arguments)
+    try:
+        scene = _scene(options)
+    except ValueError as error:
+        print(f"refused: {error}", file=sys.stderr)
+        return 2
+    began = time.monotonic()
+    scans = scene.scans if isinstance(scene, Scenario) else len(scene.scans)
+    recorder, codes = _run(options, scans)
+    print(f"both nodes ended with {codes}; {time.monotonic() - began:.1f} s")
+    if any(codes) or recorder.processed < scans:
+        print(f"failed: {recorder.processed} of {scans} scans were processed", file=sys.stderr)
+        return 1
+    if isinstance(scene, Scenario):
+        review = review_simulation(recorder, scene, options.seed, options.parameter)
+    else:
+        review = review_recording(recorder, scene, options.parameter, options.tolerance)
+    return _tell(review, options.picture)
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="tsepm_demo", description=__doc__)
+    parser.add_argument("--scenario", default="four_targets", help="shipped name or .yaml file")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the simulation")
+    parser.add_argument("--recording", help="folder of a recording, in place of a scenario")
+    parser.add_argument("--rate", type=float, default=60.0, help="times faster than real time")
+    parser.add_argument(
+        "-p",
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="NAME:=VALUE",
+        help="parameter of track_initiator; may be repeated",
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=60.0,
+        help="distance from a recorded target that counts as on it, m",
+    )
+    parser.add_argument("--picture", type=Path, default=Path("build/demo.png"))
+    return parser.parse_args(arguments)
+
+
+def _scene(options: argparse.Namespace) -> Scenario | Recording:
+    if options.recording:
+        return read_recording(options.recording)
+    return load_scenario(options.scenario)
+
+
+def _run(options: argparse.Namespace, scans: int) -> tuple[RunRecorder, tuple[int, int]]:
+    """Run both nodes; returns what was recorded and their exit codes."""
+    domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    source = ["sonar_simulator", "-p", f"scenario:={options.scenario}", "-p"]
+    source += [f"seed:={options.seed}"]
+    if options.recording:
+        source = ["scan_player", "-p", f"recording:={options.recording}"]
+    source += ["-p", f"rate_factor:={options.rate}", "-p", "wait_for_subscribers:=2"]
+    initiator = ["track_initiator", "-p", "own_ship_source:=odometry"]
+    for parameter in options.parameter:
+        initiator += ["-p", parameter]
+    rclpy.init(domain_id=domain)
+    recorder = RunRecorder(namespace=NAMESPACE)
+    executor = SingleThreadedExecutor()
+    executor.add_node(recorder)
+    try:
+        with _process(*initiator) as tracker:
+            _wait_for_initiator(executor, recorder, tracker)
+            with _process(*source) as player:
+                _watch(executor, recorder, scans, tracker)
+                codes = (_end(player), _end(tracker, interrupt=True))
+    finally:
+        executor.shutdown()
+        recorder.destroy_node()
+        rclpy.try_shutdown()
+    return recorder, codes
+
+
+@contextmanager
+def _process(name: str, *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
+    command = [sys.executable, "-c", PROCESS.format(name), "--ros-args", *parameters]
+    command += ["--log-level", "warn", "-r", f"__ns:={NAMESPACE}"]
+    process = subprocess.Popen(command)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+def _watch(
+    executor: SingleThreadedExecutor,
+    recorder: RunRecorder,
+    scans: int,
+    tracker: subprocess.Popen[bytes],
+) -> None:
+    """Spin until every scan is processed, or nothing happens any more."""
+    from tqdm import tqdm
+
+    heard, last = -1, time.monotonic()
+    with tqdm(total=scans, unit="scan", desc="scans", dynamic_ncols=True, mininterval=0.5) as bar:
+        while recorder.processed < scans:
+            executor.spin_once(timeout_sec=0.1)
+            if recorder.heard != heard:
+                heard, last = recorder.heard, time.monotonic()
+                bar.set_postfix_str(f"{len(recorder.tracks)} confirmed tracks", refresh=False)
+                bar.update(recorder.processed - bar.n)
+            if time.monotonic() - last > PATIENCE or tracker.poll() is not None:
+                return
+
+
+def _wait_for_initiator(
+    executor: SingleThreadedExecutor, recorder: RunRecorder, tracker: subprocess.Popen[bytes]
+) -> None:
+    """Spin until the initiator publishes tracks, or has died."""
+    until = time.monotonic() + PATIENCE
+    while not recorder.count_publishers("tracks") and time.monotonic() < until:
+        executor.spin_once(timeout_sec=0.1)
+        if tracker.poll() is not None:
+            return
+
+
+def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
+    """Let a process end by itself, or interrupt it; returns its exit code."""
+    if interrupt:
+        process.send_signal(signal.SIGINT)
+    try:
+        return process.wait(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
+
+
+def _tell(review: Review, picture: Path) -> int:
+    save(review.picture, picture, review.insets)
+    print()
+    print(review.table)
+    print()
+    for line in review.lines:
+        print(line)
+    print(f"picture: {picture}")
+    if review.failure:
+        print(f"failed: {review.failure}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,160 @@
+"""Declaring a node's parameters from their table, and keeping them valid."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from tsepm_ros.parameter_groups import Groups, full_table, make_groups
+from tsepm_ros.parameters import Parameter, Value
+
+_INT64 = 2**63 - 1
+_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""Parameters that rclpy declares itself."""
+_ROS_TYPES = {
+    bool: RosParameter.Type.BOOL,
+    int: RosParameter.Type.INTEGER,
+    float: RosParameter.Type.DOUBLE,
+    str: RosParameter.Type.STRING,
+}
+_TYPE_HINTS = {
+    float: "a number with a decimal point (4.0, not 4)",
+    int: "an integer",
+    bool: "true or false",
+    str: "a text",
+}
+
+
+AUTO_DECLARE = {"automatically_declare_parameters_from_overrides": True}
+"""How a node that uses `NodeParameters` is made."""
+
+
+class ParameterError(ValueError):
+    """A parameter was given a value that it cannot have."""
+
+
+class NodeParameters:
+    """A node's parameters, declared from their table.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Made with `AUTO_DECLARE`: rclpy tells of names that
+        nobody declares in no other way, and a misspelt parameter must not be ignored in silence.
+    groups : Groups
+        The table, by groups.
+    on_change : callable, optional
+        Called with the groups after parameters changed while running.
+
+    Raises
+    ------
+    ParameterError
+        If a name given at the start is unknown or its value is not allowed; the sentence names
+        the parameter.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        groups: Groups,
+        on_change: Callable[[Mapping[type[Any], Any]], None] | None = None,
+    ) -> None:
+        self._node = node
+        self._groups = groups
+        self._on_change = on_change
+        self._rows = {row.name: row for row in full_table(groups)}
+        self._refuse_unknown()
+        for row in self._rows.values():
+            self._declare(row)
+        self.made = self._make({})
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._changed)
+
+    def _refuse_unknown(self) -> None:
+        given = self._node.get_parameters_by_prefix("")
+        for name in given:
+            if name not in self._rows and not name.startswith(_OF_ROS):
+                near = difflib.get_close_matches(name, self._rows, n=1)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                raise ParameterError(f"{name} is not a parameter of this node{hint}")
+
+    def _declare(self, row: Parameter) -> None:
+        given: Any = row.default
+        if self._node.has_parameter(row.name):
+            given = self._node.get_parameter(row.name).value
+            self._node.undeclare_parameter(row.name)
+        try:
+            self._node.declare_parameter(row.name, row.default, _descriptor(row))
+        except InvalidParameterTypeException:
+            allowed = _TYPE_HINTS[row.type]
+            raise ParameterError(f"{row.name} must be {allowed}; got {given!r}") from None
+        except InvalidParameterValueException:
+            raise ParameterError(f"{row.name} must be {row.bounds}; got {given!r}") from None
+
+    def _values(self) -> dict[str, Value]:
+        return {name: self._node.get_parameter(name).value for name in self._rows}
+
+    def _make(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
+        try:
+            return make_groups(self._groups, {**self._values(), **changes})
+        except ValueError as error:
+            raise ParameterError(str(error)) from None
+
+    def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
+        changes = {}
+        for one in parameters:
+            row = self._rows.get(one.name)
+            if row is None:
+                continue  # another part of the node has declared it
+            if one.type_ is not _ROS_TYPES[row.type]:
+                reason = f"{one.name} must be {_TYPE_HINTS[row.type]}; got {one.value!r}"
+                return SetParametersResult(successful=False, reason=reason)
+            changes[one.name] = one.value
+        try:
+            self._make(changes)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _changed(self, parameters: list[RosParameter]) -> None:
+        if not any(one.name in self._rows for one in parameters):
+            return
+        self.made = self._make({})
+        if self._on_change is not None:
+            self._on_change(self.made)
+
+
+def _descriptor(row: Parameter) -> ParameterDescriptor:
+    unit = f" [{row.unit}]" if row.unit else ""
+    descriptor = ParameterDescriptor(
+        description=row.description + unit,
+        additional_constraints=row.bounds,
+        read_only=row.read_only,
+    )
+    if row.type is float and row.bounds:
+        largest = sys.float_info.max
+        descriptor.floating_point_range = [
+            FloatingPointRange(
+                from_value=max(0.0 if row.positive else row.minimum, -largest),
+                to_value=min(row.maximum, largest),
+            )
+        ]
+    elif row.type is int and row.bounds:
+        descriptor.integer_range = [
+            IntegerRange(
+                from_value=int(max(row.minimum, -_INT64)), to_value=int(min(row.maximum, _INT64))
+            )
+        ]
+    return descriptor

@@ -1,0 +1,75 @@
+"""A subscription with the reliability that the publishers offer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+
+class OfferedSubscription:
+    """Subscribes reliably; as best effort once a publisher turns out to offer no more.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    message_type : type
+    topic : str
+    depth : int
+        Messages that may queue up.
+    callback : callable
+        Called with each message.
+    reliability : rclpy.qos.ReliabilityPolicy, optional
+        To begin with.
+    fixed : bool, optional
+        Keep the reliability whatever is offered, and only report a mismatch.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: type[Any],
+        topic: str,
+        depth: int,
+        callback: Callable[[Any], None],
+        *,
+        reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
+        fixed: bool = False,
+    ) -> None:
+        self._node = node
+        self._message_type = message_type
+        self._topic = topic
+        self._depth = depth
+        self._callback = callback
+        self._fixed = fixed
+        self._subscribe(reliability)
+
+    @property
+    def topic_name(self) -> str:
+        """Full name of the topic."""
+        return str(self._subscription.topic_name)
+
+    def _subscribe(self, reliability: ReliabilityPolicy) -> None:
+        self._subscription = self._node.create_subscription(
+            self._message_type,
+            self._topic,
+            self._callback,
+            QoSProfile(depth=self._depth, reliability=reliability),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
+        )
+
+    def _incompatible(self, event: Any) -> None:
+        if self._fixed:
+            self._node.get_logger().error(
+                f"a publisher of {self.topic_name} does not offer reliable delivery: nothing is "
+                "received from it; set detections_reliability to auto or best_effort"
+            )
+            return
+        self._node.get_logger().warning(
+            f"a publisher of {self.topic_name} offers best effort only: subscribing again as such"
+        )
+        self._node.destroy_subscription(self._subscription)
+        self._subscribe(ReliabilityPolicy.BEST_EFFORT)

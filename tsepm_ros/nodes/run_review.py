@@ -1,0 +1,229 @@
+"""Judging and drawing a recorded run.
+
+The track messages do not name their hits. The same messages are therefore run through the same
+algorithm offline, which does; that both give the same tracks, bit for bit, is part of the review.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters import (
+    pose_sample,
+    read_detections,
+    read_own_ship,
+    sensor_scan,
+    time_to_ns,
+    track_states,
+)
+from tsepm_ros.analysis.plan_position import Picture
+from tsepm_ros.analysis.report import counts_line, target_table, text_table
+from tsepm_ros.analysis.truth import Outcome, judge
+from tsepm_ros.conversion import convert
+from tsepm_ros.nodes.run_recorder import RunRecorder
+from tsepm_ros.parameter_groups import (
+    TRACK_INITIATOR,
+    InitiatorNodeOptions,
+    make_groups,
+    parse_values,
+    settings_from,
+)
+from tsepm_ros.recording import RecordedMotion, Recording
+from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.simulation import Scenario, Simulator
+from tsepm_ros.track import ConfirmedTrack
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass
+class Review:
+    """What to tell of a run.
+
+    Attributes
+    ----------
+    table : str
+    lines : list of str
+    picture : Picture
+    insets : list of (2,) ndarray
+        Points to enlarge.
+    failure : str
+        Why the run is not good; empty if it is.
+    """
+
+    table: str
+    picture: Picture
+    lines: list[str] = field(default_factory=list)
+    insets: list[FloatArray] = field(default_factory=list)
+    failure: str = ""
+
+
+def replay(recorder: RunRecorder, parameters: Sequence[str]) -> tuple[list[ScanResult], Session]:
+    """Run the recorded messages through the algorithm offline.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or its value is not allowed.
+    """
+    values = {"own_ship_source": "odometry", **parse_values(parameters)}
+    made = make_groups(TRACK_INITIATOR, values)
+    reference = made[InitiatorNodeOptions].bearing_reference
+    session = Session(settings_from(made))
+    for message in recorder.own_ship:
+        sample = read_own_ship(message)
+        session.add_own_ship(pose_sample(sample), sample.frame_id)
+    results: list[ScanResult] = []
+    for message in sorted(recorder.detections, key=lambda m: time_to_ns(m.header.stamp)):
+        detections = read_detections(message, bearing_reference=reference)
+        session.add_scan(sensor_scan(detections), now=0.0)
+        results.extend(session.process())
+    return results, session
+
+
+def review_simulation(
+    recorder: RunRecorder, scenario: Scenario, seed: int, parameters: Sequence[str]
+) -> Review:
+    """Judge a simulated run against its truth."""
+    results, session = replay(recorder, parameters)
+    simulator = Simulator(scenario, seed)
+    origins = [simulated.origin for simulated in simulator]
+    tracks = [track for result in results for track in result.new]
+    judged = judge(
+        tracks,
+        origins,
+        simulator.truth,
+        scenario.sensor,
+        lambda stamp: scenario.own_ship.pose(stamp)[:2],
+    )
+    starts = {one.target: one.track for one in judged if one.outcome is Outcome.TRUE}
+    nowhere = np.full(4, np.nan)
+    number = len(simulator.targets)
+    truths = [
+        simulator.truth(starts[target].stamp)[target] if target in starts else nowhere
+        for target in range(number)
+    ]
+    scan_of = {result.stamp: index + 1 for index, result in enumerate(results)}
+    times = np.linspace(0.0, scenario.duration, 2)
+    on_target = [one.track for one in judged if one.outcome in (Outcome.TRUE, Outcome.REDUNDANT)]
+    review = Review(
+        table=target_table(judged, truths, scan_of),
+        picture=Picture(
+            title=f"{scenario.name}, seed {seed}, method {session.settings.session.method}",
+            detections=_positions(results, session),
+            truth=[
+                np.array([simulator.truth(time)[target][0::2] for time in times])
+                for target in range(number)
+            ],
+            on_target=list(starts.values()),
+            off_target=[one.track for one in judged if one.outcome is not Outcome.TRUE],
+            off_target_label="false, misplaced and redundant starts",
+        ),
+        lines=[
+            counts_line(judged, scenario.scans, scenario.area),
+            _timing(results),
+            f"{len(on_target)} starts on {len(starts)} of {number} targets",
+        ],
+        insets=[simulator.truth(scenario.duration / 2)[target][0::2] for target in range(number)],
+    )
+    if not _same_as_node(recorder, tracks):
+        review.failure = "the node's tracks differ from the same messages run offline"
+    elif len(starts) < number:
+        review.failure = f"{number - len(starts)} of {number} targets were not truly started"
+    return review
+
+
+def review_recording(
+    recorder: RunRecorder, recording: Recording, parameters: Sequence[str], tolerance: float
+) -> Review:
+    """Judge a recorded run by the distance of its starts from the recorded targets."""
+    results, session = replay(recorder, parameters)
+    tracks = [track for result in results for track in result.new]
+    shift = results[0].stamp - recording.scans[0].time if results else 0.0
+    distances = [_distance(track, recording, shift) for track in tracks]
+    near = [track for track, d in zip(tracks, distances, strict=True) if d <= tolerance]
+    far = [track for track, d in zip(tracks, distances, strict=True) if d > tolerance]
+    scan_of = {result.stamp: index + 1 for index, result in enumerate(results)}
+    rows = [
+        [
+            str(scan_of[track.stamp]),
+            f"{track.stamp:.1f}",
+            f"{distance:.0f}",
+            f"{np.sqrt(np.trace(track.position_covariance)):.0f}",
+            f"{np.hypot(*track.velocity):.1f}",
+        ]
+        for track, distance in zip(tracks, distances, strict=True)
+        if distance <= tolerance
+    ]
+    header = ["scan", "time [s]", "distance [m]", "sigma [m]", "speed [m/s]"]
+    paths = [np.array([m.state[0::2] for m in path]) for path in recording.targets.values()]
+    own_ship = np.array([motion.state[0::2] for motion in recording.own_ship]).reshape(-1, 2)
+    review = Review(
+        table=f"starts within {tolerance:g} m of a target\n" + text_table(header, rows),
+        picture=Picture(
+            title=f"recording, method {session.settings.session.method}",
+            detections=_positions(results, session),
+            truth=paths,
+            on_target=near,
+            off_target=far,
+            own_ship=own_ship,
+            velocity_seconds=20.0,
+            on_target_label=f"starts within {tolerance:g} m of a target",
+            off_target_label="starts elsewhere",
+        ),
+        lines=[
+            f"{len(near)} starts on a target, {len(far)} elsewhere, in {len(results)} scans",
+            _timing(results),
+        ],
+    )
+    if not _same_as_node(recorder, tracks):
+        review.failure = "the node's tracks differ from the same messages run offline"
+    elif recording.targets and not near:
+        review.failure = "no recorded target was started"
+    return review
+
+
+def _positions(results: Sequence[ScanResult], session: Session) -> list[FloatArray]:
+    sensor = session.settings.sensor
+    return [convert(result.scan, sensor, 0)["position"] for result in results]
+
+
+def _timing(results: Sequence[ScanResult]) -> str:
+    times = 1e3 * np.array([result.core_seconds for result in results] or [np.nan])
+    return (
+        "core, the same messages offline: time per scan "
+        f"median {np.median(times):.2f} ms, worst {times.max():.2f} ms"
+    )
+
+
+def _same_as_node(recorder: RunRecorder, tracks: Sequence[ConfirmedTrack]) -> bool:
+    if len(recorder.tracks) != len(tracks):
+        return False
+    records = np.array([record for _, record in recorder.tracks])
+    if not len(records):
+        return True
+    return bool((track_states(records) == np.array([track.state for track in tracks])).all())
+
+
+def _distance(track: ConfirmedTrack, recording: Recording, shift: float) -> float:
+    """Distance from the nearest recorded target at the track's time, m; infinite without one."""
+    time = track.stamp - shift
+    return min(
+        (
+            float(np.hypot(*(track.position - _position(path, time))))
+            for path in recording.targets.values()
+            if path[0].time <= time <= path[-1].time
+        ),
+        default=math.inf,
+    )
+
+
+def _position(path: Sequence[RecordedMotion], time: float) -> FloatArray:
+    times = [motion.time for motion in path]
+    states = np.array([motion.state for motion in path])
+    return np.array([np.interp(time, times, states[:, axis]) for axis in (0, 2)])

@@ -1,0 +1,83 @@
+"""Starting a node, and ending it cleanly."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from tsepm_ros.nodes.node_parameters import ParameterError
+
+EXIT_BAD_PARAMETER = 2
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+    """Run a node until it is interrupted, or until its future `finished` is done if it has one.
+
+    Parameters
+    ----------
+    make_node : callable
+        Makes the node.
+    args : sequence of str, optional
+        Command-line arguments; those of the process if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after SIGINT, SIGTERM or the node's own end; 2 for a parameter that is refused.
+    """
+    # No KeyboardInterrupt, which can strike anywhere: a signal shuts rclpy's context down, and one
+    # that comes before there is a context is found in the list.
+    signals: list[int] = []
+    for number in ENDING_SIGNALS:
+        signal.signal(number, lambda number, _: signals.append(number))
+    try:
+        try:
+            rclpy.init(args=args)
+        except RuntimeError as error:
+            print(f"refused: {error}", file=sys.stderr)
+            return EXIT_BAD_PARAMETER
+        return 0 if signals else _run(make_node)
+    except ExternalShutdownException:
+        return 0
+    finally:
+        rclpy.try_shutdown()
+        for number in ENDING_SIGNALS:
+            # The interpreter takes its handlers back before it has ended; this stays.
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _run(make_node: Callable[[], Node]) -> int:
+    try:
+        # Before the node, which takes longer: a signal while rclpy makes it leaves a trace.
+        executor = SingleThreadedExecutor()
+        try:
+            _spin(executor, make_node())
+        finally:
+            executor.shutdown()
+    except ParameterError as error:
+        print(f"refused: {error}", file=sys.stderr)
+        return EXIT_BAD_PARAMETER
+    except Exception:
+        # A signal may invalidate the context at any point; that is a clean end.
+        if rclpy.ok():
+            raise
+    return 0
+
+
+def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+    executor.add_node(node)
+    finished: Future | None = getattr(node, "finished", None)
+    try:
+        if finished is None:
+            executor.spin()
+        else:
+            executor.spin_until_future_complete(finished)
+    finally:
+        node.destroy_node()

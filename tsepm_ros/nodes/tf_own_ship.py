@@ -1,0 +1,73 @@
+"""Own-ship poses from tf, where tf2_ros is installed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.time import Time
+
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.session import Session
+
+CACHE_TIME = 120.0
+"""Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""
+SAMPLE_PERIOD = 0.5
+"""Time between the poses looked up over a scan's echoes, s."""
+
+
+class TfOwnShip:
+    """Looks up the sensor's poses for the scans that wait for them.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    session : Session
+        Asked for the times it needs, and given the poses.
+    buffer : tf2_ros.Buffer, optional
+        For tests; made with a listener if not given.
+
+    Raises
+    ------
+    ParameterError
+        If tf2_ros is not installed, or no fixed frame is given.
+    """
+
+    def __init__(self, node: Node, session: Session, buffer: Any = None) -> None:
+        self._session = session
+        self._fixed_frame = session.settings.session.fixed_frame
+        if not self._fixed_frame:
+            raise ParameterError("fixed_frame must be given where own_ship_source is tf")
+        if buffer is None:
+            try:
+                import tf2_ros
+            except ImportError:
+                raise ParameterError(
+                    "own_ship_source is tf, but the package tf2_ros is not installed"
+                ) from None
+            buffer = tf2_ros.Buffer(cache_time=Duration(seconds=CACHE_TIME), node=node)
+            self._listener = tf2_ros.TransformListener(buffer, node)
+        self._buffer = buffer
+
+    def look_up(self, frame: str, first: float, last: float) -> None:
+        """Give the session the poses of a frame from `first` to `last` (s), as far as tf knows."""
+        steps = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
+        for stamp in np.linspace(first, last, steps + 1).tolist():
+            newest = self._session.own_ship_stamp
+            if stamp < 0 or (newest is not None and stamp <= newest):
+                continue
+            at = Time(nanoseconds=round(stamp * 1e9))
+            if not self._buffer.can_transform(self._fixed_frame, frame, at):
+                return
+            transform = self._buffer.lookup_transform(self._fixed_frame, frame, at).transform
+            self._session.add_own_ship(_sample(stamp, transform), self._fixed_frame)
+
+
+def _sample(stamp: float, transform: Any) -> PoseSample:
+    q = transform.rotation
+    yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
+    return PoseSample(stamp, transform.translation.x, transform.translation.y, yaw)
