@@ -1,0 +1,153 @@
+"""What is raced: each contender is one small module with the same interface.
+
+A contender gets raw scans and makes its own input of them in the time that is measured.
+"""
+
+from __future__ import annotations
+
+import importlib
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Hits = tuple[tuple[int, int], ...]
+"""(scan index, detection index) of each hit of a track, oldest first."""
+
+
+@dataclass(frozen=True, eq=False)
+class RawScan:
+    """A scan as a driver hands it over.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    range, azimuth : (n,) ndarray
+        m and rad, counter-clockwise from the x axis.
+    """
+
+    stamp: float
+    range: FloatArray
+    azimuth: FloatArray
+
+    def __len__(self) -> int:
+        """Number of detections."""
+        return len(self.range)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sea:
+    """The scene's figures that every contender may know; the defaults are the paper's sonar.
+
+    Attributes
+    ----------
+    clutter_density : float
+        False detections per scan and m^2.
+    period : float
+        Time between scans, s.
+    max_range : float
+        m.
+    range_std_fraction, azimuth_std : float
+        Standard deviations of range (as a fraction of it) and azimuth (rad).
+    detection_probability, gate_probability : float
+    max_speed, target_speed : float
+        m/s.
+    """
+
+    clutter_density: float
+    period: float = 12.0
+    max_range: float = 9000.0
+    range_std_fraction: float = 0.015
+    azimuth_std: float = float(np.deg2rad(1.0))
+    detection_probability: float = 0.9
+    gate_probability: float = 0.9
+    max_speed: float = 10.0
+    target_speed: float = 5.0
+
+    @property
+    def area(self) -> float:
+        """Area of the disc, m^2."""
+        return float(np.pi * self.max_range**2)
+
+    @property
+    def gate_sigmas(self) -> float:
+        """Standard deviations to which a gate of the gate probability reaches in two dimensions."""
+        return float(np.sqrt(-2.0 * np.log1p(-self.gate_probability)))
+
+    @property
+    def typical_range(self) -> float:
+        """Root mean square range of the disc's points, m."""
+        return self.max_range / float(np.sqrt(2.0))
+
+
+class Contender(ABC):
+    """A track initiator in the race.
+
+    Parameters
+    ----------
+    sea : Sea
+        The scene's figures.
+    min_hits, window : int
+        M and N; a contender without such a rule comes as close as its options allow.
+    """
+
+    def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
+        self.sea = sea
+        self.min_hits = min_hits
+        self.window = window
+
+    @abstractmethod
+    def process(self, scan: RawScan) -> int:
+        """Take one scan and return the number of new tracks. This is what is timed."""
+
+    @abstractmethod
+    def hits(self) -> list[Hits]:
+        """Hits of the last scan's new tracks. Not timed."""
+
+    def states(self) -> FloatArray | None:
+        """States of the last scan's new tracks, (n, 4), where outputs are compared. Not timed."""
+        return None
+
+    @abstractmethod
+    def counts(self) -> dict[str, int]:
+        """Counts of the last scan: `potential` and what else there is to count. Not timed."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where a contender is found and the rule that it gets."""
+
+    module: str
+    kind: str
+    min_hits: int
+    window: int
+
+
+CONTENDERS = {
+    "tsepm-3/4": Entry("tsepm", "TsepmContender", 3, 4),
+    "tsepm-5/8": Entry("tsepm", "TsepmContender", 5, 8),
+    "tsepm-8/12": Entry("tsepm", "TsepmContender", 8, 12),
+    "oracle-5/8": Entry("oracle", "OracleContender", 5, 8),
+    "stonesoup-5/8": Entry("stone_soup", "StoneSoupContender", 5, 8),
+    "stonesoup-tuned-5/8": Entry("stone_soup", "TunedStoneSoupContender", 5, 8),
+    "stonesoup-xy-5/8": Entry("stone_soup", "ConvertedStoneSoupContender", 5, 8),
+    "norfair-5": Entry("norfair_tracker", "NorfairContender", 5, 8),
+}
+"""Every contender. A new one is a module here and a row in this table."""
+
+
+def make_contender(name: str, sea: Sea) -> Contender:
+    """Make a contender by its name.
+
+    Raises
+    ------
+    ImportError
+        If its package is not installed.
+    """
+    entry = CONTENDERS[name]
+    module = importlib.import_module(f"contenders.{entry.module}")
+    contender: Contender = getattr(module, entry.kind)(sea, entry.min_hits, entry.window)
+    return contender

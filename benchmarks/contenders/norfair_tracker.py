@@ -1,0 +1,59 @@
+"""norfair: its tracker's own initialisation, with a vectorised distance.
+
+It counts frames, not seconds, and knows no M/N rule: a track is initialised when its hits minus its
+misses exceed a delay, here such that 5 hits in a row do it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from norfair import Detection, OptimizedKalmanFilterFactory, Tracker
+
+from contenders import Contender, Hits, RawScan, Sea
+
+VELOCITY_NOISE = 1.0  # m^2 per scan^2: near constant velocity
+
+
+class NorfairContender(Contender):
+    """Positions in metres, Euclidean distance within a gate at the typical range."""
+
+    def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
+        super().__init__(sea, min_hits, window)
+        error = max(sea.azimuth_std, sea.range_std_fraction) * sea.typical_range
+        step = sea.max_speed * sea.period
+        self._tracker = Tracker(
+            distance_function="euclidean",
+            distance_threshold=step + sea.gate_sigmas * error,
+            initialization_delay=min_hits - 1,
+            hit_counter_max=window,
+            past_detections_length=window,
+            filter_factory=OptimizedKalmanFilterFactory(
+                R=error**2, Q=VELOCITY_NOISE, pos_variance=error**2, vel_variance=(step / 2.0) ** 2
+            ),
+        )
+        self._scan_index = 0
+        self._known: set[int] = set()
+        self._new: list[Hits] = []
+
+    def process(self, scan: RawScan) -> int:
+        """See `Contender.process`."""
+        x = scan.range * np.cos(scan.azimuth)
+        y = scan.range * np.sin(scan.azimuth)
+        detections = [
+            Detection(np.array([[x[row], y[row]]]), data=(self._scan_index, row))
+            for row in range(len(scan))
+        ]
+        active = self._tracker.update(detections)
+        new = [track for track in active if track.id not in self._known]
+        self._known = {track.id for track in active}
+        self._new = [tuple(hit.data for hit in track.past_detections) for track in new]
+        self._scan_index += 1
+        return len(new)
+
+    def hits(self) -> list[Hits]:
+        """See `Contender.hits`."""
+        return self._new
+
+    def counts(self) -> dict[str, int]:
+        """See `Contender.counts`."""
+        return {"potential": sum(track.is_initializing for track in self._tracker.tracked_objects)}

@@ -1,0 +1,70 @@
+"""The plain version of the published method, test/plain_tsepm.py, scan by scan."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from contenders import Contender, FloatArray, Hits, RawScan, Sea
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "test"))
+
+import plain_tsepm as plain
+
+
+class OracleContender(Contender):
+    """The loop of `plain_tsepm.plain_tsepm_with_counts`, one turn per scan."""
+
+    def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
+        super().__init__(sea, min_hits, window)
+        self._settings = plain.Parameters(
+            range_std=0.0,
+            range_std_fraction=sea.range_std_fraction,
+            azimuth_std=sea.azimuth_std,
+            clutter_density=sea.clutter_density,
+            max_speed=sea.max_speed,
+            min_hits=min_hits,
+            window=window,
+            gate_probability=sea.gate_probability,
+        )
+        self._scan_index = 0
+        self._potential: list[plain.PotentialTrack] = []
+        self._new: list[plain.PlainTrack] = []
+        self._raw = 0
+
+    def process(self, scan: RawScan) -> int:
+        """See `Contender.process`."""
+        settings = self._settings
+        fields = {"stamp": scan.stamp, "range": scan.range, "azimuth": scan.azimuth}
+        detections = plain.convert_scan(fields, self._scan_index, settings)
+        updated = plain.update_tracks(self._potential, detections, settings)
+        confirmed, alive = plain.confirm_tracks(updated, settings)
+        evaluated = [
+            plain.evaluate_track(
+                track.hits,
+                plain.estimate_track(track.hits, scan.stamp, settings),
+                scan.stamp,
+                settings,
+            )
+            for track in confirmed
+        ]
+        retained = [track for track in evaluated if plain.is_retained(track, settings)]
+        self._new = plain.merge_tracks(retained, scan.stamp, settings)
+        self._potential = alive + plain.start_tracks(self._potential, detections, settings)
+        self._raw = len(confirmed)
+        self._scan_index += 1
+        return len(self._new)
+
+    def hits(self) -> list[Hits]:
+        """See `Contender.hits`."""
+        return [track.hits for track in self._new]
+
+    def states(self) -> FloatArray:
+        """See `Contender.states`."""
+        return np.array([track.state for track in self._new]).reshape(-1, 4)
+
+    def counts(self) -> dict[str, int]:
+        """See `Contender.counts`."""
+        return {"potential": len(self._potential), "raw": self._raw}

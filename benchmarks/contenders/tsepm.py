@@ -1,0 +1,58 @@
+"""The package's own method tsepm, with its default limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contenders import Contender, FloatArray, Hits, RawScan, Sea
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+
+
+class TsepmContender(Contender):
+    """The published method as this package has it."""
+
+    def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
+        super().__init__(sea, min_hits, window)
+        sensor = SensorModel(
+            range_std_fraction=sea.range_std_fraction,
+            azimuth_std=sea.azimuth_std,
+            max_range=sea.max_range,
+            detection_probability=sea.detection_probability,
+            clutter_density=sea.clutter_density,
+        )
+        self._initiator = make_initiator(
+            "tsepm",
+            sensor=sensor,
+            max_speed=sea.max_speed,
+            min_hits=min_hits,
+            window=window,
+            gate_probability=sea.gate_probability,
+        )
+        self._new: list[ConfirmedTrack] = []
+
+    def process(self, scan: RawScan) -> int:
+        """See `Contender.process`."""
+        self._new = self._initiator.process(
+            Scan(stamp=scan.stamp, range=scan.range, azimuth=scan.azimuth)
+        )
+        return len(self._new)
+
+    def hits(self) -> list[Hits]:
+        """See `Contender.hits`."""
+        return [tuple(track.hits) for track in self._new]
+
+    def states(self) -> FloatArray:
+        """See `Contender.states`."""
+        return np.array([track.state for track in self._new]).reshape(-1, 4)
+
+    def counts(self) -> dict[str, int]:
+        """See `Contender.counts`; `raw` is what reached confirmation and was not cut."""
+        last = self._initiator.statistics
+        return {
+            "potential": last.potential_tracks,
+            "started": last.started,
+            "raw": last.raw_confirmations,
+            "cut": last.cut_potential_tracks + last.cut_confirmations,
+            "cut_potential": last.cut_potential_tracks,
+            "cut_raw": last.cut_confirmations,
+        }

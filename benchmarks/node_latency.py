@@ -1,0 +1,136 @@
+"""What the node adds to the algorithm, beside one hop of the bare middleware.
+
+The node's part is the time from callback entry to the last publish's return, less the core's own.
+The hop is the time from a driver's publish call, in another process, to a callback in this one, for
+a message of the same size on a topic of its own, sent before each ping while the node is at rest.
+Node and listener run single-threaded in this process, over DDS on this machine only.
+
+    python benchmarks/node_latency.py [--detections 250] [--scans 300]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import detections_cloud, make_header, time_to_ns
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+
+PERIOD = 12.0
+MAX_RANGE = 9000.0
+SETTLING = 2.0
+PAUSE = 0.02
+"""Time in which the node comes to rest before the hop is measured, and before the ping, s."""
+PATIENCE = 20.0
+
+
+def drive(domain: int, detections: int, scans: int) -> None:
+    """Publish the pings, each after a message of the same size that measures the hop."""
+    rng = np.random.default_rng(1)
+    rclpy.init(domain_id=domain)
+    node = Node("driver")
+    pings = node.create_publisher(PointCloud2, "detections", 10)
+    answers: list[PointCloud2] = []
+    node.create_subscription(PointCloud2, "tracks", answers.append, 10)
+    hops = node.create_publisher(PointCloud2, "hop", 10)
+    while not pings.get_subscription_count() or not hops.get_subscription_count():
+        rclpy.spin_once(node, timeout_sec=0.05)
+    time.sleep(SETTLING)
+    for index in range(scans):
+        cloud = detections_cloud(
+            make_header(round((index + 1) * PERIOD * 1e9), "sonar"),
+            range=MAX_RANGE * np.sqrt(rng.uniform(1e-6, 1.0, detections)),
+            azimuth=rng.uniform(-np.pi, np.pi, detections),
+        )
+        stamp = cloud.header.stamp
+        cloud.header.stamp = make_header(time.monotonic_ns(), "").stamp
+        hops.publish(cloud)
+        time.sleep(PAUSE)
+        cloud.header.stamp = stamp
+        pings.publish(cloud)
+        until = time.monotonic() + PATIENCE
+        while len(answers) <= index and time.monotonic() < until:
+            rclpy.spin_once(node, timeout_sec=0.1)
+        time.sleep(PAUSE)
+    time.sleep(SETTLING)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+class Listener(Node):
+    """Takes the hop's messages and notes how old they are."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        super().__init__("listener", context=context)
+        self.seconds: list[float] = []
+        self.create_subscription(PointCloud2, "hop", self._on_hop, 10)
+
+    def _on_hop(self, message: PointCloud2) -> None:
+        self.seconds.append((time.monotonic_ns() - time_to_ns(message.header.stamp)) * 1e-9)
+
+
+def measure(detections: int, scans: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Node's own part and core's part of each ping, and the hops, s."""
+    domain = os.getpid() % 100 + 1
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = TrackInitiator(
+        context=context,
+        parameter_overrides=[
+            Parameter("detections_type", value="sensor_msgs/msg/PointCloud2"),
+            Parameter("detections_reliability", value="reliable"),
+        ],
+    )
+    listener = Listener(context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    executor.add_node(listener)
+    arguments = [str(domain), str(detections), str(scans)]
+    driver = subprocess.Popen([sys.executable, __file__, "--drive", *arguments])
+    figures = []
+    while driver.poll() is None:
+        executor.spin_once(timeout_sec=0.1)
+        total, core = node.latency
+        if total and (not figures or figures[-1] != (total - core, core)):
+            figures.append((total - core, core))
+    executor.shutdown()
+    node.destroy_node()
+    listener.destroy_node()
+    context.try_shutdown()
+    added, core = np.array(figures).T
+    return added, core, np.array(listener.seconds)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--detections", type=int, default=250)
+    parser.add_argument("--scans", type=int, default=300)
+    parser.add_argument("--drive", type=int, nargs=3, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.drive:
+        drive(*options.drive)
+        return
+    added, core, hops = measure(options.detections, options.scans)
+    print(f"{options.detections} detections a ping, {len(added)} pings, ms")
+    for name, seconds in (("node adds", added), ("core", core), ("bare hop", hops)):
+        median, high = 1e3 * np.percentile(seconds, [50, 99])
+        print(
+            f"{name:10s} median {median:7.3f}   p99 {high:7.3f}   worst {1e3 * seconds.max():7.3f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
