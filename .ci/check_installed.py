@@ -1,0 +1,74 @@
+"""Check what `colcon build` installed: executables, share files, and that the nodes start and end.
+
+Usage, with the install space sourced: check_installed.py PREFIX
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from importlib import metadata, resources
+from itertools import chain
+from pathlib import Path
+
+import rclpy
+from ament_index_python.packages import get_package_share_directory
+from rcl_interfaces.srv import ListParameters
+
+PACKAGE = "tsepm_ros"
+EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "tsepm"]
+SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*"]
+DOMAIN = 1 + os.getpid() % 100  # so that checks side by side do not meet
+SECONDS = 30.0  # for a node to answer, and to end
+
+
+def check_files(prefix: Path) -> None:
+    """Check that every file of the source tree is where ROS and Python look for it."""
+    for name in EXECUTABLES:
+        assert os.access(prefix / "lib" / PACKAGE / name, os.X_OK), f"no executable {name}"
+    share = Path(get_package_share_directory(PACKAGE))
+    assert share == prefix / "share" / PACKAGE, f"share directory is {share}"
+    for source in chain.from_iterable(Path().glob(pattern) for pattern in SHARED):
+        assert (share / source).is_file(), f"not in share: {source}"
+    package = Path(str(resources.files(PACKAGE)))
+    assert package.is_relative_to(prefix), f"another {PACKAGE} is imported: {package}"
+    for source in Path().glob(f"{PACKAGE}/simulation/scenarios/*.yaml"):
+        assert (package.parent / source).is_file(), f"not in the package: {source}"
+    for script in metadata.distribution(PACKAGE).entry_points:
+        assert callable(script.load()), script
+
+
+def check_node(executable: Path) -> None:
+    """Start a node, wait until it answers a service call, interrupt it: it must exit 0."""
+    name = executable.name
+    process = subprocess.Popen([executable], env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)})
+    try:
+        node = rclpy.create_node(f"check_{name}")
+        client = node.create_client(ListParameters, f"/{name}/list_parameters")
+        assert client.wait_for_service(SECONDS), f"{name} did not come up"
+        answer = client.call_async(ListParameters.Request())
+        rclpy.spin_until_future_complete(node, answer, timeout_sec=SECONDS)
+        assert answer.done(), f"{name} does not answer"
+        node.destroy_node()
+        process.send_signal(signal.SIGINT)
+        code = process.wait(SECONDS)
+        assert code == 0, f"{name} ended with {code} on SIGINT"
+    finally:
+        process.kill()
+        process.wait()
+
+
+def main() -> None:
+    """Run all checks."""
+    prefix = Path(sys.argv[1]).resolve()
+    check_files(prefix)
+    subprocess.run([prefix / "lib" / PACKAGE / "tsepm", "--help"], check=True)
+    rclpy.init(domain_id=DOMAIN)
+    for name in ["track_initiator", "sonar_simulator"]:
+        check_node(prefix / "lib" / PACKAGE / name)
+    rclpy.shutdown()
+    print("executables, share files and nodes are in order")
+
+
+if __name__ == "__main__":
+    main()
