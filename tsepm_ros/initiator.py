@@ -61,25 +61,30 @@ class ScanStatistics:
         Detections received.
     potential_tracks : int
         Potential tracks held after the scan (in a sum: the most held at once).
+    hopeless_tracks : int
+        Beside them, paths that no further hit can save and that are held only as numbers, with
+        their gates (in a sum: the most held at once).
     started : int
         Potential tracks started.
     terminated : int
         Potential tracks ended by the method's own rule.
     raw_confirmations : int
-        Tracks that reached confirmation, before pruning and merging.
+        Tracks that reached confirmation, before pruning and merging; hopeless ones included.
     pruned : int
-        Of these, removed by their evaluation.
+        Of these, removed by their evaluation; hopeless ones included.
     merged : int
         Of these, removed by merging into another.
     confirmed : int
         Confirmed tracks put out.
     cut_potential_tracks, cut_confirmations : int
-        Removed because a limit was reached.
+        Removed because a limit was reached. Potential tracks count once, when they are cut; the
+        confirmations are all that would have come of those cut in this and in earlier scans.
     """
 
     scans: int = 0
     detections: int = 0
     potential_tracks: int = 0
+    hopeless_tracks: int = 0
     started: int = 0
     terminated: int = 0
     raw_confirmations: int = 0
@@ -90,12 +95,13 @@ class ScanStatistics:
     cut_confirmations: int = 0
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
-        """Sum of the counts; of `potential_tracks` the larger."""
+        """Sum of the counts; of the tracks held the larger."""
         values = {
             field.name: getattr(self, field.name) + getattr(other, field.name)
             for field in dataclasses.fields(self)
         }
-        values["potential_tracks"] = max(self.potential_tracks, other.potential_tracks)
+        for held in ("potential_tracks", "hopeless_tracks"):
+            values[held] = max(getattr(self, held), getattr(other, held))
         return ScanStatistics(**values)
 
 
@@ -160,7 +166,7 @@ class Initiator(ABC):
 
     @abstractmethod
     def potential_tracks(self) -> list[ConfirmedTrack]:
-        """Unconfirmed hypotheses with at least two hits, at the last scan's stamp.
+        """Hypotheses with at least two hits that may yet be confirmed, at the last scan's stamp.
 
         Their `track_id` is their place in the list.
         """

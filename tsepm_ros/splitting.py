@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 
 from tsepm_ros.limits import keep_best
 
-IntArray = NDArray[np.int64]
-
+BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 MAX_GATED = 5_000_000
 """Detections in all gates of a scan together, above which only the nearest are looked at."""
@@ -41,12 +41,15 @@ class Gated:
         Gate i holds ``detection[start[i]:start[i + 1]]``.
     detection : (p,) ndarray of int
         Rows of the gated detections, ascending within a gate.
+    claimed : (n,) ndarray of bool
+        Which of the scan's detections lie in some gate, those that were cut included.
     cut : int
         Detections left out of gates because of `MAX_GATED`.
     """
 
     start: IntArray
     detection: IntArray
+    claimed: BoolArray
     cut: int = 0
 
     @property
@@ -84,7 +87,8 @@ def gate(
     """
     n_gates = len(last_hits)
     if n_gates == 0 or len(detections) == 0:
-        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64))
+        none = np.zeros(len(detections), bool)
+        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64), none)
     margin = gate_factor(probability) * last_hits["major_sigma"]
     times = detections["time"]
     first, last = times.min(), times.max()
@@ -92,15 +96,18 @@ def gate(
     # The k-d tree finds candidates a hair too generously; the exact test below decides.
     radius = (margin + max_speed * longest) * (1.0 + 1e-9)
     positions = np.ascontiguousarray(detections["position"])
-    owner, candidate, cut = _candidates(
-        positions, np.ascontiguousarray(last_hits["position"]), radius
-    )
-    step = positions[candidate] - last_hits["position"][owner]
+    centres = np.ascontiguousarray(last_hits["position"])
+    owner, candidate, cut = _candidates(positions, centres, radius)
+    step = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(step[:, 0], step[:, 1]) <= max_speed * elapsed + margin[owner]
     start = np.zeros(n_gates + 1, np.int64)
     np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
-    return Gated(start, candidate[inside], cut)
+    claimed = np.zeros(len(detections), bool)
+    claimed[candidate[inside]] = True
+    if cut:
+        claimed |= _in_any_disc(positions, centres, radius)
+    return Gated(start, candidate[inside], claimed, cut)
 
 
 def _candidates(
@@ -134,6 +141,20 @@ def _candidates(
     return owner, candidate, 0
 
 
+def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray) -> BoolArray:
+    """Whether each position lies in one of the discs.
+
+    ``|z - c|^2 <= r^2`` is ``|z - c|^2 + (r_max^2 - r^2) <= r_max^2``: with the second term as a
+    third coordinate of the centres, the nearest one tells.
+    """
+    largest = radius.max()
+    height = np.sqrt((largest - radius) * (largest + radius))
+    tree = cKDTree(np.column_stack([centres, height]))
+    distance, _ = tree.query(np.column_stack([positions, np.zeros(len(positions))]))
+    inside: BoolArray = distance <= largest
+    return inside
+
+
 def split(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
     """Split every potential track into one child per gated detection (Section 3.2).
 
@@ -158,11 +179,16 @@ def split(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
     return parent, gated.detection[gated.start[gate_of_track[parent]] + place]
 
 
-def residual(n_detections: int, gated: Gated) -> IntArray:
+def residual(gated: Gated) -> IntArray:
     """Rows of the detections that lie in no gate and so start new potential tracks (Step 8)."""
-    free = np.ones(n_detections, bool)
-    free[gated.detection] = False
-    return np.flatnonzero(free)
+    return np.flatnonzero(~gated.claimed)
+
+
+def left_out(gated: Gated) -> IntArray:
+    """Rows of the detections that lie in some gate, but were cut from all of them."""
+    claimed = gated.claimed.copy()
+    claimed[gated.detection] = False
+    return np.flatnonzero(claimed)
 
 
 def split_within(

@@ -13,6 +13,8 @@ from scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.limits import TimeLimit, keep_best
+from tsepm_ros.methods.tsepm import Tsepm
+from tsepm_ros.path_counts import PathCounts
 
 
 @pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
@@ -58,7 +60,7 @@ def test_tiny_limits_hold_and_cuts_are_counted_and_output_is_valid(potential, ra
         tracks = initiator.process(scan)
         statistics = initiator.statistics
         assert statistics.potential_tracks <= potential
-        assert statistics.raw_confirmations <= raw
+        assert statistics.raw_confirmations - statistics.pruned <= raw
         assert statistics.raw_confirmations == (
             statistics.pruned + statistics.merged + statistics.confirmed
         )
@@ -87,6 +89,23 @@ def test_cut_confirmations_are_exactly_the_ones_beyond_the_limit():
     assert raw_in_last_scan(100).raw_confirmations == 10
     limited = raw_in_last_scan(4)
     assert (limited.raw_confirmations, limited.cut_confirmations) == (4, 6)
+
+
+@pytest.mark.parametrize("evaluation", ["normalized_distance", "clutter_statistic"])
+def test_what_is_cut_keeps_its_gates_so_that_no_others_start(evaluation):
+    def counts(**limits: int):
+        initiator = make_initiator(
+            "tsepm", sensor=SensorModel(), min_hits=4, window=6, evaluation=evaluation, **limits
+        )
+        return [(initiator.process(scan), initiator.statistics)[1] for scan in busy_scans()]
+
+    free, limited = counts(), counts(max_potential_tracks=150, max_raw_confirmations=40)
+    assert sum(count.cut_potential_tracks for count in limited) > 1000
+    assert [count.started for count in limited] == [count.started for count in free]
+    # What is not confirmed is counted: each path that reached M hits, wherever it was cut before.
+    assert [count.raw_confirmations + count.cut_confirmations for count in limited] == [
+        count.raw_confirmations for count in free
+    ]
 
 
 def test_a_limit_keeps_the_tightest_tracks():
@@ -216,3 +235,31 @@ def test_many_detections_in_one_place_in_two_scans_are_processed_in_time():
             initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
     assert initiator.statistics.potential_tracks <= 250_000
     assert initiator.statistics.cut_potential_tracks > 0
+
+
+def test_cutting_what_cannot_pass_changes_no_output(monkeypatch):
+    def run():
+        initiator = make_initiator(
+            "tsepm",
+            sensor=SensorModel(clutter_density=1e-5),
+            min_hits=4,
+            window=6,
+            evaluation="clutter_statistic",
+            clutter_test_size=0.3,
+        )
+        tracks = [
+            (track.hits, track.state.tolist(), track.covariance.tolist(), track.evaluation)
+            for scan in busy_scans()
+            for track in initiator.process(scan)
+        ]
+        return tracks, initiator.totals
+
+    tracks, totals = run()
+    monkeypatch.setattr(Tsepm, "_cut_hopeless", lambda self, updated: (updated, PathCounts.none()))
+    expected, plain = run()
+    assert len(tracks) > 10
+    assert tracks == expected
+    assert totals.hopeless_tracks > plain.hopeless_tracks == 0
+    assert totals.potential_tracks < plain.potential_tracks
+    for field in ("started", "terminated", "raw_confirmations", "pruned", "merged", "confirmed"):
+        assert getattr(totals, field) == getattr(plain, field)

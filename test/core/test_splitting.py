@@ -9,7 +9,7 @@ import pytest
 from builders import FIXED_RANGE_ERROR, detections, scan_at
 
 from tsepm_ros import make_initiator, splitting
-from tsepm_ros.splitting import Gated, gate, gate_factor, residual, split, split_within
+from tsepm_ros.splitting import Gated, gate, gate_factor, left_out, residual, split, split_within
 
 
 def rows_of(gated: Gated) -> list[list[int]]:
@@ -97,7 +97,7 @@ def test_no_gates_or_no_detections_give_no_candidates(n_last, n_new):
         detections(np.zeros((n_last, 2)), 0.0), detections(np.zeros((n_new, 2)), 1.0), 10.0, 0.9
     )
     assert gated.count.tolist() == [0] * n_last
-    assert residual(n_new, gated).tolist() == list(range(n_new))
+    assert residual(gated).tolist() == list(range(n_new))
 
 
 def test_a_varying_period_is_gated_by_time_not_by_scans():
@@ -132,22 +132,37 @@ def test_tracks_that_share_their_last_hit_share_its_gate(monkeypatch):
 
 
 def test_every_track_has_a_child_for_every_detection_in_its_gate():
-    gated = Gated(np.array([0, 2, 2, 5]), np.array([4, 7, 0, 4, 9]))
+    gated = Gated(np.array([0, 2, 2, 5]), np.array([4, 7, 0, 4, 9]), np.zeros(10, bool))
     parent, detection = split(np.array([2, 0, 1, 2]), gated)
     children = list(zip(parent.tolist(), detection.tolist(), strict=True))
     assert children == [(0, 0), (0, 4), (0, 9), (1, 4), (1, 7), (3, 0), (3, 4), (3, 9)]
 
 
-def test_residual_detections_are_those_in_no_gate():
-    gated = Gated(np.array([0, 2, 2, 5]), np.array([4, 7, 0, 4, 9]))
-    assert residual(10, gated).tolist() == [1, 2, 3, 5, 6, 8]
+@pytest.mark.parametrize("max_gated", [10_000, 1], ids=["all gated", "few gated"])
+@pytest.mark.parametrize("seed", range(5))
+def test_residual_detections_are_those_in_no_gate(monkeypatch, seed, max_gated):
+    # Also where a limit leaves most of the gated ones out: they are not free to start tracks.
+    monkeypatch.setattr(splitting, "MAX_GATED", max_gated)
+    rng = np.random.default_rng(seed)
+    last = detections(rng.uniform(-1000, 1000, (30, 2)), 0.0, variance=1.0)
+    last["major_sigma"] = rng.uniform(1.0, 60.0, 30)
+    found = detections(rng.uniform(-1000, 1000, (200, 2)), 6.0)
+    gated = gate(last, found, 10.0, 0.9)
+    radius = 60.0 + gate_factor(0.9) * last["major_sigma"]
+    distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
+    expected = np.flatnonzero((distance > radius).all(axis=1))
+    assert 20 < len(expected) < 180
+    assert residual(gated).tolist() == expected.tolist()
+    unused = set(range(200)) - set(expected) - set(gated.detection.tolist())
+    assert left_out(gated).tolist() == sorted(unused)
+    assert (len(unused) > 0) == (max_gated == 1)
 
 
 def random_split(seed: int, ties: bool):
     rng = np.random.default_rng([4, seed])
     counts = rng.integers(0, 6, 30)
     start = np.concatenate([[0], np.cumsum(counts)])
-    gated = Gated(start, rng.integers(0, 50, start[-1]))
+    gated = Gated(start, rng.integers(0, 50, start[-1]), np.zeros(50, bool))
     gates = rng.integers(0, 30, 80)
     prices = rng.integers(0, 8, (80, 50)) if ties else rng.random((80, 50))
     return gates, gated, lambda parent, detection: prices[parent, detection].astype(float)

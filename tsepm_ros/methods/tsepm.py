@@ -18,6 +18,7 @@ from tsepm_ros.estimation import ESTIMATORS, Fit, fit
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.path_counts import PathCounts
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack
@@ -127,6 +128,10 @@ class PotentialTracks:
         """Detection id of each track's last hit, (n,)."""
         return self.hits[np.arange(len(self)), self.hit_count - 1]
 
+    def counts(self) -> PathCounts:
+        """The tracks as numbers, for when only these and their gates matter."""
+        return PathCounts.of(self.last_hit, self.hit_count, self.first_scan)
+
     def extended(self, parent: IntArray, detection: IntArray) -> PotentialTracks:
         """Children that add a detection each: row i extends track `parent[i]`."""
         children = self[parent]
@@ -200,11 +205,35 @@ class Candidates:
 
 
 @dataclass(frozen=True)
-class Cut:
-    """Hypotheses that the limits removed from a scan's splitting."""
+class Gates:
+    """The gates of a scan.
 
-    confirmations: int
-    potential_tracks: int
+    Attributes
+    ----------
+    last_hits : (g,) ndarray of int
+        Detection id of the hit that each gate surrounds, ascending.
+    gated : Gated
+        Detections in each gate.
+    ids : (d,) ndarray of int
+        Ids of the scan's detections.
+    """
+
+    last_hits: IntArray
+    gated: splitting.Gated
+    ids: IntArray
+
+    def of(self, last_hit: IntArray) -> IntArray:
+        """Row of the gate that each path uses, (n,)."""
+        return np.searchsorted(self.last_hits, last_hit)
+
+    def missed(self, last_hit: IntArray) -> NDArray[np.bool_]:
+        """Which paths have no detection in their gate, (n,)."""
+        missed: NDArray[np.bool_] = self.gated.count[self.of(last_hit)] == 0
+        return missed
+
+    def children(self, paths: PathCounts) -> PathCounts:
+        """Paths that extend these by each of their gated detections."""
+        return paths.children(self.of(paths.last_hit), self.gated, self.ids)
 
 
 class Tsepm(Initiator):
@@ -218,6 +247,9 @@ class Tsepm(Initiator):
         super().reset()
         self._window = DetectionWindow()
         self._potential = PotentialTracks.starting(np.zeros(0, np.int64), 0, self.options.min_hits)
+        # Paths cut because they could not pass the evaluation any more, and because of a limit.
+        self._hopeless = PathCounts.none()
+        self._surplus = PathCounts.none()
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; another number of hits starts over, a shorter window ends tracks.
@@ -229,8 +261,9 @@ class Tsepm(Initiator):
         if options.min_hits != old.min_hits:
             self.reset()
             return False
-        scan_count = self.scan_index + 1 - self._potential.first_scan
-        self._potential = self._potential[~pruning.expired(scan_count, options.window)]
+        self._potential = self._potential[~self._expired(self._potential.first_scan)]
+        self._hopeless = self._hopeless[~self._expired(self._hopeless.first_scan)]
+        self._surplus = self._surplus[~self._expired(self._surplus.first_scan)]
         return True
 
     def process(self, scan: Scan) -> list[ConfirmedTrack]:
@@ -239,30 +272,35 @@ class Tsepm(Initiator):
         See `Initiator.process`.
         """
         detections = self._receive(scan)
-        ids = self._window.append(detections)
-        gates, gated = self._gate(detections)
-        updated, missed, cut = self._split(gates, gated, ids)
-        raw, potential, terminated = self._confirm(updated, missed)
+        gates = self._gate(detections)
+        updated, missed, surplus = self._split(gates)
+        hopeful, hopeless = self._cut_hopeless(updated)
+        raw, potential, terminated = self._confirm(hopeful, missed)
         candidates = self._estimate(raw)
         kept = self._prune(candidates)
         merging = self._in_time(kept)
         tracks = self._merge(merging)
-        started = self._start(splitting.residual(len(ids), gated), ids)
-        self._potential, cut_potential = self._limit(PotentialTracks.joined(potential, started))
+        started = self._start(gates)
+        self._potential, beyond = self._limit(PotentialTracks.joined(potential, started))
+        self._hopeless, hopeless_raw, hopeless_ended = self._follow(self._hopeless, gates, hopeless)
+        self._surplus, surplus_raw, _ = self._follow(
+            self._surplus, gates, PathCounts.joined(surplus, beyond, self._ungated(gates))
+        )
         self._window.forget(self.scan_index + 2 - self.options.window)
         self._count(
             ScanStatistics(
                 scans=1,
                 detections=len(scan),
                 potential_tracks=len(self._potential),
+                hopeless_tracks=self._hopeless.total,
                 started=len(started),
-                terminated=terminated,
-                raw_confirmations=len(raw),
-                pruned=len(candidates) - len(kept),
+                terminated=terminated + hopeless_ended,
+                raw_confirmations=len(raw) + hopeless_raw,
+                pruned=len(candidates) - len(kept) + hopeless_raw,
                 merged=len(merging) - len(tracks),
                 confirmed=len(tracks),
-                cut_potential_tracks=gated.cut + cut.potential_tracks + cut_potential,
-                cut_confirmations=cut.confirmations
+                cut_potential_tracks=gates.gated.cut + self._waiting(surplus).total + beyond.total,
+                cut_confirmations=surplus_raw
                 + (len(raw) - len(candidates))
                 + (len(kept) - len(merging)),
             )
@@ -285,46 +323,70 @@ class Tsepm(Initiator):
             )
         return found
 
-    def _gate(self, detections: NDArray[np.void]) -> tuple[IntArray, splitting.Gated]:
-        """Gate the scan: tracks that share a last hit share its gate (Step 2, Eqs. 4-5)."""
-        last_hits, gate_of_track = np.unique(self._potential.last_hit, return_inverse=True)
+    def _gate(self, detections: NDArray[np.void]) -> Gates:
+        """Gate the scan: paths that share a last hit share its gate (Step 2, Eqs. 4-5)."""
+        ids = self._window.append(detections)
+        paths = (self._potential, self._hopeless, self._surplus)
+        last_hits = np.unique(np.concatenate([part.last_hit for part in paths]))
         gated = splitting.gate(
             self._window[last_hits],
             detections,
             self.common.max_speed,
             self.options.gate_probability,
         )
-        return gate_of_track, gated
+        return Gates(last_hits, gated, ids)
 
-    def _split(
-        self, gates: IntArray, gated: splitting.Gated, ids: IntArray
-    ) -> tuple[PotentialTracks, PotentialTracks, Cut]:
+    def _split(self, gates: Gates) -> tuple[PotentialTracks, PotentialTracks, PathCounts]:
         """Extend every track by each of its gated detections (Step 2).
 
-        Returns the children, the tracks without a gated detection, and what the limits cut.
+        Returns the children, the tracks without a gated detection, and the children beyond the
+        limits.
         """
         last = self._potential.hit_count == self.options.min_hits - 1
-        completed, cut_confirmations = self._split_part(
-            np.flatnonzero(last), gates, gated, ids, self.common.max_raw_confirmations
+        completed, cut_completed = self._split_part(
+            np.flatnonzero(last), gates, self.common.max_raw_confirmations
         )
-        extended, cut_potential = self._split_part(
-            np.flatnonzero(~last), gates, gated, ids, self.common.max_potential_tracks
+        extended, cut_extended = self._split_part(
+            np.flatnonzero(~last), gates, self.common.max_potential_tracks
         )
-        missed = self._potential[gated.count[gates] == 0]
-        cut = Cut(cut_confirmations, cut_potential)
-        return PotentialTracks.joined(completed, extended), missed, cut
+        return (
+            PotentialTracks.joined(completed, extended),
+            self._potential[gates.missed(self._potential.last_hit)],
+            PathCounts.joined(cut_completed, cut_extended),
+        )
 
     def _split_part(
-        self, rows: IntArray, gates: IntArray, gated: splitting.Gated, ids: IntArray, limit: int
-    ) -> tuple[PotentialTracks, int]:
-        """Split some of the tracks; returns at most `limit` children and the number cut."""
+        self, rows: IntArray, gates: Gates, limit: int
+    ) -> tuple[PotentialTracks, PathCounts]:
+        """Split some of the tracks; returns at most `limit` children, and the others counted."""
         tracks = self._potential[rows]
 
         def cost(parent: IntArray, newest: IntArray) -> FloatArray:
-            return self._cost(tracks.extended(parent, ids[newest]))
+            return self._cost(tracks.extended(parent, gates.ids[newest]))
 
-        parent, newest, cut = splitting.split_within(gates[rows], gated, limit, cost)
-        return tracks.extended(parent, ids[newest]), cut
+        parent, newest, cut = splitting.split_within(
+            gates.of(tracks.last_hit), gates.gated, limit, cost
+        )
+        children = tracks.extended(parent, gates.ids[newest])
+        if not cut:
+            return children, PathCounts.none()
+        return children, gates.children(tracks.counts()).without(children.counts())
+
+    def _cut_hopeless(self, updated: PotentialTracks) -> tuple[PotentialTracks, PathCounts]:
+        """Cut the paths whose evaluation can only end above its threshold, before they multiply.
+
+        f_2 only grows as hits are added. The bound that f_1 has, the mean of the unweighted
+        residuals over the largest covariance they could have, holds for 1 to 3 % of the paths, and
+        finding them takes longer than it saves: with f_1 none are cut.
+
+        Returns the others, and the hopeless ones counted.
+        """
+        if self.options.evaluation != "clutter_statistic":
+            return updated, PathCounts.none()
+        # A hair above: the sum over all hits may round otherwise than the sum over some.
+        least = self._clutter_statistic(updated)
+        hopeless = ~pruning.keep(least, self._threshold * (1.0 + 1e-9))
+        return updated[~hopeless], updated[hopeless].counts()
 
     def _confirm(
         self, updated: PotentialTracks, missed: PotentialTracks
@@ -335,9 +397,33 @@ class Tsepm(Initiator):
         """
         reached = pruning.confirmed(updated.hit_count, self.options.min_hits)
         waiting = PotentialTracks.joined(updated[~reached], missed)
-        scan_count = self.scan_index + 1 - waiting.first_scan
-        ended = pruning.expired(scan_count, self.options.window)
+        ended = self._expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
+
+    def _follow(
+        self, paths: PathCounts, gates: Gates, newly_cut: PathCounts
+    ) -> tuple[PathCounts, int, int]:
+        """Split the paths that were cut and apply the M/N rule: their gates go on (Steps 2, 3).
+
+        Returns those that go on, and how many reached M hits and how many the rule ended.
+        """
+        missed = paths[gates.missed(paths.last_hit)]
+        followed = PathCounts.joined(missed, gates.children(paths), newly_cut)
+        waiting = self._waiting(followed)
+        ended = self._expired(waiting.first_scan)
+        confirmed = followed.total - waiting.total
+        return waiting[~ended], confirmed, waiting[ended].total
+
+    def _ungated(self, gates: Gates) -> PathCounts:
+        """Detections that the gating limit left out of every gate: they gate as a start would."""
+        left_out = gates.ids[splitting.left_out(gates.gated)]
+        return PotentialTracks.starting(left_out, self.scan_index, 1).counts()
+
+    def _waiting(self, paths: PathCounts) -> PathCounts:
+        return paths[~pruning.confirmed(paths.hit_count, self.options.min_hits)]
+
+    def _expired(self, first_scan: IntArray) -> NDArray[np.bool_]:
+        return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
 
     def _estimate(self, tracks: PotentialTracks, count: int | None = None) -> Candidates:
         """Estimate state and covariance and evaluate (Steps 4 and 5).
@@ -382,14 +468,14 @@ class Tsepm(Initiator):
 
     def _prune(self, candidates: Candidates) -> Candidates:
         """Remove the tracks whose evaluation exceeds its threshold (Step 6)."""
+        return candidates[pruning.keep(candidates.evaluation, self._threshold)]
+
+    @property
+    def _threshold(self) -> float:
         options = self.options
         if options.evaluation == "clutter_statistic":
-            threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
-        else:
-            threshold = pruning.distance_threshold(
-                options.pruning_probability, options.pruning_reading
-            )
-        return candidates[pruning.keep(candidates.evaluation, threshold)]
+            return pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
+        return pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
 
     def _merge(self, candidates: Candidates) -> list[ConfirmedTrack]:
         """Merge the tracks that seem to be one target's (Step 7)."""
@@ -428,26 +514,35 @@ class Tsepm(Initiator):
             age=self.stamp - float(hits["time"][0]),
         )
 
-    def _start(self, residual: IntArray, ids: IntArray) -> PotentialTracks:
+    def _start(self, gates: Gates) -> PotentialTracks:
         """Start a potential track from every residual detection (Step 8)."""
-        return PotentialTracks.starting(ids[residual], self.scan_index, self.options.min_hits)
+        first_hits = gates.ids[splitting.residual(gates.gated)]
+        return PotentialTracks.starting(first_hits, self.scan_index, self.options.min_hits)
 
-    def _limit(self, tracks: PotentialTracks) -> tuple[PotentialTracks, int]:
-        """Keep the best potential tracks; returns them and the number cut."""
-        cut = len(tracks) - self.common.max_potential_tracks
-        if cut <= 0:
-            return tracks, 0
-        return tracks[keep_best(self._cost(tracks), self.common.max_potential_tracks)], cut
+    def _limit(self, tracks: PotentialTracks) -> tuple[PotentialTracks, PathCounts]:
+        """Keep the best potential tracks; returns them, and the others counted."""
+        limit = self.common.max_potential_tracks
+        if len(tracks) <= limit:
+            return tracks, PathCounts.none()
+        kept = np.zeros(len(tracks), bool)
+        kept[keep_best(self._cost(tracks), limit)] = True
+        return tracks[kept], tracks[~kept].counts()
 
     def _cost(self, tracks: PotentialTracks) -> FloatArray:
         """Clutter statistic per degree of freedom: small is target-like, 1 a track of clutter.
 
         A track of one hit has none yet and counts as clutter.
         """
+        several = tracks.hit_count > 1
+        freedom = 2.0 * tracks.hit_count - 2.0
         cost = np.ones(len(tracks))
+        return np.divide(self._clutter_statistic(tracks), freedom, out=cost, where=several)
+
+    def _clutter_statistic(self, tracks: PotentialTracks) -> FloatArray:
+        """f_2 of the hits so far, (n,)."""
+        statistic = np.zeros(len(tracks))
         for count in np.unique(tracks.hit_count[tracks.hit_count > 1]):
             rows = np.flatnonzero(tracks.hit_count == count)
             positions = self._window.positions(tracks.hits[rows, :count])
-            statistic = evaluation.clutter_statistic(positions, self.sensor.clutter_density)
-            cost[rows] = statistic / (2 * count - 2)
-        return cost
+            statistic[rows] = evaluation.clutter_statistic(positions, self.sensor.clutter_density)
+        return statistic
