@@ -195,6 +195,8 @@ def cloud_of(header: Header, packed: NDArray[Any], is_dense: bool) -> PointCloud
     """
     from sensor_msgs.msg import PointCloud2
 
+    data = array.array("B")
+    data.frombytes(np.ascontiguousarray(packed).view(np.uint8).data)
     return PointCloud2(
         header=header,
         height=1,
@@ -203,7 +205,7 @@ def cloud_of(header: Header, packed: NDArray[Any], is_dense: bool) -> PointCloud
         is_bigendian=False,
         point_step=packed.dtype.itemsize,
         row_step=packed.nbytes,
-        data=array.array("B", packed.tobytes()),
+        data=data,
         is_dense=is_dense,
     )
 

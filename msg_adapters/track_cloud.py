@@ -92,7 +92,7 @@ def track_cloud(header: Header, tracks: Sequence[ConfirmedTrack]) -> PointCloud2
     numbers[:, 4:20] = arrays.covariance.reshape(-1, 16)
     numbers[:, 20] = arrays.evaluation
     numbers[:, 21] = arrays.score
-    records["counts"][:, 0] = np.minimum([len(hits) for hits in arrays.hits], _LARGEST_COUNT)
+    records["counts"][:, 0] = np.minimum(arrays.hit_count, _LARGEST_COUNT)
     records["counts"][:, 1] = np.minimum(arrays.scan_count, _LARGEST_COUNT)
     records["age"] = arrays.age
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())

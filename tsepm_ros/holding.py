@@ -18,22 +18,27 @@ class TrackHold:
 
     def __init__(self, hold_time: float) -> None:
         self.hold_time = hold_time
-        self._tracks = TrackArrays.of([])
+        self._scans: list[tuple[float, TrackArrays]] = []
 
     def update(self, stamp: float, new: Sequence[ConfirmedTrack]) -> list[int]:
         """Take the tracks newly confirmed at `stamp` (s); returns the ids of those that end."""
-        held = self._tracks.stamp >= stamp - self.hold_time
-        ended: list[int] = self._tracks.track_id[~held].tolist()
-        kept = self._tracks if held.all() else self._tracks.where(held)
-        self._tracks = kept.joined(TrackArrays.of(new)) if len(new) else kept
-        return ended
+        oldest = stamp - self.hold_time
+        ended = [tracks for confirmed, tracks in self._scans if confirmed < oldest]
+        self._scans = [scan for scan in self._scans if scan[0] >= oldest]
+        if len(new):
+            self._scans.append((stamp, TrackArrays.of(new)))
+        return _ids(ended)
 
     def current(self, stamp: float) -> TrackArrays:
         """Every track held, carried to `stamp` (s) at constant velocity."""
-        return self._tracks.predicted(stamp)
+        return TrackArrays.of([]).joined(*(tracks for _, tracks in self._scans)).predicted(stamp)
 
     def clear(self) -> list[int]:
         """End every track; returns their ids."""
-        ended: list[int] = self._tracks.track_id.tolist()
-        self._tracks = TrackArrays.of([])
+        ended = _ids([tracks for _, tracks in self._scans])
+        self._scans = []
         return ended
+
+
+def _ids(parts: list[TrackArrays]) -> list[int]:
+    return [track_id for tracks in parts for track_id in tracks.track_id.tolist()]

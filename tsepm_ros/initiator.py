@@ -16,7 +16,10 @@ from tsepm_ros.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.track import ConfirmedTrack
+from tsepm_ros.track import TrackArrays
+
+TRACK_IDS = 2**32
+"""Track ids count from 0 up to this, then start again: messages hold 32 bits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +147,7 @@ class Initiator(ABC):
         self.reset()
 
     @abstractmethod
-    def process(self, scan: Scan) -> list[ConfirmedTrack]:
+    def process(self, scan: Scan) -> TrackArrays:
         """Take one scan and return the tracks that it newly confirms.
 
         Parameters
@@ -154,8 +157,9 @@ class Initiator(ABC):
 
         Returns
         -------
-        list of ConfirmedTrack
-            Newly confirmed tracks only, their states at the scan's stamp.
+        TrackArrays
+            Newly confirmed tracks only, their states at the scan's stamp: a sequence of
+            `ConfirmedTrack`, or arrays.
 
         Raises
         ------
@@ -165,7 +169,7 @@ class Initiator(ABC):
         """
 
     @abstractmethod
-    def potential_tracks(self) -> list[ConfirmedTrack]:
+    def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits that may yet be confirmed, at the last scan's stamp.
 
         Their `track_id` is their place in the list.
@@ -209,10 +213,10 @@ class Initiator(ABC):
         self.scan_index += 1
         return convert(scan, self.sensor, self.scan_index)
 
-    def _take_track_id(self) -> int:
-        track_id = self.next_track_id
-        self.next_track_id = (track_id + 1) % 2**32
-        return track_id
+    def _take_track_ids(self, number: int) -> NDArray[np.int64]:
+        taken = (self.next_track_id + np.arange(number)) % TRACK_IDS
+        self.next_track_id = (self.next_track_id + number) % TRACK_IDS
+        return taken
 
     def _count(self, statistics: ScanStatistics) -> None:
         self.statistics = statistics

@@ -24,7 +24,7 @@ from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import Scan
 from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.track import TrackArrays
 
 QUEUE_LENGTH = 1000
 """Scans that may wait for own-ship data at once."""
@@ -190,7 +190,7 @@ class ScanResult:
         The fixed frame.
     arrival : Arrival
         How the scan followed on; RESTART and GAP dropped what was held before it.
-    new : list of ConfirmedTrack
+    new : TrackArrays
         Newly confirmed tracks.
     current : TrackArrays
         Every track held, at `stamp`.
@@ -207,7 +207,7 @@ class ScanResult:
     scan: Scan
     frame_id: str
     arrival: Arrival
-    new: list[ConfirmedTrack]
+    new: TrackArrays
     current: TrackArrays
     ended: list[int]
     statistics: ScanStatistics

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,17 +68,20 @@ class ConfirmedTrack:
         return TrackArrays.of([self]).predicted(stamp)[0]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TrackArrays(Sequence[ConfirmedTrack]):
     """Tracks as arrays, a row each: a sequence of `ConfirmedTrack` that is quick in numbers.
 
     Attributes
     ----------
     track_id, stamp, evaluation, score, scan_count, age : (n,) ndarray
+        As in `ConfirmedTrack`.
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     hits : list
         The hits of each track.
+    hit_count : (n,) ndarray of int
+        Number of hits of each track.
     """
 
     track_id: NDArray[np.int64]
@@ -87,6 +89,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     state: NDArray[np.float64]
     covariance: NDArray[np.float64]
     hits: list[tuple[tuple[int, int], ...]]
+    hit_count: NDArray[np.int64]
     evaluation: NDArray[np.float64]
     score: NDArray[np.float64]
     scan_count: NDArray[np.int64]
@@ -98,64 +101,55 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         if isinstance(tracks, cls):
             return tracks
         return cls(
-            np.array([track.track_id for track in tracks], np.int64),
-            np.array([track.stamp for track in tracks]),
-            np.array([track.state for track in tracks]).reshape(-1, 4),
-            np.array([track.covariance for track in tracks]).reshape(-1, 4, 4),
-            [track.hits for track in tracks],
-            np.array([track.evaluation for track in tracks]),
-            np.array([track.score for track in tracks]),
-            np.array([track.scan_count for track in tracks], np.int64),
-            np.array([track.age for track in tracks]),
+            track_id=np.array([track.track_id for track in tracks], np.int64),
+            stamp=np.array([track.stamp for track in tracks], float),
+            state=np.array([track.state for track in tracks], float).reshape(-1, 4),
+            covariance=np.array([track.covariance for track in tracks], float).reshape(-1, 4, 4),
+            hits=[track.hits for track in tracks],
+            hit_count=np.array([len(track.hits) for track in tracks], np.int64),
+            evaluation=np.array([track.evaluation for track in tracks], float),
+            score=np.array([track.score for track in tracks], float),
+            scan_count=np.array([track.scan_count for track in tracks], np.int64),
+            age=np.array([track.age for track in tracks], float),
         )
 
     def __len__(self) -> int:
         """Number of tracks."""
         return len(self.track_id)
 
-    def __getitem__(self, row: Any) -> Any:
+    @overload
+    def __getitem__(self, row: int) -> ConfirmedTrack: ...
+    @overload
+    def __getitem__(self, row: slice) -> TrackArrays: ...
+    def __getitem__(self, row: int | slice) -> ConfirmedTrack | TrackArrays:
         """One track, or the tracks of a slice."""
         if isinstance(row, slice):
-            return [self[index] for index in range(*row.indices(len(self)))]
+            return self.where(np.arange(len(self))[row])
         return ConfirmedTrack(
-            int(self.track_id[row]),
-            float(self.stamp[row]),
-            self.state[row],
-            self.covariance[row],
-            self.hits[row],
-            float(self.evaluation[row]),
-            float(self.score[row]),
-            int(self.scan_count[row]),
-            float(self.age[row]),
+            track_id=int(self.track_id[row]),
+            stamp=float(self.stamp[row]),
+            state=self.state[row],
+            covariance=self.covariance[row],
+            hits=self.hits[row],
+            evaluation=float(self.evaluation[row]),
+            score=float(self.score[row]),
+            scan_count=int(self.scan_count[row]),
+            age=float(self.age[row]),
         )
 
-    def where(self, rows: NDArray[np.bool_]) -> TrackArrays:
-        """The tracks that a mask selects."""
-        return TrackArrays(
-            self.track_id[rows],
-            self.stamp[rows],
-            self.state[rows],
-            self.covariance[rows],
-            list(itertools.compress(self.hits, rows)),
-            self.evaluation[rows],
-            self.score[rows],
-            self.scan_count[rows],
-            self.age[rows],
-        )
+    def where(self, rows: NDArray[np.generic]) -> TrackArrays:
+        """The tracks in the given rows (indices or a mask)."""
+        numbers = {name: getattr(self, name)[rows] for name in _NUMBERS}
+        places = np.arange(len(self))[rows].tolist()
+        return TrackArrays(hits=[self.hits[place] for place in places], **numbers)
 
-    def joined(self, other: TrackArrays) -> TrackArrays:
+    def joined(self, *others: TrackArrays) -> TrackArrays:
         """These tracks and then others."""
-        return TrackArrays(
-            np.concatenate([self.track_id, other.track_id]),
-            np.concatenate([self.stamp, other.stamp]),
-            np.concatenate([self.state, other.state]),
-            np.concatenate([self.covariance, other.covariance]),
-            self.hits + other.hits,
-            np.concatenate([self.evaluation, other.evaluation]),
-            np.concatenate([self.score, other.score]),
-            np.concatenate([self.scan_count, other.scan_count]),
-            np.concatenate([self.age, other.age]),
-        )
+        parts = (self, *others)
+        numbers = {
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in _NUMBERS
+        }
+        return TrackArrays(hits=[hits for part in parts for hits in part.hits], **numbers)
 
     def predicted(self, stamp: float) -> TrackArrays:
         """The tracks carried to one time at constant velocity.
@@ -171,14 +165,18 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             The same tracks with state F x and covariance F P F', F being Eq. 17's transition matrix
             over the time step.
         """
-        steps = stamp - self.stamp
-        transition = np.zeros((len(self), 4, 4))
-        transition[:, range(4), range(4)] = 1.0
-        transition[:, 0, 1] = transition[:, 2, 3] = steps
+        step = stamp - self.stamp
+        state, covariance = self.state.copy(), self.covariance.copy()
+        state[:, 0::2] += step[:, None] * state[:, 1::2]
+        covariance[:, 0::2] += step[:, None, None] * covariance[:, 1::2]
+        covariance[:, :, 0::2] += step[:, None, None] * covariance[:, :, 1::2]
         return replace(
             self,
             stamp=np.full(len(self), stamp),
-            state=(transition @ self.state[..., None])[..., 0],
-            covariance=transition @ self.covariance @ transition.transpose(0, 2, 1),
-            age=self.age + steps,
+            state=state,
+            covariance=covariance,
+            age=self.age + step,
         )
+
+
+_NUMBERS = tuple(field.name for field in fields(TrackArrays) if field.name != "hits")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from contenders import Contender, FloatArray, Hits, RawScan, Sea
-from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.track import TrackArrays
 
 
 class TsepmContender(Contender):
@@ -28,7 +27,7 @@ class TsepmContender(Contender):
             window=window,
             gate_probability=sea.gate_probability,
         )
-        self._new: list[ConfirmedTrack] = []
+        self._new = TrackArrays.of([])
 
     def process(self, scan: RawScan) -> int:
         """See `Contender.process`."""
@@ -39,11 +38,11 @@ class TsepmContender(Contender):
 
     def hits(self) -> list[Hits]:
         """See `Contender.hits`."""
-        return [tuple(track.hits) for track in self._new]
+        return self._new.hits
 
     def states(self) -> FloatArray:
         """See `Contender.states`."""
-        return np.array([track.state for track in self._new]).reshape(-1, 4)
+        return self._new.state
 
     def counts(self) -> dict[str, int]:
         """See `Contender.counts`; `raw` is what reached confirmation and was not cut."""

@@ -19,6 +19,7 @@ from tsepm_ros.own_ship import echo_poses
 from tsepm_ros.scan import Scan
 from tsepm_ros.simulation import Scenario, Simulator
 from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.track import ConfirmedTrack
 
 FloatArray = NDArray[np.float64]
 
@@ -101,7 +102,8 @@ def judge_run(
     """Simulate one run, initiate tracks on it and judge them."""
     simulator = Simulator(scenario, seed)
     initiator = make_initiator(method, sensor=scenario.sensor, **options)
-    tracks, origins = [], []
+    tracks: list[ConfirmedTrack] = []
+    origins = []
     for simulated in simulator:
         origins.append(simulated.origin)
         tracks.extend(initiator.process(placed(simulated.scan, scenario.own_ship)))

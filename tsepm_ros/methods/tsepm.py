@@ -21,7 +21,7 @@ from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.path_counts import PathCounts
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.track import ConfirmedTrack
+from tsepm_ros.track import TrackArrays
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -266,7 +266,7 @@ class Tsepm(Initiator):
         self._surplus = self._surplus[~self._expired(self._surplus.first_scan)]
         return True
 
-    def process(self, scan: Scan) -> list[ConfirmedTrack]:
+    def process(self, scan: Scan) -> TrackArrays:
         """Take one scan and return the tracks that it newly confirms (Steps 1-8).
 
         See `Initiator.process`.
@@ -307,21 +307,19 @@ class Tsepm(Initiator):
         )
         return tracks
 
-    def potential_tracks(self) -> list[ConfirmedTrack]:
+    def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits; `evaluation` is f_1 of the hits so far.
 
         See `Initiator.potential_tracks`.
         """
-        found: list[ConfirmedTrack] = []
         if self.stamp is None:
-            return found
-        for count in range(2, self.options.min_hits):
-            tracks = self._potential[self._potential.hit_count == count]
-            candidates = self._estimate(tracks, count)
-            found.extend(
-                self._track(len(found) + row, candidates, row) for row in range(len(candidates))
-            )
-        return found
+            return TrackArrays.of([])
+        several = [
+            self._estimate(self._potential[self._potential.hit_count == count], count)
+            for count in range(2, self.options.min_hits)
+        ]
+        tracks = TrackArrays.of([]).joined(*map(self._tracks, several))
+        return replace(tracks, track_id=np.arange(len(tracks)))
 
     def _gate(self, detections: NDArray[np.void]) -> Gates:
         """Gate the scan: paths that share a last hit share its gate (Step 2, Eqs. 4-5)."""
@@ -477,7 +475,7 @@ class Tsepm(Initiator):
             return pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
         return pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
 
-    def _merge(self, candidates: Candidates) -> list[ConfirmedTrack]:
+    def _merge(self, candidates: Candidates) -> TrackArrays:
         """Merge the tracks that seem to be one target's (Step 7)."""
         labels = merging.groups(
             candidates.hits,
@@ -485,33 +483,38 @@ class Tsepm(Initiator):
             candidates.covariance,
             self.options.merging_probability,
         )
-        return [self._merged(candidates, members) for members in merging.members_of_groups(labels)]
+        groups = merging.members_of_groups(labels)
+        best = [members[np.argmin(candidates.evaluation[members])] for members in groups]
+        tracks = self._tracks(candidates[np.array(best, np.int64)])
+        for row, members in enumerate(groups):
+            if len(members) > 1:
+                tracks.state[row], tracks.covariance[row] = self._merged(candidates[members])
+        return replace(tracks, track_id=self._take_track_ids(len(tracks)))
 
-    def _merged(self, candidates: Candidates, members: IntArray) -> ConfirmedTrack:
-        best = int(members[np.argmin(candidates.evaluation[members])])
-        track = self._track(self._take_track_id(), candidates, best)
-        if len(members) == 1:
-            return track
+    def _merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
+        """State and covariance of a group."""
         if self.options.merging == "refit":
-            union = self._fit(self._window[np.unique(candidates.hits[members])][None])
-            state, covariance = union.state[0], union.covariance[0]
-        else:
-            group = candidates[members]
-            state, covariance = merging.moments(group.state, group.covariance, group.distance)
-        return replace(track, state=state, covariance=covariance)
+            union = self._fit(self._window[np.unique(group.hits)][None])
+            return union.state[0], union.covariance[0]
+        return merging.moments(group.state, group.covariance, group.distance)
 
-    def _track(self, track_id: int, candidates: Candidates, row: int) -> ConfirmedTrack:
+    def _tracks(self, candidates: Candidates) -> TrackArrays:
+        """Candidates as tracks, without ids yet."""
         assert self.stamp is not None
-        hits = self._window[candidates.hits[row]]
-        return ConfirmedTrack(
-            track_id=track_id,
-            stamp=self.stamp,
-            state=candidates.state[row],
-            covariance=candidates.covariance[row],
-            hits=tuple(zip(hits["scan"].tolist(), hits["index"].tolist(), strict=True)),
-            evaluation=float(candidates.evaluation[row]),
-            scan_count=self.scan_index + 1 - int(hits["scan"][0]),
-            age=self.stamp - float(hits["time"][0]),
+        n = len(candidates)
+        hits = self._window[candidates.hits]
+        pairs = np.stack([hits["scan"], hits["index"]], axis=-1)
+        return TrackArrays(
+            track_id=np.zeros(n, np.int64),
+            stamp=np.full(n, self.stamp),
+            state=candidates.state,
+            covariance=candidates.covariance,
+            hits=[tuple(map(tuple, track)) for track in pairs.tolist()],
+            hit_count=np.full(n, candidates.hits.shape[1]),
+            evaluation=candidates.evaluation,
+            score=np.full(n, np.nan),
+            scan_count=self.scan_index + 1 - hits["scan"][:, 0].astype(np.int64),
+            age=self.stamp - hits["time"][:, 0],
         )
 
     def _start(self, gates: Gates) -> PotentialTracks:
