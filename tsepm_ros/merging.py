@@ -89,7 +89,11 @@ def _connected(labels: IntArray, one: IntArray, other: IntArray) -> IntArray:
     if not len(one):
         return labels
     n = int(labels.max()) + 1
-    graph = csr_array((np.ones(len(one), bool), (labels[one], labels[other])), shape=(n, n))
+    row, column = labels[one], labels[other]
+    order = np.argsort(row)
+    start = np.searchsorted(row[order], np.arange(n + 1))
+    # Rows as they are: from pairs it would be sorted and summed, which takes longer.
+    graph = csr_array((np.ones(len(row), bool), column[order], start), shape=(n, n))
     merged: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
     return merged[labels]
 

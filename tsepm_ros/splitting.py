@@ -97,7 +97,7 @@ def gate(
     radius = (margin + max_speed * longest) * (1.0 + 1e-9)
     positions = np.ascontiguousarray(detections["position"])
     centres = np.ascontiguousarray(last_hits["position"])
-    owner, candidate, cut = _candidates(positions, centres, radius)
+    owner, candidate, cut = neighbours(positions, centres, radius)
     step = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(step[:, 0], step[:, 1]) <= max_speed * elapsed + margin[owner]
@@ -110,35 +110,59 @@ def gate(
     return Gated(start, candidate[inside], claimed, cut)
 
 
-def _candidates(
+def neighbours(
     positions: FloatArray, centres: FloatArray, radius: FloatArray
 ) -> tuple[IntArray, IntArray, int]:
-    """Pairs of centres and positions within its radius, and how many were cut.
+    """Pairs of centres and positions within their radius.
 
     Beyond `MAX_GATED` pairs only the nearest of each centre are kept: the length of the newest step
     is what tells a target from clutter first.
+
+    Parameters
+    ----------
+    positions : (n, 2) ndarray
+        m.
+    centres : (g, 2) ndarray
+        m.
+    radius : (g,) ndarray
+        m.
+
+    Returns
+    -------
+    centre, position : (p,) ndarray of int
+        Rows of each pair, ascending.
+    cut : int
+        Pairs left out.
     """
     tree = cKDTree(positions)
+    if len(centres) * len(positions) <= min(SPLIT_BLOCK, MAX_GATED):
+        counts, position = _inside(tree, centres, radius)
+        return np.repeat(np.arange(len(centres)), counts), position, 0
     counts = tree.query_ball_point(centres, radius, return_length=True)
     total = int(counts.sum())
     if total > MAX_GATED:
         nearest = min(max(MAX_GATED // len(centres), 1), len(positions))
         found = tree.query(centres, k=nearest)[1].reshape(len(centres), nearest)
         found = np.sort(found, axis=1)
-        owner = np.repeat(np.arange(len(centres)), nearest)
+        centre = np.repeat(np.arange(len(centres)), nearest)
         kept = int(np.minimum(counts, nearest).sum())
-        return owner, found.ravel().astype(np.int64), total - kept
-    owner = np.repeat(np.arange(len(centres)), counts)
-    candidate = np.empty(total, np.int64)
+        return centre, found.ravel().astype(np.int64), total - kept
+    position = np.empty(total, np.int64)
     borders = np.concatenate([[0], np.cumsum(counts)])
     # In blocks, since the tree answers in lists of Python integers.
     blocks = np.unique(np.searchsorted(borders, np.arange(0, total, SPLIT_BLOCK), side="right") - 1)
     for begin, end in itertools.pairwise([*blocks, len(centres)]):
-        rows = tree.query_ball_point(centres[begin:end], radius[begin:end], return_sorted=True)
-        candidate[borders[begin] : borders[end]] = np.fromiter(
-            itertools.chain.from_iterable(rows), np.int64, borders[end] - borders[begin]
-        )
-    return owner, candidate, 0
+        rows = slice(begin, end)
+        position[borders[begin] : borders[end]] = _inside(tree, centres[rows], radius[rows])[1]
+    return np.repeat(np.arange(len(centres)), counts), position, 0
+
+
+def _inside(tree: cKDTree, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    """Number of the tree's positions within the radius of each centre, and their rows."""
+    found = tree.query_ball_point(centres, radius, return_sorted=True)
+    counts = np.fromiter(map(len, found), np.int64, len(found))
+    chained = itertools.chain.from_iterable(found)
+    return counts, np.fromiter(chained, np.int64, int(counts.sum()))
 
 
 def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray) -> BoolArray:

@@ -1,0 +1,140 @@
+"""Kalman prediction and update of many tracks at once.
+
+States are ``[x, vx, y, vy]``; motion is nearly constant velocity, with the transition matrix of
+TSEPM 2018, Eq. 17, and white acceleration of a spectral density q (Bar-Shalom, Li, Kirubarajan,
+"Estimation with Applications to Tracking and Navigation", 2001, section 6.2.2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.evaluation import squared_distance
+
+FloatArray = NDArray[np.float64]
+
+
+def predict(
+    state: FloatArray, covariance: FloatArray, step: FloatArray | float, noise: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Carry states over a time step: ``F x``, ``F P F' + Q``.
+
+    Parameters
+    ----------
+    state : (n, 4) ndarray
+        m, m/s.
+    covariance : (n, 4, 4) ndarray
+    step : (n,) ndarray or float
+        Time step of each, s; of either sign.
+    noise : float
+        q, m^2/s^3: the velocity's variance grows by q per second on each axis.
+
+    Returns
+    -------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    """
+    step = np.broadcast_to(step, len(state))
+    state, covariance = state.copy(), covariance.copy()
+    state[:, 0::2] += step[:, None] * state[:, 1::2]
+    covariance[:, 0::2] += step[:, None, None] * covariance[:, 1::2]
+    covariance[:, :, 0::2] += step[:, None, None] * covariance[:, :, 1::2]
+    if noise:
+        size = np.abs(step) * noise
+        for axis in (0, 2):
+            covariance[:, axis, axis] += size * step**2 / 3.0
+            covariance[:, axis, axis + 1] += size * step / 2.0
+            covariance[:, axis + 1, axis] += size * step / 2.0
+            covariance[:, axis + 1, axis + 1] += size
+    return state, covariance
+
+
+def position_covariance_after(covariance: FloatArray, step: FloatArray) -> FloatArray:
+    """Position covariance ``H P H'`` a short time after the state's, without process noise.
+
+    Parameters
+    ----------
+    covariance : (n, 4, 4) ndarray
+    step : (n,) ndarray
+        s.
+
+    Returns
+    -------
+    (n, 2, 2) ndarray
+        m^2.
+    """
+    t = step[:, None, None]
+    cross = covariance[:, 0::2, 1::2]
+    return (
+        covariance[:, 0::2, 0::2]
+        + t * (cross + np.swapaxes(cross, 1, 2))
+        + t * t * covariance[:, 1::2, 1::2]
+    )
+
+
+def update(
+    state: FloatArray,
+    covariance: FloatArray,
+    step: FloatArray,
+    innovation: FloatArray,
+    spread: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Update states with a position measured `step` seconds after the state's time.
+
+    ``K = P H' S^-1``, ``x + K (z - H x)``, ``P - K S K'``, ``H = [[1, s, 0, 0], [0, 0, 1, s]]``
+
+    Parameters
+    ----------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    step : (n,) ndarray
+        s.
+    innovation : (n, 2) ndarray
+        ``z - H x``, m.
+    spread : (n, 2, 2) ndarray
+        S, the innovation's covariance, m^2.
+
+    Returns
+    -------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    """
+    cross = covariance[:, :, 0::2] + step[:, None, None] * covariance[:, :, 1::2]  # P H'
+    gain = cross @ inverse(spread)
+    state = state + (gain @ innovation[..., None])[..., 0]
+    return state, covariance - gain @ np.swapaxes(cross, 1, 2)
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Inverse of each (..., 2, 2) matrix, by its closed form."""
+    a, b = matrix[..., 0, 0], matrix[..., 0, 1]
+    c, d = matrix[..., 1, 0], matrix[..., 1, 1]
+    inverted = np.empty_like(matrix)
+    inverted[..., 0, 0], inverted[..., 0, 1] = d, -b
+    inverted[..., 1, 0], inverted[..., 1, 1] = -c, a
+    return inverted / (a * d - b * c)[..., None, None]
+
+
+def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Log of the Gaussian density of innovations, and their squared distances.
+
+    ``ln N(d; 0, S) = -d' S^-1 d / 2 - ln(2 pi sqrt(|S|))``
+
+    Parameters
+    ----------
+    innovation : (n, 2) ndarray
+        d, m.
+    spread : (n, 2, 2) ndarray
+        S, m^2.
+
+    Returns
+    -------
+    log_density : (n,) ndarray
+        ln of 1/m^2.
+    distance : (n,) ndarray
+        ``d' S^-1 d``.
+    """
+    distance = squared_distance(innovation, spread)
+    xx, yy, xy = spread[..., 0, 0], spread[..., 1, 1], spread[..., 0, 1]
+    return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
