@@ -1,6 +1,7 @@
 """What the node adds to the algorithm, beside one hop of the bare middleware.
 
-The node's part is the time from callback entry to the last publish's return, less the core's own.
+The node's part is the time from callback entry until the new tracks are published, and until
+everything is, less the core's own.
 The hop is the time from a driver's publish call, in another process, to a callback in this one, for
 a message of the same size on a topic of its own, sent before each ping while the node is at rest.
 Node and listener run single-threaded in this process, over DDS on this machine only.
@@ -26,7 +27,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections_cloud, make_header, time_to_ns
-from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.nodes.track_initiator import Latency, TrackInitiator
 
 PERIOD = 12.0
 MAX_RANGE = 9000.0
@@ -81,8 +82,8 @@ class Listener(Node):
         self.seconds.append((time.monotonic_ns() - time_to_ns(message.header.stamp)) * 1e-9)
 
 
-def measure(detections: int, scans: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Node's own part and core's part of each ping, and the hops, s."""
+def measure(detections: int, scans: int) -> dict[str, np.ndarray]:
+    """Node's own parts and core's part of each ping, and the hops, s."""
     domain = os.getpid() % 100 + 1
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
@@ -99,18 +100,23 @@ def measure(detections: int, scans: int) -> tuple[np.ndarray, np.ndarray, np.nda
     executor.add_node(listener)
     arguments = [str(domain), str(detections), str(scans)]
     driver = subprocess.Popen([sys.executable, __file__, "--drive", *arguments])
-    figures = []
+    figures: list[Latency] = []
     while driver.poll() is None:
         executor.spin_once(timeout_sec=0.1)
-        total, core = node.latency
-        if total and (not figures or figures[-1] != (total - core, core)):
-            figures.append((total - core, core))
+        latency = node.latency
+        if latency.to_all and (not figures or figures[-1] is not latency):
+            figures.append(latency)
     executor.shutdown()
     node.destroy_node()
     listener.destroy_node()
     context.try_shutdown()
-    added, core = np.array(figures).T
-    return added, core, np.array(listener.seconds)
+    core = np.array([latency.core for latency in figures])
+    return {
+        "node adds, to tracks": np.array([latency.to_tracks for latency in figures]) - core,
+        "node adds, to all": np.array([latency.to_all for latency in figures]) - core,
+        "core": core,
+        "bare hop": np.array(listener.seconds),
+    }
 
 
 def main() -> None:
@@ -123,12 +129,12 @@ def main() -> None:
     if options.drive:
         drive(*options.drive)
         return
-    added, core, hops = measure(options.detections, options.scans)
-    print(f"{options.detections} detections a ping, {len(added)} pings, ms")
-    for name, seconds in (("node adds", added), ("core", core), ("bare hop", hops)):
+    figures = measure(options.detections, options.scans)
+    print(f"{options.detections} detections a ping, {len(figures['core'])} pings, ms")
+    for name, seconds in figures.items():
         median, high = 1e3 * np.percentile(seconds, [50, 99])
         print(
-            f"{name:10s} median {median:7.3f}   p99 {high:7.3f}   worst {1e3 * seconds.max():7.3f}"
+            f"{name:20s} median {median:7.3f}   p99 {high:7.3f}   worst {1e3 * seconds.max():7.3f}"
         )
 
 

@@ -37,14 +37,15 @@ STAGES = {
     "_follow": "gates of cut paths",
 }
 """Methods of the initiator and what they do, in their order."""
+HOLD = "hold"
 
 
 def timed(initiator: Tsepm) -> dict[str, float]:
     """Make the initiator add up the processor time of each stage; returns the sums, s."""
     seconds: dict[str, float] = defaultdict(float)
 
-    def watch(name: str, stage: str) -> None:
-        method = getattr(initiator, name)
+    def watch(owner: object, name: str, stage: str) -> None:
+        method = getattr(owner, name)
 
         def watched(*arguments: Any) -> Any:
             begin = time.process_time()
@@ -53,10 +54,11 @@ def timed(initiator: Tsepm) -> dict[str, float]:
             finally:
                 seconds[stage] += time.process_time() - begin
 
-        setattr(initiator, name, watched)
+        setattr(owner, name, watched)
 
     for name, stage in STAGES.items():
-        watch(name, stage)
+        watch(initiator, name, stage)
+    watch(initiator.hold, "step", HOLD)
     return seconds
 
 
@@ -70,12 +72,13 @@ def profile(density: float, scans: int, options: TsepmOptions) -> None:
     for scan in scene.scans:
         initiator.process(Scan(scan.stamp, scan.range, scan.azimuth))
     total = time.process_time() - begin
+    seconds["convert"] -= seconds[HOLD]  # which is within it
     seconds["the rest"] = total - sum(seconds.values())
     raw = initiator.totals.raw_confirmations / scans
     print(
         f"\n{density:g} per m^2: {1e3 * total / scans:.2f} ms a scan, {raw:.0f} raw confirmations"
     )
-    for stage in [*STAGES.values(), "the rest"]:
+    for stage in [HOLD, *STAGES.values(), "the rest"]:
         print(f"  {stage:22s} {1e3 * seconds[stage] / scans:8.3f} ms {seconds[stage] / total:6.1%}")
 
 

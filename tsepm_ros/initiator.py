@@ -12,12 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.conversion import convert
+from tsepm_ros.holding import TrackHold
 from tsepm_ros.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import TrackArrays
 
+FloatArray = NDArray[np.float64]
+
+NEW_TRACK_EXISTENCE = 0.9
+"""Probability that a confirmed track's target exists, as the hold starts with."""
 TRACK_IDS = 2**32
 """Track ids count from 0 up to this, then start again: messages hold 32 bits."""
 
@@ -46,6 +51,13 @@ class CommonOptions:
         "Tracks that reach confirmation in one scan, before pruning and merging, at most; the "
         "worst beyond are cut and counted",
         minimum=1,
+    )
+    hold_time: float = parameter(
+        120.0,
+        "Time for which a confirmed track is held, and stays on tracks/current, without a "
+        "detection of its own",
+        unit="s",
+        minimum=0.0,
     )
 
     def __post_init__(self) -> None:
@@ -130,6 +142,8 @@ class Initiator(ABC):
         Sums since the start or the last reset.
     next_track_id : int
         Id of the next confirmed track; goes on through resets.
+    hold : TrackHold
+        The confirmed tracks, carried to the last scan's stamp.
     max_scan_time : float
         Time that a scan may take, s, as a last resort behind the limits on counts; infinite, so
         that results are reproducible, unless set.
@@ -144,7 +158,8 @@ class Initiator(ABC):
         self.options = options
         self.next_track_id = 0
         self.max_scan_time = math.inf
-        self.reset()
+        self.hold = TrackHold(common.hold_time)
+        self.forget_potential_tracks()
 
     @abstractmethod
     def process(self, scan: Scan) -> TrackArrays:
@@ -187,12 +202,20 @@ class Initiator(ABC):
         self.sensor = sensor
         self.common = common
         self.options = options
+        self.hold.hold_time = common.hold_time
         return True
 
     def reset(self) -> None:
-        """Forget all scans and potential tracks. Track ids go on: none is used twice."""
+        """Forget everything but the next track id: none is used twice."""
+        self.forget_potential_tracks()
+        self.hold.clear()
+
+    def forget_potential_tracks(self) -> None:
+        """Forget all scans and potential tracks, but not the tracks that are held."""
         self.stamp: float | None = None
         self.scan_index = -1
+        self._sensor_pose = np.zeros(3)
+        self._explained = np.zeros(0)
         self._time = TimeLimit()
         self.statistics = ScanStatistics()
         self.totals = ScanStatistics()
@@ -211,13 +234,35 @@ class Initiator(ABC):
         self._time = TimeLimit(self.max_scan_time)
         self.stamp = scan.stamp
         self.scan_index += 1
-        return convert(scan, self.sensor, self.scan_index)
+        poses = np.reshape(scan.sensor_pose, (-1, 3))
+        if len(poses):
+            self._sensor_pose = poses[-1]
+        detections = convert(scan, self.sensor, self.scan_index)
+        self._explained = self.hold.step(
+            scan.stamp, detections, self._clutter_density(detections), self._detectable, self.sensor
+        )
+        return detections
+
+    def _detectable(self, positions: FloatArray) -> FloatArray:
+        """Probability that a target at each position (n, 2) is detected in this scan."""
+        offset = positions - self._sensor_pose[:2]
+        range_ = np.hypot(offset[:, 0], offset[:, 1])
+        azimuth = np.arctan2(offset[:, 1], offset[:, 0]) - self._sensor_pose[2]
+        covered = self.sensor.covers(range_, azimuth)
+        return np.where(covered, self.sensor.detection_probability, 0.0)
+
+    def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
+        """Clutter density at each detection, 1/m^2."""
+        return np.full(len(detections), self.sensor.clutter_density)
 
     def _take_track_ids(self, number: int) -> NDArray[np.int64]:
         taken = (self.next_track_id + np.arange(number)) % TRACK_IDS
         self.next_track_id = (self.next_track_id + number) % TRACK_IDS
         return taken
 
-    def _count(self, statistics: ScanStatistics) -> None:
+    def _deliver(self, tracks: TrackArrays, statistics: ScanStatistics) -> TrackArrays:
+        """Hold the newly confirmed tracks and count the scan; returns the tracks."""
+        self.hold.add(tracks, NEW_TRACK_EXISTENCE)
         self.statistics = statistics
         self.totals = self.totals + statistics
+        return tracks

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.holding import TrackHold
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.methods import METHODS, available_methods, make_initiator
 from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample, echo_poses
@@ -104,9 +103,6 @@ class SessionOptions:
         unit="s",
         positive=True,
         maximum=3600.0,
-    )
-    hold_time: float = parameter(
-        120.0, "Time for which a confirmed track stays on tracks/current", unit="s", minimum=0.0
     )
 
     def __post_init__(self) -> None:
@@ -269,7 +265,6 @@ class Session:
         self.look_up: Callable[[str, float, float], None] | None = None
         options = settings.session
         self._order = ScanOrder(settings.window, options.restart_jump, options.max_gap)
-        self._hold = TrackHold(options.hold_time)
         self._poses = PoseHistory(
             max_extrapolation=options.own_ship_max_extrapolation,
             max_gap=options.own_ship_max_gap,
@@ -280,7 +275,6 @@ class Session:
         self._own_ship_frame = ""
         self._forget_frames()
         self._waiting: deque[tuple[Now, Arrival, SensorScan]] = deque()
-        self._ended: list[int] = []
 
     @property
     def settings(self) -> Settings:
@@ -310,15 +304,15 @@ class Session:
         options = settings.session
         self._order.restart_jump = options.restart_jump
         self._order.max_gap = options.max_gap
-        self._hold.hold_time = options.hold_time
         self._poses.max_extrapolation = options.own_ship_max_extrapolation
         self._poses.max_gap = options.own_ship_max_gap
         if settings.window != old.window:
             self._order.resize(settings.window)
         if options.method != old.session.method:
-            next_track_id = self.initiator.next_track_id
-            self.initiator = settings.make_initiator()
-            self.initiator.next_track_id = next_track_id
+            before, self.initiator = self.initiator, settings.make_initiator()
+            self.initiator.next_track_id = before.next_track_id
+            self.initiator.hold = before.hold
+            self.initiator.hold.hold_time = settings.common.hold_time
             return False
         return self.initiator.configure(settings.sensor, settings.common, settings.method_options)
 
@@ -330,8 +324,7 @@ class Session:
         self._poses.clear()
         self._waiting.clear()
         self._forget_frames()
-        ended, self._ended = self._ended, []
-        return ended + self._hold.clear()
+        return self.initiator.hold.take_ended()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count and report something that cannot be used."""
@@ -515,10 +508,9 @@ class Session:
         if arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {stamp:.3f} s: starting over")
             self.initiator.reset()
-            self._ended += self._hold.clear()
         elif arrival is Arrival.GAP:
             self._report("gap", f"long gap before {stamp:.3f} s: potential tracks dropped")
-            self.initiator.reset()
+            self.initiator.forget_potential_tracks()
 
     def _run(self, scan: Scan, arrival: Arrival, stamp_ns: int) -> ScanResult:
         if self._live:
@@ -530,8 +522,6 @@ class Session:
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
             self._report("limit", f"a limit cut {cut} hypotheses at {scan.stamp:.3f} s")
-        ended = self._ended + self._hold.update(scan.stamp, new)
-        self._ended = []
         return ScanResult(
             stamp=scan.stamp,
             stamp_ns=stamp_ns,
@@ -539,8 +529,8 @@ class Session:
             frame_id=self.fixed_frame,
             arrival=arrival,
             new=new,
-            current=self._hold.current(scan.stamp),
-            ended=ended,
+            current=self.initiator.hold.current,
+            ended=self.initiator.hold.take_ended(),
             statistics=statistics,
             core_seconds=core_seconds,
         )

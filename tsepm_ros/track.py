@@ -10,6 +10,8 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.filtering import predict
+
 
 @dataclass(frozen=True, eq=False)
 class ConfirmedTrack:
@@ -166,10 +168,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             over the time step.
         """
         step = stamp - self.stamp
-        state, covariance = self.state.copy(), self.covariance.copy()
-        state[:, 0::2] += step[:, None] * state[:, 1::2]
-        covariance[:, 0::2] += step[:, None, None] * covariance[:, 1::2]
-        covariance[:, :, 0::2] += step[:, None, None] * covariance[:, :, 1::2]
+        state, covariance = predict(self.state, self.covariance, step)
         return replace(
             self,
             stamp=np.full(len(self), stamp),

@@ -1,55 +1,204 @@
-"""Holding confirmed tracks for those who come late."""
+"""Confirmed tracks held: carried, updated by their own detections, and ended."""
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import numpy as np
+import pytest
+from builders import FIXED_RANGE_ERROR, detections
 
-from tsepm_ros import ConfirmedTrack
-from tsepm_ros.holding import TrackHold
+from tsepm_ros import ConfirmedTrack, Scan
+from tsepm_ros.conversion import convert, covariance_at
+from tsepm_ros.holding import GATE_PROBABILITY, LEAST_EXISTENCE, PROCESS_NOISE, TrackHold
+from tsepm_ros.track import TrackArrays
 
-
-def track(track_id: int, stamp: float) -> ConfirmedTrack:
-    state = np.array([0.0, 1.0, 0.0, 0.0])
-    return ConfirmedTrack(track_id, stamp, state, np.eye(4), ((0, 0),), 0.0)
-
-
-def test_a_track_is_held_for_its_time_and_ends_at_the_first_scan_after():
-    hold = TrackHold(30.0)
-    assert hold.update(100.0, [track(1, 100.0)]) == []
-    assert hold.update(130.0, []) == []
-    assert [one.track_id for one in hold.current(130.0)] == [1]
-    assert hold.update(130.1, []) == [1]
-    assert len(hold.current(130.1)) == 0
-    assert hold.update(140.0, []) == [], "a track ends once"
+NOTHING = detections(np.zeros((0, 2)), 0.0)
+CLUTTER = 1e-6
+P_D = 0.9
 
 
-def test_tracks_are_carried_to_the_time_asked_for():
-    hold = TrackHold(100.0)
-    hold.update(10.0, [track(1, 10.0)])
-    hold.update(20.0, [track(2, 20.0)])
-    assert [one.state[0] for one in hold.current(25.0)] == [15.0, 5.0]
-    assert [one.stamp for one in hold.current(25.0)] == [25.0, 25.0]
-    assert [one.state[0] for one in hold.current(25.0)] == [15.0, 5.0], "from where it was"
+def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
+    """Tracks 1 km apart that go 5 m/s along x."""
+    return TrackArrays.of(
+        [
+            ConfirmedTrack(
+                track_id=track_id,
+                stamp=stamp,
+                state=np.array([x, 5.0, 1000.0 * track_id, 0.0]),
+                covariance=np.diag([50.0, 2.0, 50.0, 2.0]) ** 2,
+                hits=((0, 0),),
+                evaluation=0.0,
+            )
+            for track_id in ids
+        ]
+    )
 
 
-def test_new_tracks_are_held_from_the_start():
-    hold = TrackHold(0.0)
-    hold.update(10.0, [track(1, 10.0), track(2, 10.0)])
-    assert [one.track_id for one in hold.current(10.0)] == [1, 2]
-    assert hold.update(11.0, []) == [1, 2]
+def step(hold: TrackHold, stamp: float, found=NOTHING, detectable: float = 0.0) -> np.ndarray:
+    """Without a chance to detect, a miss says nothing: tracks live for their hold time."""
+    return hold.step(
+        stamp,
+        found,
+        np.full(len(found), CLUTTER),
+        lambda positions: np.full(len(positions), detectable),
+        FIXED_RANGE_ERROR,
+    )
+
+
+def ids(hold: TrackHold) -> list[int]:
+    return [track.track_id for track in hold.current]
+
+
+def holding(*track_ids: int, hold_time: float = 1e6, existence: float = 0.9) -> TrackHold:
+    hold = TrackHold(hold_time)
+    hold.add(tracks(*track_ids), existence)
+    return hold
+
+
+def test_a_track_is_held_for_its_time_and_ends_once_at_the_first_scan_after():
+    hold = holding(1, hold_time=30.0)
+    step(hold, 30.0)
+    assert ids(hold) == [1]
+    assert hold.take_ended() == []
+    step(hold, 30.1)
+    assert ids(hold) == []
+    assert hold.take_ended() == [1]
+    step(hold, 40.0)
+    assert hold.take_ended() == []
+
+
+def test_tracks_are_carried_to_the_scan_s_stamp_at_constant_velocity():
+    hold = holding(1)
+    hold.add(tracks(2, stamp=0.0), 0.9)
+    step(hold, 10.0)
+    step(hold, 25.0)
+    first, second = hold.current
+    assert (first.stamp, first.age) == (25.0, 25.0)
+    np.testing.assert_allclose(first.state, [2125.0, 5.0, 1000.0, 0.0])
+    np.testing.assert_allclose(second.state, [2125.0, 5.0, 2000.0, 0.0])
+    # White acceleration over 25 s: q t, and position q t^3 / 3 beside the velocity's own part.
+    np.testing.assert_allclose(first.covariance[1, 1], 4.0 + PROCESS_NOISE * 25.0)
+    np.testing.assert_allclose(
+        first.covariance[0, 0], 2500.0 + 4.0 * 25.0**2 + PROCESS_NOISE * 25.0**3 / 3.0
+    )
+
+
+def test_a_detection_of_its_own_lets_a_track_live_on():
+    hold = holding(1, hold_time=30.0)
+    step(hold, 24.0, detections([[2120.0, 1000.0]], 24.0), P_D)
+    step(hold, 50.0)
+    assert ids(hold) == [1]
+    step(hold, 54.1)
+    assert hold.take_ended() == [1]
+
+
+def test_a_detection_far_off_is_not_its_own():
+    hold = holding(1, hold_time=30.0)
+    step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), 0.0)
+    step(hold, 30.1)
+    assert hold.take_ended() == [1]
 
 
 def test_clearing_ends_every_track_and_names_it():
-    hold = TrackHold(100.0)
-    hold.update(10.0, [track(1, 10.0), track(5, 10.0)])
-    assert hold.clear() == [1, 5]
-    assert len(hold.current(11.0)) == 0
-    assert hold.clear() == []
+    hold = holding(1, 5)
+    hold.clear()
+    assert ids(hold) == []
+    assert hold.take_ended() == [1, 5]
+    hold.clear()
+    assert hold.take_ended() == []
 
 
 def test_a_changed_hold_time_counts_at_the_next_scan():
-    hold = TrackHold(100.0)
-    hold.update(0.0, [track(1, 0.0)])
+    hold = holding(1, hold_time=100.0)
     hold.hold_time = 5.0
-    assert [one.track_id for one in hold.current(6.0)] == [1]
-    assert hold.update(6.0, []) == [1]
+    assert ids(hold) == [1]
+    step(hold, 6.0)
+    assert hold.take_ended() == [1]
+
+
+@pytest.mark.parametrize("existence", [0.5, 0.9])
+def test_every_miss_makes_the_target_less_likely_by_bayes(existence):
+    hold = holding(1, existence=existence)
+    for scan in itertools.count(1):
+        step(hold, 12.0 * scan, detectable=P_D)
+        missed = (1.0 - P_D * GATE_PROBABILITY) ** scan
+        expected = existence * missed / (existence * missed + 1.0 - existence)
+        if expected < LEAST_EXISTENCE:
+            break
+        assert ids(hold) == [1]
+        np.testing.assert_allclose(hold._existence, [expected])
+    assert hold.take_ended() == [1]
+
+
+def test_nothing_is_missed_where_nothing_can_be_detected():
+    hold = holding(1)
+    for scan in range(1, 50):
+        step(hold, 12.0 * scan, detectable=0.0)
+    assert ids(hold) == [1]
+
+
+def kalman(stamp: float, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Kalman update of `tracks(1)` with one detection; also its density N(z; H x, S)."""
+    F = np.eye(4)
+    F[0, 1] = F[2, 3] = stamp
+    G = np.array([[stamp**3 / 3, stamp**2 / 2], [stamp**2 / 2, stamp]])
+    Q = PROCESS_NOISE * np.kron(np.eye(2), G)
+    track = tracks(1)[0]
+    x, P = F @ track.state, F @ track.covariance @ F.T + Q
+    H = np.zeros((2, 4))
+    H[0, 0] = H[1, 2] = 1.0
+    R = covariance_at(detections([position], stamp), (H @ x)[None], FIXED_RANGE_ERROR)[0]
+    S = H @ P @ H.T + R
+    K = P @ H.T @ np.linalg.inv(S)
+    v = position - H @ x
+    density = math.exp(-0.5 * v @ np.linalg.solve(S, v)) / (
+        2 * math.pi * math.sqrt(np.linalg.det(S))
+    )
+    return x + K @ v, P - K @ S @ K.T, density
+
+
+def test_two_detections_are_weighed_as_probabilistic_data_association_does():
+    stamp, found = 12.0, np.array([[2080.0, 1030.0], [2010.0, 920.0]])
+    hold = holding(1, existence=0.8)
+    explained = step(hold, stamp, detections(found, stamp), P_D)
+    updates = [kalman(stamp, position) for position in found]
+    ratios = np.array([P_D * density / CLUTTER for *_, density in updates])
+    np.testing.assert_allclose(explained, 0.8 * ratios * CLUTTER)
+    miss = 1.0 - P_D * GATE_PROBABILITY
+    weights = np.array([miss, *ratios]) / (miss + ratios.sum())
+    # The mixture: not updated, updated with the first, updated with the second.
+    predicted = holding(1)
+    step(predicted, stamp)
+    parts = [(predicted.current.state[0], predicted.current.covariance[0])]
+    parts += [(state, covariance) for state, covariance, _ in updates]
+    mean = sum(w * state for w, (state, _) in zip(weights, parts, strict=True))
+    spread = sum(
+        w * (covariance + np.outer(state - mean, state - mean))
+        for w, (state, covariance) in zip(weights, parts, strict=True)
+    )
+    (track,) = hold.current
+    np.testing.assert_allclose(track.state, mean, rtol=1e-9)
+    np.testing.assert_allclose(track.covariance, spread, rtol=1e-7, atol=1e-7)
+    odds = 0.8 * (miss + ratios.sum())
+    np.testing.assert_allclose(hold._existence, [odds / (odds + 0.2)])
+
+
+def test_a_target_in_clutter_is_held_and_followed():
+    rng = np.random.default_rng(1)
+    sensor = FIXED_RANGE_ERROR
+    hold = holding(1)
+    for scan in range(1, 60):
+        time = 12.0 * scan
+        truth = np.array([2000.0 + 5.0 * time, 1000.0])
+        seen = rng.uniform([1000.0, -1.0], [8000.0, 1.0], (40, 2))
+        if rng.random() < P_D:
+            polar = np.hypot(*truth), math.atan2(truth[1], truth[0])
+            seen[0] = rng.normal(polar, [sensor.range_std, sensor.azimuth_std])
+        found = convert(Scan(time, seen[:, 0], seen[:, 1]), sensor, scan)
+        step(hold, time, found, P_D)
+    (track,) = hold.current
+    assert np.linalg.norm(track.position - truth) < 150.0
+    assert np.linalg.norm(track.velocity - [5.0, 0.0]) < 2.0
+    assert hold._existence[0] > 0.99

@@ -22,7 +22,6 @@ from tsepm_ros.parameter_groups import (
     parse_values,
     settings_from,
 )
-from tsepm_ros.session import SessionOptions
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
 CONFIG = Path(__file__).parents[2] / "config"
@@ -93,7 +92,7 @@ def test_groups_are_made_from_full_names():
     assert made[SensorModel].azimuth_std == 0.02
     assert made[CommonOptions].max_speed == 7.0
     assert made[METHODS["tsepm"].Options].min_hits == 4
-    assert made[SessionOptions].hold_time == 9.0
+    assert made[CommonOptions].hold_time == 9.0
     assert made[InitiatorNodeOptions] == InitiatorNodeOptions()
 
 

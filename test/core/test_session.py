@@ -70,6 +70,15 @@ def play(one: Session, stamps, now: float = math.inf):
     return results
 
 
+def play_empty(one: Session, stamps):
+    """The same with scans that have no detections."""
+    results = []
+    for stamp in stamps:
+        one.add_scan(arrived(Scan(float(stamp), [], [])), 0.0)
+        results += one.process()
+    return results
+
+
 def sail(one: Session, *stamps: float, frame_id: str = "odom") -> None:
     """Own-ship poses of a ship that runs along x at 2 m/s, at the stamps and every 20 s between."""
     for begin, end in itertools.pairwise([*stamps, stamps[-1]]):
@@ -104,11 +113,12 @@ def test_without_own_ship_scans_are_processed_at_once_in_the_detections_frame():
 
 
 def test_current_has_every_held_track_at_the_scan_s_stamp():
-    results = play(session(hold_time=20.0), [0, 12, 24, 36, 48])
+    one = session(CommonOptions(hold_time=20.0))
+    results = play(one, [0, 12, 24]) + play_empty(one, [36, 48])
     (track,) = results[2].new
     assert [[one.track_id for one in result.current] for result in results[2:4]] == [[0], [0]]
     assert results[3].current[0].stamp == 36.0
-    assert results[4].ended == [track.track_id]
+    assert [result.ended for result in results] == [[], [], [], [], [track.track_id]]
     assert len(results[4].current) == 0
 
 
@@ -451,7 +461,7 @@ def test_poses_of_the_run_before_a_restart_do_not_place_scans():
 
 
 def test_a_long_gap_drops_potential_tracks_and_keeps_the_held():
-    one = session(hold_time=1e6)
+    one = session(CommonOptions(hold_time=1e6))
     stamps = [0, 12, 24, 36, 48, 1000, 1012, 1024]
     results = play(one, stamps)
     assert results[5].arrival is Arrival.GAP
@@ -498,18 +508,16 @@ def test_another_number_of_hits_starts_over():
 def test_a_shorter_window_ends_the_tracks_that_are_over_it():
     one = session(rule=TsepmOptions(min_hits=3, window=8))
     play(one, [0, 12])
-    for stamp in (24, 36):
-        one.add_scan(arrived(Scan(stamp, [], [])), 0.0)
-        list(one.process())
+    play_empty(one, [24, 36])
     assert one.configure(settings(rule=TsepmOptions(min_hits=3, window=4)))
     assert [len(result.new) for result in play(one, [48, 60, 72])] == [0, 0, 1]
 
 
 def test_changed_times_and_limits_count_at_the_next_scan():
-    one = session(hold_time=1000.0)
+    one = session(CommonOptions(hold_time=1000.0))
     play(one, [0, 12, 24])
-    one.configure(settings(hold_time=5.0, restart_jump=10.0, max_gap=20.0))
-    (result,) = play(one, [36])
+    one.configure(settings(CommonOptions(hold_time=5.0), restart_jump=10.0, max_gap=20.0))
+    (result,) = play_empty(one, [36])
     assert result.ended == [0]
     assert [result.arrival for result in play(one, [57, 40])] == [Arrival.GAP, Arrival.RESTART]
 

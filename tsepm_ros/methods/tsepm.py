@@ -242,9 +242,9 @@ class Tsepm(Initiator):
     Options = TsepmOptions
     options: TsepmOptions
 
-    def reset(self) -> None:
-        """Forget all scans and potential tracks. Track ids go on: none is used twice."""
-        super().reset()
+    def forget_potential_tracks(self) -> None:
+        """See `Initiator.forget_potential_tracks`."""
+        super().forget_potential_tracks()
         self._window = DetectionWindow()
         self._potential = PotentialTracks.starting(np.zeros(0, np.int64), 0, self.options.min_hits)
         # Paths cut because they could not pass the evaluation any more, and because of a limit.
@@ -259,7 +259,7 @@ class Tsepm(Initiator):
         old = self.options
         super().configure(sensor, common, options)
         if options.min_hits != old.min_hits:
-            self.reset()
+            self.forget_potential_tracks()
             return False
         self._potential = self._potential[~self._expired(self._potential.first_scan)]
         self._hopeless = self._hopeless[~self._expired(self._hopeless.first_scan)]
@@ -287,7 +287,8 @@ class Tsepm(Initiator):
             self._surplus, gates, PathCounts.joined(surplus, beyond, self._ungated(gates))
         )
         self._window.forget(self.scan_index + 2 - self.options.window)
-        self._count(
+        return self._deliver(
+            tracks,
             ScanStatistics(
                 scans=1,
                 detections=len(scan),
@@ -303,9 +304,8 @@ class Tsepm(Initiator):
                 cut_confirmations=surplus_raw
                 + (len(raw) - len(candidates))
                 + (len(kept) - len(merging)),
-            )
+            ),
         )
-        return tracks
 
     def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits; `evaluation` is f_1 of the hits so far.
