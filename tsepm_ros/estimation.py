@@ -139,6 +139,31 @@ def weighted(
     return start + (covariance @ right[..., None])[..., 0], covariance
 
 
+def mixture(
+    weights: FloatArray, states: FloatArray, covariances: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance over alternatives, the spread of their means included.
+
+    ``x = sum_i w_i x_i``, ``P = sum_i w_i (P_i + (x_i - x)(x_i - x)')``
+
+    Parameters
+    ----------
+    weights : (n,) ndarray
+        Probabilities, of sum 1.
+    states : (n, 4) ndarray
+    covariances : (n, 4, 4) ndarray
+
+    Returns
+    -------
+    state : (4,) ndarray
+    covariance : (4, 4) ndarray
+    """
+    state: FloatArray = weights @ states
+    spread = states - state
+    parts = covariances + spread[:, :, None] * spread[:, None, :]
+    return state, np.einsum("n,nij->ij", weights, parts)
+
+
 def positions_at(state: FloatArray, tau: FloatArray) -> FloatArray:
     """Position of each (n, 4) state at its m times, (n, m, 2), m."""
     return state[:, None, 0::2] + tau[:, :, None] * state[:, None, 1::2]

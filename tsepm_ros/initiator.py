@@ -239,7 +239,12 @@ class Initiator(ABC):
             self._sensor_pose = poses[-1]
         detections = convert(scan, self.sensor, self.scan_index)
         self._explained = self.hold.step(
-            scan.stamp, detections, self._clutter_density(detections), self._detectable, self.sensor
+            scan.stamp,
+            detections,
+            self._clutter_density(detections),
+            self._detectable,
+            self.sensor,
+            self.common.max_speed,
         )
         return detections
 
@@ -254,6 +259,12 @@ class Initiator(ABC):
     def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
         """Clutter density at each detection, 1/m^2."""
         return np.full(len(detections), self.sensor.clutter_density)
+
+    @property
+    def _now(self) -> float:
+        """Stamp of the scan at hand, s."""
+        assert self.stamp is not None
+        return self.stamp
 
     def _take_track_ids(self, number: int) -> NDArray[np.int64]:
         taken = (self.next_track_id + np.arange(number)) % TRACK_IDS

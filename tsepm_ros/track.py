@@ -145,6 +145,10 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         places = np.arange(len(self))[rows].tolist()
         return TrackArrays(hits=[self.hits[place] for place in places], **numbers)
 
+    def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
+        """The same tracks with other ids, (n,)."""
+        return replace(self, track_id=track_id)
+
     def joined(self, *others: TrackArrays) -> TrackArrays:
         """These tracks and then others."""
         parts = (self, *others)

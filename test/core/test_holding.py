@@ -10,6 +10,7 @@ import pytest
 from builders import FIXED_RANGE_ERROR, detections
 
 from tsepm_ros import ConfirmedTrack, Scan
+from tsepm_ros import holding as holding_module
 from tsepm_ros.conversion import convert, covariance_at
 from tsepm_ros.holding import GATE_PROBABILITY, LEAST_EXISTENCE, PROCESS_NOISE, TrackHold
 from tsepm_ros.track import TrackArrays
@@ -17,6 +18,13 @@ from tsepm_ros.track import TrackArrays
 NOTHING = detections(np.zeros((0, 2)), 0.0)
 CLUTTER = 1e-6
 P_D = 0.9
+MAX_SPEED = 10.0
+
+
+@pytest.fixture
+def straight(monkeypatch):
+    """Targets do not turn: what is left has closed forms."""
+    monkeypatch.setattr(holding_module, "TIME_TO_TURN", math.inf)
 
 
 def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
@@ -44,6 +52,7 @@ def step(hold: TrackHold, stamp: float, found=NOTHING, detectable: float = 0.0) 
         np.full(len(found), CLUTTER),
         lambda positions: np.full(len(positions), detectable),
         FIXED_RANGE_ERROR,
+        MAX_SPEED,
     )
 
 
@@ -69,7 +78,7 @@ def test_a_track_is_held_for_its_time_and_ends_once_at_the_first_scan_after():
     assert hold.take_ended() == []
 
 
-def test_tracks_are_carried_to_the_scan_s_stamp_at_constant_velocity():
+def test_tracks_are_carried_to_the_scan_s_stamp_at_constant_velocity(straight):
     hold = holding(1)
     hold.add(tracks(2, stamp=0.0), 0.9)
     step(hold, 10.0)
@@ -119,7 +128,7 @@ def test_a_changed_hold_time_counts_at_the_next_scan():
 
 
 @pytest.mark.parametrize("existence", [0.5, 0.9])
-def test_every_miss_makes_the_target_less_likely_by_bayes(existence):
+def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
     hold = holding(1, existence=existence)
     for scan in itertools.count(1):
         step(hold, 12.0 * scan, detectable=P_D)
@@ -159,7 +168,7 @@ def kalman(stamp: float, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return x + K @ v, P - K @ S @ K.T, density
 
 
-def test_two_detections_are_weighed_as_probabilistic_data_association_does():
+def test_two_detections_are_weighed_as_probabilistic_data_association_does(straight):
     stamp, found = 12.0, np.array([[2080.0, 1030.0], [2010.0, 920.0]])
     hold = holding(1, existence=0.8)
     explained = step(hold, stamp, detections(found, stamp), P_D)
@@ -185,20 +194,44 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does():
     np.testing.assert_allclose(hold._existence, [odds / (odds + 0.2)])
 
 
-def test_a_target_in_clutter_is_held_and_followed():
+def follow(velocity_at, *, misses: frozenset[int] = frozenset(), scans: int = 60):
+    """Hold a target in clutter; returns the hold and the target's state at the end."""
     rng = np.random.default_rng(1)
     sensor = FIXED_RANGE_ERROR
     hold = holding(1)
-    for scan in range(1, 60):
+    truth = np.array([2000.0, 1000.0])
+    for scan in range(1, scans):
         time = 12.0 * scan
-        truth = np.array([2000.0 + 5.0 * time, 1000.0])
+        truth = truth + 12.0 * np.asarray(velocity_at(time))
         seen = rng.uniform([1000.0, -1.0], [8000.0, 1.0], (40, 2))
-        if rng.random() < P_D:
+        if scan not in misses:
             polar = np.hypot(*truth), math.atan2(truth[1], truth[0])
             seen[0] = rng.normal(polar, [sensor.range_std, sensor.azimuth_std])
         found = convert(Scan(time, seen[:, 0], seen[:, 1]), sensor, scan)
         step(hold, time, found, P_D)
+    return hold, truth, velocity_at(time)
+
+
+@pytest.mark.parametrize(
+    "velocity_at",
+    [lambda time: (5.0, 0.0), lambda time: (5.0, 0.0) if time < 400 else (-2.0, 4.0)],
+    ids=["straight", "turning"],
+)
+def test_a_target_in_clutter_is_held_and_followed(velocity_at):
+    hold, position, velocity = follow(velocity_at, misses=frozenset({7, 19, 20, 36, 50}))
     (track,) = hold.current
-    assert np.linalg.norm(track.position - truth) < 150.0
-    assert np.linalg.norm(track.velocity - [5.0, 0.0]) < 2.0
+    assert np.linalg.norm(track.position - position) < 150.0
+    assert np.linalg.norm(track.velocity - velocity) < 3.0
     assert hold._existence[0] > 0.99
+
+
+def test_covariances_stay_positive_definite_and_numbers_finite():
+    hold = holding(1, 2, 3)
+    rng = np.random.default_rng(2)
+    for scan in range(1, 200):
+        points = rng.uniform([0, 0], [8000, 4000], (rng.integers(0, 60), 2))
+        explained = step(hold, 12.0 * scan, detections(points, 12.0 * scan), P_D)
+        assert np.isfinite(explained).all()
+        for track in hold.current:
+            assert np.linalg.eigvalsh(track.covariance).min() > 0
+    assert np.isfinite(hold._existence).all()

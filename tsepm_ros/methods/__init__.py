@@ -6,10 +6,11 @@ import dataclasses
 from typing import Any
 
 from tsepm_ros.initiator import CommonOptions, Initiator
+from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.tsepm import Tsepm
 from tsepm_ros.sensor import SensorModel
 
-METHODS: dict[str, type[Initiator]] = {"tsepm": Tsepm}
+METHODS: dict[str, type[Initiator]] = {"tsepm": Tsepm, "score": Score}
 """Every method. A new one is a module here and a row in this table."""
 
 

@@ -6,7 +6,7 @@ environment", China Ocean Eng. 32(2), 206-215, 2018.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -319,7 +319,7 @@ class Tsepm(Initiator):
             for count in range(2, self.options.min_hits)
         ]
         tracks = TrackArrays.of([]).joined(*map(self._tracks, several))
-        return replace(tracks, track_id=np.arange(len(tracks)))
+        return tracks.numbered(np.arange(len(tracks)))
 
     def _gate(self, detections: NDArray[np.void]) -> Gates:
         """Gate the scan: paths that share a last hit share its gate (Step 2, Eqs. 4-5)."""
@@ -489,7 +489,7 @@ class Tsepm(Initiator):
         for row, members in enumerate(groups):
             if len(members) > 1:
                 tracks.state[row], tracks.covariance[row] = self._merged(candidates[members])
-        return replace(tracks, track_id=self._take_track_ids(len(tracks)))
+        return tracks.numbered(self._take_track_ids(len(tracks)))
 
     def _merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group."""

@@ -1,0 +1,91 @@
+"""Evidence for a target against clutter: log-likelihood ratios.
+
+Each hypothesis says that certain detections, one a scan at most, are a target's. Its score is the
+log-likelihood ratio of that against all of them being clutter (Sittler 1964; Bar-Shalom, Blackman,
+Fitzgerald, "Dimensionless score function for multiple hypothesis tracking", IEEE Trans. Aerosp.
+Electron. Syst. 43(1), 2007). The mean of the ratio over all hypotheses of a start is a martingale
+of mean 1 where there is only clutter, so that it ever reaches A with a probability of at most 1 / A
+(Ville 1939, Wald 1945); of the best hypothesis alone that does not hold.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+LARGEST_DETECTION_PROBABILITY = 0.999
+"""A miss must stay possible: a target fades, whatever the data sheet says."""
+LEAST_DENSITY = 1e-12
+"""Floor of the clutter density, 1/m^2: nothing is free of false detections."""
+
+
+def hit_gain(log_density: FloatArray, detectable: FloatArray, clutter: FloatArray) -> FloatArray:
+    """Gain of a detection: ``ln(P_D N(z; H x, S) / lambda)``.
+
+    Parameters
+    ----------
+    log_density : (n,) ndarray
+        ln N, the density of the detection under the hypothesis, in the coordinates of the clutter
+        density.
+    detectable : (n,) ndarray
+        P_D.
+    clutter : (n,) ndarray
+        lambda at the detection: the density of all that explains it but this hypothesis, 1/m^2.
+    """
+    largest = np.minimum(detectable, LARGEST_DETECTION_PROBABILITY)
+    with np.errstate(divide="ignore"):  # outside the coverage: impossible
+        return log_density + np.log(largest) - np.log(np.maximum(clutter, LEAST_DENSITY))
+
+
+def miss_gain(detectable: FloatArray, gate_probability: float) -> FloatArray:
+    """Gain, below 0, of no detection: ``ln(1 - P_D P_G)``; 0 where nothing can be detected.
+
+    Parameters
+    ----------
+    detectable : (n,) ndarray
+        P_D.
+    gate_probability : float
+        P_G: a detection outside the gate is missed too.
+    """
+    missed: FloatArray = np.log1p(
+        -np.minimum(detectable, LARGEST_DETECTION_PROBABILITY) * gate_probability
+    )
+    return missed
+
+
+def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+    """Log of the summed likelihood ratios of each group, ``ln sum_i exp(s_i)``.
+
+    Parameters
+    ----------
+    score : (n,) ndarray
+    group : (n,) ndarray of int
+        Group of each hypothesis, 0 to count - 1.
+    count : int
+
+    Returns
+    -------
+    (count,) ndarray
+        -inf for a group without hypotheses.
+    """
+    largest = largest_of(score, group, count)
+    base = np.where(np.isfinite(largest), largest, 0.0)
+    sums = np.bincount(group, np.exp(score - base[group]), minlength=count)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(sums) + base)
+
+
+def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+    """Largest score of each group, (count,); -inf for a group without hypotheses."""
+    largest = np.full(count, -np.inf)
+    np.maximum.at(largest, group, score)
+    return largest
+
+
+def shares(score: FloatArray) -> FloatArray:
+    """Posterior probability of each hypothesis if one of them is true, (n,)."""
+    weight = np.exp(score - score.max())
+    return np.asarray(weight / weight.sum())

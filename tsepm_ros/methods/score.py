@@ -1,0 +1,504 @@
+"""Track initiation by the likelihood ratio of a target against clutter.
+
+The tree of splits of TSEPM 2018, evaluated by the log-likelihood ratio instead of f_1: missed
+branches are kept, every detection may start a track, and what is tested is the evidence of all
+hypotheses that share a detection, summed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros import design, evidence, filtering, pruning, splitting
+from tsepm_ros.conversion import covariance_at, major_sigma
+from tsepm_ros.detection_window import DetectionWindow
+from tsepm_ros.estimation import fit, mixture
+from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.limits import keep_best
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.scan import Scan
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.track import TrackArrays
+
+BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+NO_HIT = -1
+MIN_HITS = 3
+"""A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
+GATE_MARGIN = 1.5
+"""The error at the predicted position may be this much larger than at the detection's."""
+CREDIBLE = 0.5
+"""Posterior probability above which a detection counts as a hit of a confirmed track."""
+SHARED = 0.5
+"""Share of its hits that a hypothesis may have in common with a confirmed track and live on."""
+NEGLIGIBLE = 0.01
+"""Hypotheses this much less likely than the best do not count in the state."""
+SECONDS_PER_HOUR = 3600.0
+BLOCK = 50_000
+"""Pairs of hypotheses and detections looked at together: bounds memory."""
+MEMORY = 50
+"""Scans over which detections per scan and the scan interval are averaged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreOptions:
+    """Options of the likelihood-ratio method.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    false_tracks_per_hour: float = parameter(
+        1.0,
+        "False tracks per hour that are wanted, over the whole coverage; sets the threshold",
+        positive=True,
+        maximum=1e6,
+    )
+    miss_probability: float = parameter(
+        0.005,
+        "Probability that a target's hypothesis is deleted wrongly; sets the deletion threshold",
+        positive=True,
+        maximum=0.5,
+    )
+    window: int = parameter(
+        16, "Scans after which a hypothesis that is not confirmed ends", minimum=3, maximum=64
+    )
+    gate_probability: float = parameter(
+        0.99,
+        "Probability that a detected target falls into the gate",
+        positive=True,
+        maximum=0.999999,
+    )
+    process_noise: float = parameter(
+        0.001,
+        "Spectral density of a target's acceleration: the variance of each velocity component "
+        "grows by this per second",
+        unit="m^2/s^3",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    max_per_detection: int = parameter(
+        100, "Hypotheses kept with the same last detection; the best are", minimum=1
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """Hypotheses as arrays, a row each.
+
+    Attributes
+    ----------
+    hits : (n, window) ndarray of int
+        Detection ids of the hits, oldest first, then NO_HIT.
+    hit_count : (n,) ndarray of int
+    first_scan : (n,) ndarray of int
+        Scan index of the first hit.
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        At the last scan's stamp.
+    score : (n,) ndarray
+        Log-likelihood ratio.
+    """
+
+    hits: IntArray
+    hit_count: IntArray
+    first_scan: IntArray
+    state: FloatArray
+    covariance: FloatArray
+    score: FloatArray
+
+    def __len__(self) -> int:
+        """Number of hypotheses."""
+        return len(self.score)
+
+    def __getitem__(self, rows: NDArray[np.generic]) -> Hypotheses:
+        """The hypotheses in the given rows (indices or a mask)."""
+        return Hypotheses(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @property
+    def last_hit(self) -> IntArray:
+        """Detection id of each hypothesis's last hit, (n,)."""
+        return self.hits[np.arange(len(self)), self.hit_count - 1]
+
+    def sharing(self, ids: IntArray) -> FloatArray:
+        """Share of each hypothesis's hits that are among some detections, (n,)."""
+        return np.asarray(np.isin(self.hits, ids).sum(axis=1) / self.hit_count)
+
+    @classmethod
+    def none(cls, window: int) -> Hypotheses:
+        """No hypotheses."""
+        count = np.zeros(0, np.int64)
+        return cls(
+            np.zeros((0, window), np.int64),
+            count,
+            count,
+            np.zeros((0, 4)),
+            np.zeros((0, 4, 4)),
+            np.zeros(0),
+        )
+
+    @classmethod
+    def joined(cls, *parts: Hypotheses) -> Hypotheses:
+        """The hypotheses of all parts, in order."""
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+class Score(Initiator):
+    """The likelihood-ratio method."""
+
+    Options = ScoreOptions
+    options: ScoreOptions
+
+    def forget_potential_tracks(self) -> None:
+        """See `Initiator.forget_potential_tracks`."""
+        super().forget_potential_tracks()
+        self._window = DetectionWindow()
+        self._hypotheses = Hypotheses.none(self.options.window)
+        self._taken = np.zeros(0, np.int64)
+        self._detections_per_scan = 0.0
+        self._interval = 0.0
+
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options; another window starts over.
+
+        See `Initiator.configure`.
+        """
+        window = self.options.window
+        super().configure(sensor, common, options)
+        if options.window != window:
+            self.forget_potential_tracks()
+            return False
+        return True
+
+    def process(self, scan: Scan) -> TrackArrays:
+        """Take one scan and return the tracks that it newly confirms.
+
+        See `Initiator.process`.
+        """
+        interval = scan.stamp - self.stamp if self.stamp is not None else 0.0
+        detections = self._receive(scan)
+        ids = self._window.append(detections)
+        clutter = self._clutter_density(detections) + self._explained
+        self._observe(len(scan), interval)
+        predicted = self._predict(interval)
+        children, cut_children = self._split(predicted, detections, ids, clutter)
+        started = self._start(detections, ids, clutter)
+        tracks, rest = self._confirm(Hypotheses.joined(children, started), ids)
+        missed = self._miss(predicted)
+        kept = self._prune(Hypotheses.joined(rest, missed))
+        self._hypotheses, cut = self._limit(kept)
+        self._window.forget(self.scan_index + 2 - self.options.window)
+        return self._deliver(
+            tracks,
+            ScanStatistics(
+                scans=1,
+                detections=len(scan),
+                potential_tracks=len(self._hypotheses),
+                started=len(started),
+                terminated=len(rest) + len(missed) - len(kept),
+                confirmed=len(tracks),
+                cut_potential_tracks=cut_children + cut,
+            ),
+        )
+
+    @property
+    def threshold(self) -> float:
+        """Log-likelihood ratio that confirms: what gives the wanted false tracks per hour."""
+        if not self._interval or not self._detections_per_scan:
+            return math.inf
+        starts_per_hour = self._detections_per_scan * SECONDS_PER_HOUR / self._interval
+        plan = design.score_plan(
+            self.sensor,
+            max_speed=self.common.max_speed,
+            interval=design.rounded(self._interval),
+            window=self.options.window,
+            gate_probability=self.options.gate_probability,
+            process_noise=self.options.process_noise,
+            deletion=self.deletion,
+            min_hits=MIN_HITS,
+        )
+        return plan.threshold(self.options.false_tracks_per_hour / starts_per_hour)
+
+    @property
+    def deletion(self) -> float:
+        """Log-likelihood ratio below which a hypothesis is deleted: ln of the miss probability."""
+        return math.log(self.options.miss_probability)
+
+    def potential_tracks(self) -> TrackArrays:
+        """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
+
+        See `Initiator.potential_tracks`.
+        """
+        found = self._hypotheses[self._hypotheses.hit_count >= 2]
+        if not len(found):
+            return TrackArrays.of([])
+        state, covariance = self._estimate(found)
+        hits = [found.hits[row, : found.hit_count[row]] for row in range(len(found))]
+        return self._tracks(hits, state, covariance, found.score)
+
+    def _observe(self, detections: int, interval: float) -> None:
+        """Average the detections per scan and the scan interval."""
+        weight = 1.0 / min(self.scan_index + 1, MEMORY)
+        self._detections_per_scan += weight * (detections - self._detections_per_scan)
+        if interval:
+            weight = 1.0 / min(self.scan_index, MEMORY)
+            self._interval += weight * (interval - self._interval)
+
+    def _predict(self, interval: float) -> Hypotheses:
+        """Carry every hypothesis to the scan's stamp."""
+        old = self._hypotheses
+        state, covariance = filtering.predict(
+            old.state, old.covariance, interval, self.options.process_noise
+        )
+        return Hypotheses(old.hits, old.hit_count, old.first_scan, state, covariance, old.score)
+
+    def _split(
+        self,
+        predicted: Hypotheses,
+        detections: NDArray[np.void],
+        ids: IntArray,
+        clutter: FloatArray,
+    ) -> tuple[Hypotheses, int]:
+        """Extend every hypothesis by each detection in its gate, ``d' S^-1 d <= gamma``.
+
+        Returns the children that are not deleted at once, and the pairs that a limit left out.
+        """
+        parent, row, cut = self._near(predicted, detections)
+        if self._time.finite:
+            order = np.argsort(-predicted.score[parent], kind="stable")
+            parent, row = parent[order], row[order]
+        parts = [self._extended(predicted, parent[:BLOCK], detections, row[:BLOCK], ids, clutter)]
+        for first in range(BLOCK, len(parent), BLOCK):
+            if self._time.left < 0.5 * self._time.seconds:
+                cut += len(parent) - first
+                break
+            part = slice(first, first + BLOCK)
+            parts.append(
+                self._extended(predicted, parent[part], detections, row[part], ids, clutter)
+            )
+        return Hypotheses.joined(*parts), cut
+
+    def _extended(
+        self,
+        predicted: Hypotheses,
+        parent: IntArray,
+        detections: NDArray[np.void],
+        row: IntArray,
+        ids: IntArray,
+        clutter: FloatArray,
+    ) -> Hypotheses:
+        """The children of pairs of hypotheses and detections that lie in the gate."""
+        found = detections[row]
+        lag = found["time"] - self._now
+        state, covariance = predicted.state[parent], predicted.covariance[parent]
+        expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
+        innovation = found["position"] - expected
+        spread = filtering.position_covariance_after(covariance, lag)
+        spread += covariance_at(found, expected, self.sensor)
+        density, distance = filtering.log_density(innovation, spread)
+        gain = evidence.hit_gain(density, self._detectable(expected), clutter[row])
+        score = predicted.score[parent] + gain
+        gate = splitting.gate_factor(self.options.gate_probability) ** 2
+        kept = np.flatnonzero((distance <= gate) & (score > self.deletion))
+        parent, row = parent[kept], row[kept]
+        state, covariance = filtering.update(
+            state[kept], covariance[kept], lag[kept], innovation[kept], spread[kept]
+        )
+        hits = predicted.hits[parent]
+        hits[np.arange(len(kept)), predicted.hit_count[parent]] = ids[row]
+        return Hypotheses(
+            hits,
+            predicted.hit_count[parent] + 1,
+            predicted.first_scan[parent],
+            state,
+            covariance,
+            score[kept],
+        )
+
+    def _near(
+        self, predicted: Hypotheses, detections: NDArray[np.void]
+    ) -> tuple[IntArray, IntArray, int]:
+        """Pairs of hypotheses and detections, no fewer than lie in the gates."""
+        if not len(predicted) or not len(detections):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
+        widest = detections[np.argmax(detections["azimuth_std"])].copy()
+        widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
+        positions = np.ascontiguousarray(predicted.state[:, 0::2])
+        error = major_sigma(
+            covariance_at(np.broadcast_to(widest, len(predicted)), positions, self.sensor)
+        )
+        lag = np.abs(detections["time"] - self._now).max()
+        spread = major_sigma(predicted.covariance[:, 0::2, 0::2])
+        drift = major_sigma(predicted.covariance[:, 1::2, 1::2])
+        sigma = np.hypot(spread + lag * drift, GATE_MARGIN * error)
+        speed = np.hypot(predicted.state[:, 1], predicted.state[:, 3])
+        radius = splitting.gate_factor(self.options.gate_probability) * sigma + lag * speed
+        return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
+
+    def _miss(self, predicted: Hypotheses) -> Hypotheses:
+        """The branches of all hypotheses that leave the scan out."""
+        detectable = self._detectable(predicted.state[:, 0::2])
+        score = predicted.score + evidence.miss_gain(detectable, self.options.gate_probability)
+        return Hypotheses(
+            predicted.hits,
+            predicted.hit_count,
+            predicted.first_scan,
+            predicted.state,
+            predicted.covariance,
+            score,
+        )
+
+    def _start(
+        self, detections: NDArray[np.void], ids: IntArray, clutter: FloatArray
+    ) -> Hypotheses:
+        """Start a hypothesis from every detection.
+
+        The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
+        axis. A detection that a held target explains starts as far below 0.
+        """
+        n = len(ids)
+        hits = np.full((n, self.options.window), NO_HIT, np.int64)
+        hits[:, 0] = ids
+        state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
+        state[:, 0::2] = detections["position"]
+        covariance[:, 0::2, 0::2] = detections["covariance"]
+        covariance[:, [1, 3], [1, 3]] = self.common.max_speed**2 / 4.0
+        score = np.log(self._clutter_density(detections) / clutter)
+        first_scan = np.full(n, self.scan_index)
+        return Hypotheses(hits, np.ones(n, np.int64), first_scan, state, covariance, score)
+
+    def _confirm(self, updated: Hypotheses, ids: IntArray) -> tuple[TrackArrays, Hypotheses]:
+        """Confirm a track where the evidence of a detection reaches the threshold.
+
+        The likelihood ratios of all hypotheses that end in the detection are summed. The strongest
+        detection comes first; what it takes does not count for the others any more.
+
+        Returns the tracks, and the hypotheses that are not theirs.
+        """
+        threshold = self.threshold
+        n = len(ids)
+        group = updated.last_hit - (ids[0] if n else 0)
+        strong = evidence.summed(updated.score, group, n) >= threshold
+        free = np.ones(len(updated), bool)
+        hits: list[IntArray] = []
+        states, covariances, scores = [], [], []
+        while strong.any():
+            rows = np.flatnonzero(free & strong[group])
+            sums = evidence.summed(updated.score[rows], group[rows], n)
+            best = int(np.argmax(sums))
+            if sums[best] < threshold:
+                break
+            members = updated[rows[group[rows] == best]]
+            strong[best] = False
+            if members.hit_count.max() < MIN_HITS:
+                continue
+            state, covariance = self._mixture(members)
+            hits.append(self._credible_hits(members))
+            states.append(state)
+            covariances.append(covariance)
+            scores.append(sums[best])
+            free[group == best] = False
+            free[free] = updated[free].sharing(hits[-1]) <= SHARED
+        tracks = self._tracks(
+            hits,
+            np.reshape(states, (-1, 4)),
+            np.reshape(covariances, (-1, 4, 4)),
+            np.array(scores, float),
+        )
+        self._taken = np.concatenate([*hits, np.zeros(0, np.int64)])
+        return tracks.numbered(self._take_track_ids(len(tracks))), updated[free]
+
+    def _mixture(self, members: Hypotheses) -> tuple[FloatArray, FloatArray]:
+        """State and covariance over the hypotheses of one track, each fitted to its hits alone."""
+        share = evidence.shares(members.score)
+        counted = (share >= NEGLIGIBLE * share.max()) & (members.hit_count >= MIN_HITS)
+        if not counted.any():
+            counted = members.hit_count >= MIN_HITS
+        states, covariances = self._estimate(members[counted])
+        return mixture(share[counted] / share[counted].sum(), states, covariances)
+
+    def _estimate(self, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
+        """State and covariance from the hits alone: the velocity prior is not a measurement."""
+        n = len(hypotheses)
+        state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
+        for count in np.unique(hypotheses.hit_count):
+            rows = np.flatnonzero(hypotheses.hit_count == count)
+            hits = self._window[hypotheses.hits[rows, :count]]
+            fitted = fit(hits, self._now, self.sensor, "weighted")
+            state[rows], covariance[rows] = fitted.state, fitted.covariance
+        return state, covariance
+
+    def _credible_hits(self, members: Hypotheses) -> IntArray:
+        """Detections that are a hit with a posterior probability above `CREDIBLE`."""
+        share = evidence.shares(members.score)
+        found, place = np.unique(members.hits, return_inverse=True)
+        mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
+        credible: IntArray = found[(mass > CREDIBLE) & (found != NO_HIT)]
+        if len(credible) >= 2:
+            return credible
+        best = int(np.argmax(share))
+        return members.hits[best, : members.hit_count[best]]
+
+    def _tracks(
+        self, hits: list[IntArray], state: FloatArray, covariance: FloatArray, score: FloatArray
+    ) -> TrackArrays:
+        n = len(hits)
+        found = [self._window[ids] for ids in hits]
+        first = [int(track["scan"][0]) for track in found]
+        begin = np.array([track["time"][0] for track in found], float)
+        return TrackArrays(
+            track_id=np.arange(n),
+            stamp=np.full(n, self._now),
+            state=state,
+            covariance=covariance,
+            hits=[
+                tuple(zip(track["scan"].tolist(), track["index"].tolist(), strict=True))
+                for track in found
+            ],
+            hit_count=np.array([len(track) for track in found], np.int64),
+            evaluation=score - self.threshold,
+            score=score,
+            scan_count=self.scan_index + 1 - np.array(first, np.int64),
+            age=self._now - begin,
+        )
+
+    def _prune(self, hypotheses: Hypotheses) -> Hypotheses:
+        """Delete what is over the window, too unlikely, or a confirmed track's.
+
+        Unlikely: a score below the deletion threshold, or as many better hypotheses with the same
+        last detection as are kept.
+        """
+        kept = hypotheses.score > self.deletion
+        kept &= ~pruning.expired(self.scan_index + 1 - hypotheses.first_scan, self.options.window)
+        if len(self._taken):
+            kept &= hypotheses.sharing(self._taken) <= SHARED
+        hypotheses = hypotheses[kept]
+        place = _places(hypotheses.last_hit, hypotheses.score)
+        return hypotheses[place < self.options.max_per_detection]
+
+    def _limit(self, hypotheses: Hypotheses) -> tuple[Hypotheses, int]:
+        """Keep the best hypotheses; returns them and the number cut."""
+        kept = hypotheses[keep_best(-hypotheses.score, self.common.max_potential_tracks)]
+        return kept, len(hypotheses) - len(kept)
+
+
+def _places(group: IntArray, score: FloatArray) -> IntArray:
+    """Place of each row in its group, 0 for the largest score, (n,)."""
+    order = np.lexsort((-score, group))
+    ordered = group[order]
+    first = np.searchsorted(ordered, ordered)
+    place = np.empty(len(group), np.int64)
+    place[order] = np.arange(len(group)) - first
+    return place
