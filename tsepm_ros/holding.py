@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from tsepm_ros import filtering
 from tsepm_ros.conversion import covariance_at, major_sigma
+from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.splitting import gate_factor
 from tsepm_ros.track import TrackArrays
@@ -34,7 +35,9 @@ PROCESS_NOISE = 0.01
 """Spectral density of a target's acceleration while it goes on, m^2/s^3: 1 m/s per 100 s."""
 TIME_TO_TURN = 100.0
 """Mean time after which a target turns or changes its speed, s."""
-LEAST_EXISTENCE = 0.001
+TIME_TO_VANISH = 600.0
+"""Mean time after which a target is gone, s: without it no number of misses would tell."""
+LEAST_EXISTENCE = 0.01
 """Probability of existence below which a track is held no longer."""
 MAX_NEIGHBOURS = 8
 """Detections that a track weighs, the nearest."""
@@ -90,18 +93,19 @@ class TrackHold:
     ----------
     hold_time : float
         Time, s, for which a track is held without a detection of its own; it ends at the first scan
-        after that.
+        after that, or sooner, where its target was missed so often that it probably exists no more.
     """
 
     def __init__(self, hold_time: float) -> None:
         self.hold_time = hold_time
+        self._ended: list[int] = []
+        self._cleared: list[int] = []
         self._forget()
 
     def _forget(self) -> None:
         self._tracks = TrackArrays.of([])
         self._existence = np.zeros(0)
         self._last_taken = np.zeros(0)
-        self._ended: list[int] = []
 
     def step(
         self,
@@ -141,30 +145,35 @@ class TrackHold:
             Density with which the held targets explain each detection,
             ``sum_i r_i P_D N(z_j; H x_i, S_i)``, 1/m^2.
         """
+        self._ended, self._cleared = self._cleared, []
         explained = np.zeros(len(detections))
         if not len(self._tracks):
             return explained
-        models = self._predicted(stamp, max_speed)
+        self._end(self._last_taken >= stamp - self.hold_time)
+        step = stamp - self._tracks.stamp
+        self._existence = self._existence * np.exp(-step / TIME_TO_VANISH)
+        clutter = np.maximum(clutter, LEAST_DENSITY)
+        models = self._predicted(step, max_speed)
         probability = detectable(models[0].state[:, 0::2])
+        near = _neighbours(models[-1], stamp, detections)
         gains, states, covariances, taken = [], [], [], np.zeros(len(self._tracks))
         for model in models:
-            found = _associated(model, stamp, detections, probability, sensor)
+            found = _associated(model, near, stamp, detections, sensor)
             np.add.at(
                 explained,
                 found.row,
                 model.probability * self._existence[found.owner] * found.likelihood,
             )
             ratio = found.likelihood / clutter[found.row]
-            gain = 1.0 - probability * GATE_PROBABILITY  # 1 - delta
-            missed = gain.copy()
-            np.add.at(gain, found.owner, ratio)
+            missed = 1.0 - probability * GATE_PROBABILITY
+            gain = missed + np.bincount(found.owner, ratio, minlength=len(missed))  # 1 - delta
             state, covariance = _mixed(model, found, ratio / gain[found.owner])
             gains.append(model.probability * gain)
             states.append(state)
             covariances.append(covariance)
             taken += model.probability * (gain - missed)
         self._update(stamp, np.array(gains), np.array(states), np.array(covariances), taken)
-        self._end(stamp)
+        self._end(self._existence >= LEAST_EXISTENCE)
         return explained
 
     def add(self, tracks: TrackArrays, existence: float) -> None:
@@ -180,23 +189,27 @@ class TrackHold:
         """Every track held, at the last scan's stamp."""
         return self._tracks
 
-    def take_ended(self) -> list[int]:
-        """Ids of the tracks that have ended since this was last asked."""
-        ended, self._ended = self._ended, []
-        return ended
+    @property
+    def ended(self) -> list[int]:
+        """Ids of the tracks that ended at the last step, or were cleared before it."""
+        return self._ended
 
     def clear(self) -> None:
         """End every track."""
-        ended = self._ended + self._tracks.track_id.tolist()
+        self._cleared += self._tracks.track_id.tolist()
         self._forget()
-        self._ended = ended
 
-    def _predicted(self, stamp: float, max_speed: float) -> tuple[Model, Model]:
-        """The tracks at a stamp, had they gone on and had they turned at some time since."""
+    def take_cleared(self) -> list[int]:
+        """Ids of the tracks that were cleared since the last step; the next will not name them."""
+        cleared, self._cleared = self._cleared, []
+        return cleared
+
+    def _predicted(self, step: FloatArray, max_speed: float) -> tuple[Model, Model]:
+        """The tracks after a time step, had they gone on and had they turned at some time since."""
         state, covariance = self._tracks.state, self._tracks.covariance
-        step = stamp - self._tracks.stamp
-        turned = float(-np.expm1(-step[0] / TIME_TO_TURN))
-        spread = (0.5 * max_speed) ** 2 / max(step[0], 1e-9)
+        longest = float(step.max(initial=0.0))
+        turned = float(-np.expm1(-longest / TIME_TO_TURN))
+        spread = (0.5 * max_speed) ** 2 / max(longest, 1e-9)
         return (
             Model(1.0 - turned, *filtering.predict(state, covariance, step, PROCESS_NOISE)),
             Model(turned, *filtering.predict(state, covariance, step, PROCESS_NOISE + spread)),
@@ -218,7 +231,8 @@ class TrackHold:
         outer = shift[..., :, None] * shift[..., None, :]
         covariance = np.einsum("mn,mnij->nij", share, covariances + outer)
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)
-        self._last_taken = np.where(taken >= 0.5 * gain, stamp, self._last_taken)
+        own = taken / gain * self._existence >= 0.5
+        self._last_taken = np.where(own, stamp, self._last_taken)
         self._tracks = replace(
             self._tracks,
             stamp=np.full(len(state), stamp),
@@ -227,20 +241,41 @@ class TrackHold:
             age=self._tracks.age + (stamp - self._tracks.stamp),
         )
 
-    def _end(self, stamp: float) -> None:
-        held = (self._last_taken >= stamp - self.hold_time) & (self._existence >= LEAST_EXISTENCE)
+    def _end(self, held: NDArray[np.bool_]) -> None:
+        """End all tracks but those held."""
         if held.all():
             return
-        self._ended += self._tracks.track_id[~held].tolist()
+        self._ended = self._ended + self._tracks.track_id[~held].tolist()
         self._tracks = self._tracks.where(held)
         self._existence, self._last_taken = self._existence[held], self._last_taken[held]
 
 
+def _neighbours(
+    model: Model, stamp: float, detections: NDArray[np.void]
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Nearest detection of each track, and pairs of tracks and detections that may be theirs."""
+    state, covariance = model.state, model.covariance
+    if not len(detections):
+        none = np.zeros(0, np.int64)
+        return none, none, none
+    lag = detections["time"] - stamp
+    middle = 0.5 * (lag.min() + lag.max())
+    centre = state[:, 0::2] + middle * state[:, 1::2]
+    spread = filtering.position_covariance_after(covariance, np.full(len(state), middle))
+    sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
+    reach = 1.1 * gate_factor(GATE_PROBABILITY) * sigma
+    reach += np.hypot(state[:, 1], state[:, 3]) * np.ptp(lag)
+    count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
+    distance, near = cKDTree(detections["position"]).query(centre, k=count)
+    owner, place = np.nonzero(distance <= reach[:, None])
+    return near[:, 0], owner, near[owner, place]
+
+
 def _associated(
     model: Model,
+    near: tuple[IntArray, IntArray, IntArray],
     stamp: float,
     detections: NDArray[np.void],
-    probability: FloatArray,
     sensor: SensorModel,
 ) -> Association:
     """The detections in the gates of the predicted tracks."""
@@ -250,13 +285,8 @@ def _associated(
         lag = np.zeros(len(state))
         spread = covariance[:, 0::2, 0::2]
         return Association(none, none, np.zeros((0, 2)), np.zeros(0), lag, spread)
-    reach = major_sigma(covariance[:, 0::2, 0::2]) ** 2 + detections["major_sigma"].max() ** 2
-    reach = GATE_MARGIN * gate_factor(GATE_PROBABILITY) * np.sqrt(reach)
-    count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
-    distance, near = cKDTree(detections["position"]).query(state[:, 0::2], k=count)
-    owner, place = np.nonzero(distance <= reach[:, None])
-    row = near[owner, place]
-    nearest = detections[near[:, 0]]
+    closest, owner, row = near
+    nearest = detections[closest]
     lag = nearest["time"] - stamp
     expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
     spread = filtering.position_covariance_after(covariance, lag)
@@ -267,7 +297,8 @@ def _associated(
     density, distance = filtering.log_density(innovation, spread[owner])
     inside = distance <= gate_factor(GATE_PROBABILITY) ** 2
     owner, row, innovation = owner[inside], row[inside], innovation[inside]
-    likelihood = probability[owner] * np.exp(density[inside])
+    # What is there was detected, wherever the data sheet ends the coverage.
+    likelihood = sensor.detection_probability * np.exp(density[inside])
     return Association(owner, row, innovation, likelihood, lag, spread)
 
 
@@ -278,12 +309,14 @@ def _mixed(model: Model, found: Association, weight: FloatArray) -> tuple[FloatA
     ``v = sum_j beta_j v_j``.
     """
     n = len(model.state)
-    some, mean, square = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 2, 2))
-    outer = found.innovation[:, :, None] * found.innovation[:, None, :]
-    np.add.at(some, found.owner, weight)
-    np.add.at(mean, found.owner, weight[:, None] * found.innovation)
-    np.add.at(square, found.owner, weight[:, None, None] * outer)
+    x, y = found.innovation.T
+    parts = (np.ones_like(x), x, y, x * x, x * y, y * y)
+    some, *sums = (np.bincount(found.owner, weight * part, minlength=n) for part in parts)
+    mean = np.stack(sums[:2], axis=-1)
+    square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
     gain = filtering.gain(model.covariance, found.lag, found.spread)
     change = square - mean[:, :, None] * mean[:, None, :] - some[:, None, None] * found.spread
     state = model.state + (gain @ mean[..., None])[..., 0]
-    return state, model.covariance + gain @ change @ np.swapaxes(gain, 1, 2)
+    covariance = model.covariance + gain @ change @ np.swapaxes(gain, 1, 2)
+    # Rounding must not make it asymmetric: that part would grow from scan to scan.
+    return state, 0.5 * (covariance + np.swapaxes(covariance, 1, 2))

@@ -22,7 +22,7 @@ from tsepm_ros.track import TrackArrays
 FloatArray = NDArray[np.float64]
 
 NEW_TRACK_EXISTENCE = 0.9
-"""Probability that a confirmed track's target exists, as the hold starts with."""
+"""Probability that a confirmed track's target exists, as the hold begins: a choice."""
 TRACK_IDS = 2**32
 """Track ids count from 0 up to this, then start again: messages hold 32 bits."""
 
@@ -55,7 +55,7 @@ class CommonOptions:
     hold_time: float = parameter(
         120.0,
         "Time for which a confirmed track is held, and stays on tracks/current, without a "
-        "detection of its own",
+        "detection of its own; it ends sooner where its target is missed again and again",
         unit="s",
         minimum=0.0,
     )
@@ -92,8 +92,9 @@ class ScanStatistics:
     confirmed : int
         Confirmed tracks put out.
     cut_potential_tracks, cut_confirmations : int
-        Removed because a limit was reached. Potential tracks count once, when they are cut; the
-        confirmations are all that would have come of those cut in this and in earlier scans.
+        Removed because a limit was reached. Potential tracks count once, when they are cut, as does
+        a pair of gate and detection that was left out; the confirmations are all that would have
+        come of the potential tracks cut in this and in earlier scans.
     """
 
     scans: int = 0
@@ -159,7 +160,7 @@ class Initiator(ABC):
         self.next_track_id = 0
         self.max_scan_time = math.inf
         self.hold = TrackHold(common.hold_time)
-        self.forget_potential_tracks()
+        self.reset()
 
     @abstractmethod
     def process(self, scan: Scan) -> TrackArrays:
@@ -207,18 +208,19 @@ class Initiator(ABC):
 
     def reset(self) -> None:
         """Forget everything but the next track id: none is used twice."""
-        self.forget_potential_tracks()
-        self.hold.clear()
-
-    def forget_potential_tracks(self) -> None:
-        """Forget all scans and potential tracks, but not the tracks that are held."""
         self.stamp: float | None = None
         self.scan_index = -1
+        self.statistics = ScanStatistics()
+        self.totals = ScanStatistics()
         self._sensor_pose = np.zeros(3)
         self._explained = np.zeros(0)
         self._time = TimeLimit()
-        self.statistics = ScanStatistics()
-        self.totals = ScanStatistics()
+        self.forget_potential_tracks()
+        self.hold.clear()
+
+    @abstractmethod
+    def forget_potential_tracks(self) -> None:
+        """Forget the scans so far and the potential tracks, but not the tracks held nor counts."""
 
     def _receive(self, scan: Scan) -> NDArray[np.void]:
         """Count a scan in and convert its detections (Step 1)."""

@@ -57,8 +57,8 @@ class PathCounts:
 
     @property
     def total(self) -> int:
-        """Number of paths."""
-        return int(self.number.sum())
+        """Number of paths, exact up to 2^53."""
+        return int(self.number.sum(dtype=np.float64))
 
     @classmethod
     def none(cls) -> PathCounts:

@@ -185,7 +185,8 @@ class ScanResult:
     frame_id : str
         The fixed frame.
     arrival : Arrival
-        How the scan followed on; RESTART and GAP dropped what was held before it.
+        How the scan followed on; before it, RESTART dropped everything and GAP the potential
+        tracks.
     new : TrackArrays
         Newly confirmed tracks.
     current : TrackArrays
@@ -311,6 +312,7 @@ class Session:
         if options.method != old.session.method:
             before, self.initiator = self.initiator, settings.make_initiator()
             self.initiator.next_track_id = before.next_track_id
+            self.initiator.stamp = before.stamp
             self.initiator.hold = before.hold
             self.initiator.hold.hold_time = settings.common.hold_time
             return False
@@ -324,7 +326,7 @@ class Session:
         self._poses.clear()
         self._waiting.clear()
         self._forget_frames()
-        return self.initiator.hold.take_ended()
+        return self.initiator.hold.take_cleared()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count and report something that cannot be used."""
@@ -530,7 +532,7 @@ class Session:
             arrival=arrival,
             new=new,
             current=self.initiator.hold.current,
-            ended=self.initiator.hold.take_ended(),
+            ended=self.initiator.hold.ended,
             statistics=statistics,
             core_seconds=core_seconds,
         )

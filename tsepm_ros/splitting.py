@@ -42,7 +42,8 @@ class Gated:
     detection : (p,) ndarray of int
         Rows of the gated detections, ascending within a gate.
     claimed : (n,) ndarray of bool
-        Which of the scan's detections lie in some gate, those that were cut included.
+        Which of the scan's detections lie in some gate. Those that were cut are included, with
+        the gates as they are at the scan's farthest time.
     cut : int
         Detections left out of gates because of `MAX_GATED`.
     """

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from builders import FIXED_RANGE_ERROR, detections
 
-from tsepm_ros import ConfirmedTrack, Scan
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros import holding as holding_module
 from tsepm_ros.conversion import convert, covariance_at
 from tsepm_ros.holding import GATE_PROBABILITY, LEAST_EXISTENCE, PROCESS_NOISE, TrackHold
@@ -23,8 +23,9 @@ MAX_SPEED = 10.0
 
 @pytest.fixture
 def straight(monkeypatch):
-    """Targets do not turn: what is left has closed forms."""
+    """Targets neither turn nor vanish: what is left has closed forms."""
     monkeypatch.setattr(holding_module, "TIME_TO_TURN", math.inf)
+    monkeypatch.setattr(holding_module, "TIME_TO_VANISH", math.inf)
 
 
 def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
@@ -70,12 +71,12 @@ def test_a_track_is_held_for_its_time_and_ends_once_at_the_first_scan_after():
     hold = holding(1, hold_time=30.0)
     step(hold, 30.0)
     assert ids(hold) == [1]
-    assert hold.take_ended() == []
+    assert hold.ended == []
     step(hold, 30.1)
     assert ids(hold) == []
-    assert hold.take_ended() == [1]
+    assert hold.ended == [1]
     step(hold, 40.0)
-    assert hold.take_ended() == []
+    assert hold.ended == []
 
 
 def test_tracks_are_carried_to_the_scan_s_stamp_at_constant_velocity(straight):
@@ -100,23 +101,47 @@ def test_a_detection_of_its_own_lets_a_track_live_on():
     step(hold, 50.0)
     assert ids(hold) == [1]
     step(hold, 54.1)
-    assert hold.take_ended() == [1]
+    assert hold.ended == [1]
 
 
 def test_a_detection_far_off_is_not_its_own():
     hold = holding(1, hold_time=30.0)
-    step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), 0.0)
+    step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), P_D)
     step(hold, 30.1)
-    assert hold.take_ended() == [1]
+    assert hold.ended == [1]
 
 
-def test_clearing_ends_every_track_and_names_it():
+def test_a_track_that_is_over_its_time_takes_nothing_any_more():
+    hold = holding(1, hold_time=30.0)
+    explained = step(hold, 30.1, detections([[2150.5, 1000.0]], 30.1), P_D)
+    assert explained.tolist() == [0.0]
+    assert hold.ended == [1]
+
+
+def test_clearing_ends_every_track_and_the_next_step_names_it_once():
     hold = holding(1, 5)
     hold.clear()
     assert ids(hold) == []
-    assert hold.take_ended() == [1, 5]
+    step(hold, 10.0)
+    assert hold.ended == [1, 5]
+    step(hold, 20.0)
+    assert hold.ended == []
+
+
+def test_what_was_cleared_and_asked_for_is_not_named_again():
+    hold = holding(1)
     hold.clear()
-    assert hold.take_ended() == []
+    assert hold.take_cleared() == [1]
+    step(hold, 10.0)
+    assert hold.ended == []
+
+
+def test_ended_tracks_are_not_remembered_for_ever():
+    hold = TrackHold(5.0)
+    for scan in range(100):
+        hold.add(tracks(scan, stamp=12.0 * scan), 0.9)
+        step(hold, 12.0 * scan + 12.0)
+        assert hold.ended == [scan]
 
 
 def test_a_changed_hold_time_counts_at_the_next_scan():
@@ -124,7 +149,7 @@ def test_a_changed_hold_time_counts_at_the_next_scan():
     hold.hold_time = 5.0
     assert ids(hold) == [1]
     step(hold, 6.0)
-    assert hold.take_ended() == [1]
+    assert hold.ended == [1]
 
 
 @pytest.mark.parametrize("existence", [0.5, 0.9])
@@ -138,7 +163,7 @@ def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
             break
         assert ids(hold) == [1]
         np.testing.assert_allclose(hold._existence, [expected])
-    assert hold.take_ended() == [1]
+    assert hold.ended == [1]
 
 
 def test_nothing_is_missed_where_nothing_can_be_detected():
@@ -148,7 +173,9 @@ def test_nothing_is_missed_where_nothing_can_be_detected():
     assert ids(hold) == [1]
 
 
-def kalman(stamp: float, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def kalman(
+    stamp: float, position: np.ndarray, lag: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Kalman update of `tracks(1)` with one detection; also its density N(z; H x, S)."""
     F = np.eye(4)
     F[0, 1] = F[2, 3] = stamp
@@ -158,6 +185,7 @@ def kalman(stamp: float, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     x, P = F @ track.state, F @ track.covariance @ F.T + Q
     H = np.zeros((2, 4))
     H[0, 0] = H[1, 2] = 1.0
+    H[0, 1] = H[1, 3] = lag
     R = covariance_at(detections([position], stamp), (H @ x)[None], FIXED_RANGE_ERROR)[0]
     S = H @ P @ H.T + R
     K = P @ H.T @ np.linalg.inv(S)
@@ -194,6 +222,105 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
     np.testing.assert_allclose(hold._existence, [odds / (odds + 0.2)])
 
 
+def test_a_late_echo_is_taken_at_its_own_time_against_the_clutter_where_it_is(straight):
+    stamp, lag, clutter = 12.0, 4.0, np.array([1e-4, 3e-6])
+    found = detections([[9000.0, 9000.0], [2075.0, 1020.0]], [stamp, stamp + lag])
+    hold = holding(1, existence=0.8)
+    explained = hold.step(
+        stamp,
+        found,
+        clutter,
+        lambda positions: np.full(len(positions), P_D),
+        FIXED_RANGE_ERROR,
+        MAX_SPEED,
+    )
+    state, _, density = kalman(stamp, found["position"][1], lag)
+    np.testing.assert_allclose(explained, [0.0, 0.8 * P_D * density])
+    miss, ratio = 1.0 - P_D * GATE_PROBABILITY, P_D * density / clutter[1]
+    np.testing.assert_allclose(
+        hold._existence, [0.8 * (miss + ratio) / (0.8 * (miss + ratio) + 0.2)]
+    )
+    weight = ratio / (miss + ratio)
+    coasted = holding(1)
+    step(coasted, stamp)
+    mean = (1 - weight) * coasted.current.state[0] + weight * state
+    np.testing.assert_allclose(hold.current.state[0], mean, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("sigmas", "inside"), [(3.03, True), (3.04, False)])
+def test_the_gate_holds_its_probability(straight, sigmas, inside):
+    # sqrt(-2 ln(1 - 0.99)) = 3.035 deviations of the innovation.
+    centre = np.array([2060.0, 1000.0])
+    predicted = holding(1)
+    step(predicted, 12.0)
+    spread = predicted.current.covariance[0][0::2, 0::2]
+    spread = spread + covariance_at(detections([centre], 12.0), centre[None], FIXED_RANGE_ERROR)[0]
+    offset = sigmas * np.linalg.cholesky(spread) @ [0.6, 0.8]
+    explained = step(holding(1), 12.0, detections([centre + offset], 12.0), P_D)
+    assert (explained[0] > 0) == inside
+
+
+def test_a_fast_target_seen_exactly_is_not_lost_by_the_time_of_its_echo():
+    sensor = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-3)
+    hold = TrackHold(120.0)
+    hold.add(tracks(1), 0.9)
+    for scan in range(1, 20):
+        stamp, lag = 12.0 * scan, 3.3
+        found = convert(
+            Scan(
+                stamp,
+                [math.hypot(2000.0 + 5.0 * (stamp + lag), 1000.0)],
+                [math.atan2(1000.0, 2000.0 + 5.0 * (stamp + lag))],
+                time_offset=[lag],
+            ),
+            sensor,
+            scan,
+        )
+        hold.step(stamp, found, np.full(1, CLUTTER), lambda x: np.full(len(x), P_D), sensor, 20.0)
+        assert hold._existence[0] > 0.9
+    (track,) = hold.current
+    assert np.hypot(*(track.position - [2000.0 + 5.0 * stamp, 1000.0])) < 5.0
+
+
+def test_what_is_detected_beyond_the_coverage_is_taken_all_the_same():
+    hold = holding(1)
+    step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), detectable=0.0)
+    assert hold._existence[0] > 0.9
+
+
+@pytest.mark.parametrize("clutter", [1e-6, 5e-6])
+def test_a_target_that_vanishes_in_clutter_is_given_up(clutter):
+    rng = np.random.default_rng(3)
+    sensor = SensorModel(clutter_density=clutter)
+    scans_after = []
+    for _ in range(12):
+        hold = TrackHold(120.0)
+        hold.add(tracks(1, x=4000.0), 0.9)
+        for scan in range(1, 200):
+            n = rng.poisson(clutter * sensor.coverage_area)
+            range_ = 9000.0 * np.sqrt(rng.uniform(1e-6, 1.0, n))
+            azimuth = rng.uniform(-math.pi, math.pi, n)
+            if scan <= 30:
+                x = 4000.0 + 60.0 * scan
+                polar = np.hypot(x, 1000.0), math.atan2(1000.0, x)
+                range_ = np.append(range_, rng.normal(polar[0], 0.015 * polar[0]))
+                azimuth = np.append(azimuth, rng.normal(polar[1], sensor.azimuth_std))
+            found = convert(Scan(12.0 * scan, range_, azimuth), sensor, scan)
+            hold.step(
+                12.0 * scan,
+                found,
+                np.full(len(found), clutter),
+                lambda positions: np.full(len(positions), P_D),
+                sensor,
+                MAX_SPEED,
+            )
+            if not len(hold.current):
+                break
+        scans_after.append(scan - 30)
+    assert np.mean(np.array(scans_after) < 0) <= 0.1, "lost while it was there"
+    assert np.median(scans_after) <= 30
+
+
 def follow(velocity_at, *, misses: frozenset[int] = frozenset(), scans: int = 60):
     """Hold a target in clutter; returns the hold and the target's state at the end."""
     rng = np.random.default_rng(1)
@@ -228,10 +355,15 @@ def test_a_target_in_clutter_is_held_and_followed(velocity_at):
 def test_covariances_stay_positive_definite_and_numbers_finite():
     hold = holding(1, 2, 3)
     rng = np.random.default_rng(2)
-    for scan in range(1, 200):
-        points = rng.uniform([0, 0], [8000, 4000], (rng.integers(0, 60), 2))
-        explained = step(hold, 12.0 * scan, detections(points, 12.0 * scan), P_D)
+    for scan in range(1, 3000):
+        time = 0.1 * scan
+        points = [*rng.uniform([0, 0], [8000, 4000], (rng.integers(0, 20), 2))]
+        points += [[2000.0 + 5.0 * time, 1000.0 * k] for k in (1, 2, 3)]
+        explained = step(hold, time, detections(points, time), P_D)
         assert np.isfinite(explained).all()
-        for track in hold.current:
-            assert np.linalg.eigvalsh(track.covariance).min() > 0
+        assert np.linalg.eigvalsh(hold.current.covariance).min() > 0
+        np.testing.assert_array_equal(
+            hold.current.covariance, np.swapaxes(hold.current.covariance, 1, 2)
+        )
+    assert ids(hold) == [1, 2, 3]
     assert np.isfinite(hold._existence).all()

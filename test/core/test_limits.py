@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import signal
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -263,3 +264,28 @@ def test_cutting_what_cannot_pass_changes_no_output(monkeypatch):
     assert totals.potential_tracks < plain.potential_tracks
     for field in ("started", "terminated", "raw_confirmations", "pruned", "merged", "confirmed"):
         assert getattr(totals, field) == getattr(plain, field)
+
+
+@pytest.mark.parametrize(
+    ("changed", "density"),
+    [
+        ({"evaluation": "normalized_distance"}, 1e-5),
+        ({"clutter_test_size": 0.6}, 1e-5),
+        ({}, 1e-6),
+    ],
+    ids=["evaluation", "test size", "density"],
+)
+def test_what_was_cut_under_another_threshold_starts_over(changed, density):
+    rule = {"min_hits": 4, "window": 6, "evaluation": "clutter_statistic", "clutter_test_size": 0.3}
+    made = make_initiator("tsepm", sensor=SensorModel(clutter_density=1e-5), **rule)
+    for scan in busy_scans()[:5]:
+        made.process(scan)
+    same = made.sensor, made.common, made.options
+    assert made.configure(*same)
+    assert made.statistics.hopeless_tracks > 0
+    kept = made.configure(
+        replace(made.sensor, clutter_density=density), made.common, replace(made.options, **changed)
+    )
+    assert not kept
+    made.process(busy_scans()[5])
+    assert made.statistics.potential_tracks <= len(busy_scans()[5])

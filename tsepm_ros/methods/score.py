@@ -163,10 +163,10 @@ class Score(Initiator):
 
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""
-        super().forget_potential_tracks()
         self._window = DetectionWindow()
         self._hypotheses = Hypotheses.none(self.options.window)
         self._taken = np.zeros(0, np.int64)
+        self._scans_seen = 0
         self._detections_per_scan = 0.0
         self._interval = 0.0
 
@@ -250,10 +250,11 @@ class Score(Initiator):
 
     def _observe(self, detections: int, interval: float) -> None:
         """Average the detections per scan and the scan interval."""
-        weight = 1.0 / min(self.scan_index + 1, MEMORY)
+        self._scans_seen += 1
+        weight = 1.0 / min(self._scans_seen, MEMORY)
         self._detections_per_scan += weight * (detections - self._detections_per_scan)
-        if interval:
-            weight = 1.0 / min(self.scan_index, MEMORY)
+        if self._scans_seen > 1:
+            weight = 1.0 / min(self._scans_seen - 1, MEMORY)
             self._interval += weight * (interval - self._interval)
 
     def _predict(self, interval: float) -> Hypotheses:

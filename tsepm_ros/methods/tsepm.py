@@ -244,7 +244,6 @@ class Tsepm(Initiator):
 
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""
-        super().forget_potential_tracks()
         self._window = DetectionWindow()
         self._potential = PotentialTracks.starting(np.zeros(0, np.int64), 0, self.options.min_hits)
         # Paths cut because they could not pass the evaluation any more, and because of a limit.
@@ -252,13 +251,20 @@ class Tsepm(Initiator):
         self._surplus = PathCounts.none()
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
-        """Change the options; another number of hits starts over, a shorter window ends tracks.
+        """Change the options; a shorter window ends tracks.
+
+        Another number of hits starts over, and so does another evaluation, or another threshold of
+        it, where paths were cut that could not pass the one before.
 
         See `Initiator.configure`.
         """
-        old = self.options
+        before = self.options, self._threshold, self.sensor.clutter_density
         super().configure(sensor, common, options)
-        if options.min_hits != old.min_hits:
+        unlike = options.min_hits != before[0].min_hits
+        # What was cut as hopeless under another rule cannot be brought back.
+        after = self._threshold, sensor.clutter_density
+        unlike |= len(self._hopeless) > 0 and before[1:] != after
+        if unlike:
             self.forget_potential_tracks()
             return False
         self._potential = self._potential[~self._expired(self._potential.first_scan)]
