@@ -130,7 +130,7 @@ def score_plan(
         clutter = np.full(PATHS, sensor.clutter_density)
         gain = np.where(
             hit,
-            evidence.hit_gain(density, probability, clutter),
+            evidence.hit_gain(density, sensor.detection_probability, clutter),
             evidence.miss_gain(probability, gate_probability),
         )
         score[:, scan] = score[:, scan - 1] + gain

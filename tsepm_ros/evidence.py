@@ -22,7 +22,9 @@ LEAST_DENSITY = 1e-12
 """Floor of the clutter density, 1/m^2: nothing is free of false detections."""
 
 
-def hit_gain(log_density: FloatArray, detectable: FloatArray, clutter: FloatArray) -> FloatArray:
+def hit_gain(
+    log_density: FloatArray, detection_probability: float, clutter: FloatArray
+) -> FloatArray:
     """Gain of a detection: ``ln(P_D N(z; H x, S) / lambda)``.
 
     Parameters
@@ -30,14 +32,18 @@ def hit_gain(log_density: FloatArray, detectable: FloatArray, clutter: FloatArra
     log_density : (n,) ndarray
         ln N, the density of the detection under the hypothesis, in the coordinates of the clutter
         density.
-    detectable : (n,) ndarray
-        P_D.
+    detection_probability : float
+        P_D. What is there was detected, wherever the data sheet ends the coverage.
     clutter : (n,) ndarray
         lambda at the detection: the density of all that explains it but this hypothesis, 1/m^2.
+
+    Returns
+    -------
+    (n,) ndarray
     """
-    largest = np.minimum(detectable, LARGEST_DETECTION_PROBABILITY)
-    with np.errstate(divide="ignore"):  # outside the coverage: impossible
-        return log_density + np.log(largest) - np.log(np.maximum(clutter, LEAST_DENSITY))
+    probability = min(detection_probability, LARGEST_DETECTION_PROBABILITY)
+    gain: FloatArray = log_density + np.log(probability / np.maximum(clutter, LEAST_DENSITY))
+    return gain
 
 
 def miss_gain(detectable: FloatArray, gate_probability: float) -> FloatArray:
@@ -49,6 +55,10 @@ def miss_gain(detectable: FloatArray, gate_probability: float) -> FloatArray:
         P_D.
     gate_probability : float
         P_G: a detection outside the gate is missed too.
+
+    Returns
+    -------
+    (n,) ndarray
     """
     missed: FloatArray = np.log1p(
         -np.minimum(detectable, LARGEST_DETECTION_PROBABILITY) * gate_probability

@@ -280,16 +280,55 @@ class Score(Initiator):
         if self._time.finite:
             order = np.argsort(-predicted.score[parent], kind="stable")
             parent, row = parent[order], row[order]
-        parts = [self._extended(predicted, parent[:BLOCK], detections, row[:BLOCK], ids, clutter)]
-        for first in range(BLOCK, len(parent), BLOCK):
-            if self._time.left < 0.5 * self._time.seconds:
+        score = np.full(len(parent), -np.inf)
+        for first in range(0, len(parent), BLOCK):
+            if first and self._time.left < 0.5 * self._time.seconds:
                 cut += len(parent) - first
                 break
             part = slice(first, first + BLOCK)
-            parts.append(
-                self._extended(predicted, parent[part], detections, row[part], ids, clutter)
+            pairs = self._pairs(predicted, parent[part], detections, row[part])
+            score[part] = self._child_score(predicted, parent[part], pairs, clutter[row[part]])
+        kept = np.flatnonzero(score > self.deletion)
+        kept = kept[_places(row[kept], score[kept]) < self.options.max_per_detection]
+        parent, row, score = parent[kept], row[kept], score[kept]
+        blocks = [slice(first, first + BLOCK) for first in range(0, max(len(kept), 1), BLOCK)]
+        children = [
+            self._extended(
+                predicted, parent[part], detections, row[part], ids[row[part]], score[part]
             )
-        return Hypotheses.joined(*parts), cut
+            for part in blocks
+        ]
+        return Hypotheses.joined(*children), cut
+
+    def _pairs(
+        self,
+        predicted: Hypotheses,
+        parent: IntArray,
+        detections: NDArray[np.void],
+        row: IntArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Time after the stamp, innovation and its covariance for hypotheses and detections."""
+        found = detections[row]
+        lag = found["time"] - self._now
+        state = predicted.state[parent]
+        expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
+        spread = filtering.position_covariance_after(predicted.covariance[parent], lag)
+        spread += covariance_at(found, expected, self.sensor)
+        return lag, found["position"] - expected, spread
+
+    def _child_score(
+        self,
+        predicted: Hypotheses,
+        parent: IntArray,
+        pairs: tuple[FloatArray, FloatArray, FloatArray],
+        clutter: FloatArray,
+    ) -> FloatArray:
+        """Score of each child; -inf outside the gate."""
+        _, innovation, spread = pairs
+        density, distance = filtering.log_density(innovation, spread)
+        gain = evidence.hit_gain(density, self.sensor.detection_probability, clutter)
+        gate = splitting.gate_factor(self.options.gate_probability) ** 2
+        return np.where(distance <= gate, predicted.score[parent] + gain, -np.inf)
 
     def _extended(
         self,
@@ -298,34 +337,22 @@ class Score(Initiator):
         detections: NDArray[np.void],
         row: IntArray,
         ids: IntArray,
-        clutter: FloatArray,
+        score: FloatArray,
     ) -> Hypotheses:
-        """The children of pairs of hypotheses and detections that lie in the gate."""
-        found = detections[row]
-        lag = found["time"] - self._now
-        state, covariance = predicted.state[parent], predicted.covariance[parent]
-        expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
-        innovation = found["position"] - expected
-        spread = filtering.position_covariance_after(covariance, lag)
-        spread += covariance_at(found, expected, self.sensor)
-        density, distance = filtering.log_density(innovation, spread)
-        gain = evidence.hit_gain(density, self._detectable(expected), clutter[row])
-        score = predicted.score[parent] + gain
-        gate = splitting.gate_factor(self.options.gate_probability) ** 2
-        kept = np.flatnonzero((distance <= gate) & (score > self.deletion))
-        parent, row = parent[kept], row[kept]
+        """The children of hypotheses and detections."""
+        lag, innovation, spread = self._pairs(predicted, parent, detections, row)
         state, covariance = filtering.update(
-            state[kept], covariance[kept], lag[kept], innovation[kept], spread[kept]
+            predicted.state[parent], predicted.covariance[parent], lag, innovation, spread
         )
         hits = predicted.hits[parent]
-        hits[np.arange(len(kept)), predicted.hit_count[parent]] = ids[row]
+        hits[np.arange(len(parent)), predicted.hit_count[parent]] = ids
         return Hypotheses(
             hits,
             predicted.hit_count[parent] + 1,
             predicted.first_scan[parent],
             state,
             covariance,
-            score[kept],
+            score,
         )
 
     def _near(

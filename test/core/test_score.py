@@ -1,0 +1,270 @@
+"""The likelihood-ratio method: its hypotheses, its decisions, and what it promises."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import scan_at
+from plain_score import Rule, plain_hypotheses
+from plain_tsepm import Parameters
+from scenes import random_scene
+
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.conversion import convert
+from tsepm_ros.estimation import fit
+from tsepm_ros.methods.score import Score
+
+NEVER = 1e-30
+"""A wish for so few false tracks that nothing is confirmed."""
+SONAR = SensorModel()
+DISC = SONAR.coverage_area
+
+
+def score(sensor: SensorModel = SONAR, **options) -> Score:
+    made = make_initiator("score", sensor=sensor, **options)
+    assert isinstance(made, Score)
+    return made
+
+
+def clutter(rng: np.random.Generator, density: float = 1e-6) -> tuple[np.ndarray, np.ndarray]:
+    """Range and azimuth of clutter over the whole disc."""
+    n = rng.poisson(density * DISC)
+    return 9000.0 * np.sqrt(rng.uniform(1e-6, 1.0, n)), rng.uniform(-math.pi, math.pi, n)
+
+
+def sea(
+    rng: np.random.Generator,
+    scans: int,
+    targets: list[tuple[float, float, float, float]],
+    density: float = 1e-6,
+    detected: float = 0.9,
+) -> list[Scan]:
+    """Scans of clutter and of targets [x, vx, y, vy]; the targets' detections come last."""
+    made = []
+    for index in range(scans):
+        range_, azimuth = clutter(rng, density)
+        for x, vx, y, vy in targets:
+            if rng.random() < detected:
+                place = x + 12.0 * index * vx, y + 12.0 * index * vy
+                distance = math.hypot(*place)
+                range_ = np.append(range_, distance * (1 + 0.015 * rng.standard_normal()))
+                angle = math.atan2(place[1], place[0])
+                azimuth = np.append(azimuth, angle + SONAR.azimuth_std * rng.standard_normal())
+        made.append(Scan(12.0 * index, range_, azimuth))
+    return made
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
+    scene = random_scene(seed)
+    scans = scene.scans[: 5 if seed % 2 else 4]
+    window = 3 if seed % 3 == 0 else 16
+    settings = Parameters(**scene.sensor, max_speed=10.0, min_hits=3, window=16)
+    rule = Rule(
+        settings,
+        detection_probability=(0.6, 0.9, 0.999)[seed % 3],
+        gate_probability=(0.9, 0.99)[seed % 2],
+        process_noise=(0.0, 0.01)[seed % 2],
+        deletion=math.log(0.005),
+        window=window,
+        max_range=3500.0,
+    )
+    initiator = score(
+        SensorModel(
+            **scene.sensor,
+            detection_probability=rule.detection_probability,
+            max_range=rule.max_range,
+        ),
+        false_tracks_per_hour=NEVER,
+        window=window,
+        gate_probability=rule.gate_probability,
+        process_noise=rule.process_noise,
+        max_per_detection=10**6,
+    )
+    compared = 0
+    for scan, expected in zip(scene.as_scans(), plain_hypotheses(scans, rule), strict=False):
+        assert len(initiator.process(scan)) == 0
+        assert initiator.statistics.potential_tracks == len(expected)
+        plain = {one.keys: one for one in expected}
+        assert len(plain) == len(expected)
+        found = initiator.potential_tracks()
+        assert {track.hits for track in found} == {keys for keys in plain if len(keys) > 1}
+        for row, hits in enumerate(found.hits):
+            np.testing.assert_allclose(found.score[row], plain[hits].score, rtol=1e-7, atol=1e-7)
+        inside = initiator._hypotheses[initiator._hypotheses.hit_count > 1]
+        for row, hits in enumerate(found.hits):
+            np.testing.assert_allclose(inside.state[row], plain[hits].state, rtol=1e-6, atol=1e-5)
+            scale = np.linalg.norm(plain[hits].covariance)
+            np.testing.assert_allclose(
+                inside.covariance[row], plain[hits].covariance, rtol=0, atol=1e-7 * scale
+            )
+        compared += len(found)
+    assert compared > 0
+
+
+def test_blocks_do_not_change_the_hypotheses(monkeypatch):
+    def run() -> list:
+        initiator = score(false_tracks_per_hour=NEVER)
+        for scan in sea(np.random.default_rng(5), 4, []):
+            initiator.process(scan)
+        found = initiator.potential_tracks()
+        return sorted(zip(found.hits, found.score.tolist(), strict=True))
+
+    expected = run()
+    monkeypatch.setattr("tsepm_ros.methods.score.BLOCK", 7)
+    assert run() == expected
+    assert len(expected) > 100
+
+
+def test_a_target_is_started_once_and_held():
+    initiator = score(false_tracks_per_hour=1.0)
+    target = (3000.0, 4.0, 2000.0, -3.0)
+    new = [initiator.process(scan) for scan in sea(np.random.default_rng(1), 40, [target])]
+    starts = [track for tracks in new for track in tracks]
+    truth = np.array([target[0] + target[1] * 468.0, target[2] + target[3] * 468.0])
+    near = [
+        track
+        for track in starts
+        if np.hypot(*(track.predicted(468.0).position - truth)) < 6.0 * 468.0
+        and np.hypot(*(track.position - (3000 + 4 * track.stamp, 2000 - 3 * track.stamp))) < 300
+    ]
+    assert len(near) == 1
+    held = {track.track_id: track for track in initiator.hold.current}
+    assert np.hypot(*(held[near[0].track_id].position - truth)) < 150.0
+
+
+def test_two_targets_far_apart_are_two_tracks_and_one_id_each():
+    initiator = score()
+    targets = [(3000.0, 4.0, 2000.0, -3.0), (-4000.0, 0.0, 1000.0, 5.0)]
+    starts = [
+        track
+        for scan in sea(np.random.default_rng(2), 25, targets)
+        for track in initiator.process(scan)
+    ]
+    assert len({track.track_id for track in starts}) == len(starts) == 2
+
+
+def test_a_second_target_is_started_beside_one_that_is_held():
+    # 1 km beside it, both at 3.5 km: many deviations apart, though far within v_max * time held.
+    first, second = (3000.0, 4.0, 2000.0, 0.0), (3000.0, 4.0, 1000.0, 0.0)
+    rng = np.random.default_rng(3)
+    alone, both = sea(rng, 12, [first]), sea(rng, 40, [first, second])[12:]
+    initiator = score()
+    starts = [track for scan in alone + both for track in initiator.process(scan)]
+    y = sorted(track.position[1] for track in starts if abs(track.position[0] - 3000) < 3000)
+    assert len(starts) == 2
+    assert y == pytest.approx([1000.0, 2000.0], abs=200)
+
+
+def test_a_track_says_its_evidence_and_by_how_much_it_passed():
+    initiator = score()
+    for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)]):
+        for track in initiator.process(scan):
+            assert track.score - track.evaluation == pytest.approx(initiator.threshold)
+            assert track.evaluation >= 0
+            return
+    pytest.fail("nothing was confirmed")
+
+
+def test_state_and_covariance_are_those_of_the_hits_alone():
+    # No clutter: one hypothesis, and the velocity prior must not be in what is published.
+    initiator = score(SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002))
+    positions = [(3000.0 + 48.0 * k, 2000.0 - 36.0 * k) for k in range(10)]
+    scans = [scan_at(12.0 * k, [position]) for k, position in enumerate(positions)]
+    found = []
+    for index, scan in enumerate(scans):
+        for track in initiator.process(scan):
+            found.append(track)
+            hits = np.concatenate(
+                [convert(scans[k], initiator.sensor, k) for k in range(index + 1)]
+            )[None]
+            alone = fit(hits, scan.stamp, initiator.sensor, "weighted")
+            np.testing.assert_allclose(track.state, alone.state[0], rtol=1e-6, atol=1e-3)
+            scale = np.linalg.norm(alone.covariance[0])
+            np.testing.assert_allclose(
+                track.covariance, alone.covariance[0], rtol=0, atol=0.02 * scale
+            )
+            assert track.hits == tuple((k, 0) for k in range(index + 1))
+            assert (track.scan_count, track.age) == (index + 1, 12.0 * index)
+    assert len(found) == 1
+
+
+def test_no_track_on_two_hits_however_strong():
+    initiator = score(
+        SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4),
+        false_tracks_per_hour=1e6,
+    )
+    first, second = ([(3000.0, 0.0)], [(3010.0, 0.0)])
+    assert len(initiator.process(scan_at(0.0, first))) == 0
+    assert len(initiator.process(scan_at(12.0, second))) == 0
+    assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
+
+
+def test_a_target_outside_the_coverage_is_not_missed_there():
+    sensor = replace(SONAR, max_range=4000.0)
+    initiator = score(sensor)
+    initiator.process(scan_at(0.0, [(3990.0, 0.0)]))
+    initiator.process(scan_at(12.0, [(4050.0, 0.0)]))
+    scores = [initiator.potential_tracks().score.max()]
+    for k in range(2, 5):
+        initiator.process(Scan(12.0 * k, [], []))
+        scores.append(initiator.potential_tracks().score.max())
+    assert scores == [scores[0]] * 4
+
+
+def test_another_window_starts_over_and_other_options_do_not():
+    initiator = score()
+    for scan in sea(np.random.default_rng(1), 3, []):
+        initiator.process(scan)
+    options = initiator.options
+    assert initiator.configure(
+        initiator.sensor, initiator.common, replace(options, false_tracks_per_hour=5.0)
+    )
+    assert len(initiator.potential_tracks())
+    assert not initiator.configure(initiator.sensor, initiator.common, replace(options, window=20))
+    assert not len(initiator.potential_tracks())
+
+
+@pytest.mark.parametrize("limit", [1, 50])
+def test_limits_hold_and_are_counted(limit):
+    initiator = score(max_potential_tracks=limit)
+    for scan in sea(np.random.default_rng(1), 6, [(3000.0, 4.0, 2000.0, -3.0)]):
+        initiator.process(scan)
+        assert initiator.statistics.potential_tracks <= limit
+    assert initiator.totals.cut_potential_tracks > 0
+
+
+def test_a_time_limit_cuts_and_counts(monkeypatch):
+    monkeypatch.setattr("tsepm_ros.methods.score.BLOCK", 10)
+    initiator = score()
+    initiator.max_scan_time = 1e-9
+    for scan in sea(np.random.default_rng(1), 3, []):
+        initiator.process(scan)
+    assert initiator.totals.cut_potential_tracks > 0
+
+
+def test_many_detections_in_one_place_do_not_end_anything():
+    initiator = score()
+    n = 3000
+    for k in range(3):
+        initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
+    assert initiator.statistics.potential_tracks <= 250_000
+
+
+@pytest.mark.parametrize("wish", [30.0, 300.0])
+@pytest.mark.parametrize("density", [3e-7, 1e-6])
+def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, density):
+    # Enough scans for 60 false tracks: a true factor of 1.5 stays within 2 with 99 %.
+    sensor = replace(SONAR, clutter_density=density)
+    scans = round(60 / wish * 300)
+    initiator = score(sensor, false_tracks_per_hour=wish)
+    rng = np.random.default_rng([7, round(wish)])
+    confirmed = 0
+    for index in range(scans + 10):
+        tracks = initiator.process(Scan(12.0 * index, *clutter(rng, density)))
+        confirmed += len(tracks) if index >= 10 else 0
+    rate = confirmed / (scans * 12.0 / 3600.0)
+    assert wish / 2 < rate < 2 * wish

@@ -1,0 +1,131 @@
+"""The hypotheses of the likelihood-ratio method and their scores, in plain loops.
+
+Written from the definition of the score, for small scenes: hypotheses are objects, every one is
+extended by every detection, and none is left out but by the gate, the deletion threshold and the
+window. Detections are converted by `plain_tsepm`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from plain_tsepm import (
+    MEASUREMENT_MATRIX,
+    Detection,
+    Parameters,
+    convert_scan,
+    covariance_at,
+    transition_matrix,
+)
+
+
+@dataclass
+class Hypothesis:
+    """Detections that may be one target's, with the filter that followed them."""
+
+    keys: tuple[tuple[int, int], ...]
+    state: np.ndarray
+    covariance: np.ndarray
+    score: float
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What the method is given."""
+
+    settings: Parameters
+    detection_probability: float
+    gate_probability: float
+    process_noise: float
+    deletion: float
+    window: int
+    max_range: float
+
+
+def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[list[Hypothesis]]:
+    """All hypotheses after each scan."""
+    alive: list[Hypothesis] = []
+    after = []
+    place = np.zeros(2)
+    for index, scan in enumerate(scans):
+        poses = np.asarray(scan.get("sensor_pose", (0.0, 0.0, 0.0)), float).reshape(-1, 3)
+        place = poses[-1, :2] if len(poses) else place
+        detections = convert_scan(scan, index, rule.settings)
+        elapsed = scan["stamp"] - scans[index - 1]["stamp"] if index else 0.0
+        grown: list[Hypothesis] = []
+        for hypothesis in alive:
+            predicted = predict(hypothesis, elapsed, rule)
+            for detection in detections:
+                child = extend(predicted, detection, scan["stamp"], rule)
+                if child is not None:
+                    grown.append(child)
+            grown.append(missed(predicted, place, rule))
+        grown += [start(detection, rule) for detection in detections]
+        alive = [
+            one
+            for one in grown
+            if one.score > rule.deletion and index + 1 - one.keys[0][0] < rule.window
+        ]
+        after.append(alive)
+    return after
+
+
+def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
+    """Nearly constant velocity over the time since the scan before."""
+    transition = transition_matrix(elapsed)
+    block = rule.process_noise * np.array(
+        [[elapsed**3 / 3, elapsed**2 / 2], [elapsed**2 / 2, elapsed]]
+    )
+    noise = np.kron(np.eye(2), block)
+    return Hypothesis(
+        hypothesis.keys,
+        transition @ hypothesis.state,
+        transition @ hypothesis.covariance @ transition.T + noise,
+        hypothesis.score,
+    )
+
+
+def extend(
+    predicted: Hypothesis, detection: Detection, stamp: float, rule: Rule
+) -> Hypothesis | None:
+    """Add a detection, or None where it lies outside the gate."""
+    h = MEASUREMENT_MATRIX @ transition_matrix(detection.time - stamp)
+    expected = h @ predicted.state
+    r = covariance_at(expected, detection.sensing, rule.settings)
+    s = h @ predicted.covariance @ h.T + r
+    innovation = detection.point - expected
+    distance = innovation @ np.linalg.inv(s) @ innovation
+    if distance > -2.0 * math.log(1.0 - rule.gate_probability):
+        return None
+    density = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
+    gain = math.log(rule.detection_probability * density / rule.settings.clutter_density)
+    k = predicted.covariance @ h.T @ np.linalg.inv(s)
+    return Hypothesis(
+        (*predicted.keys, detection.key),
+        predicted.state + k @ innovation,
+        (np.eye(4) - k @ h) @ predicted.covariance,
+        predicted.score + gain,
+    )
+
+
+def missed(predicted: Hypothesis, place: np.ndarray, rule: Rule) -> Hypothesis:
+    """The branch that leaves the scan out: free of charge outside the coverage."""
+    charge = 0.0
+    if math.dist(predicted.state[[0, 2]], place) <= rule.max_range:
+        charge = math.log(1.0 - rule.detection_probability * rule.gate_probability)
+    return Hypothesis(
+        predicted.keys, predicted.state, predicted.covariance, predicted.score + charge
+    )
+
+
+def start(detection: Detection, rule: Rule) -> Hypothesis:
+    """A hypothesis of one detection, its velocity unknown up to v_max."""
+    state = np.array([detection.point[0], 0.0, detection.point[1], 0.0])
+    covariance = np.zeros((4, 4))
+    covariance[0::2, 0::2] = detection.covariance
+    covariance[1, 1] = covariance[3, 3] = rule.settings.max_speed**2 / 4.0
+    return Hypothesis((detection.key,), state, covariance, 0.0)
