@@ -39,6 +39,8 @@ TIME_TO_VANISH = 600.0
 """Mean time after which a target is gone, s: without it no number of misses would tell."""
 LEAST_EXISTENCE = 0.01
 """Probability of existence below which a track is held no longer."""
+LARGEST_FACTOR = 100.0
+"""Logarithm of the largest factor by which detections are explained: no overflow."""
 MAX_NEIGHBOURS = 8
 """Detections that a track weighs, the nearest."""
 
@@ -61,25 +63,38 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Association:
-    """Detections in the gates of the tracks, under one model.
+class Neighbours:
+    """Pairs of tracks and detections that may be theirs.
 
     Attributes
     ----------
+    nearest : (n,) ndarray of int
+        Detection nearest to each track; empty where there is no detection.
     owner, row : (p,) ndarray of int
         Track and detection of each pair.
+    """
+
+    nearest: IntArray
+    owner: IntArray
+    row: IntArray
+
+
+@dataclass(frozen=True)
+class Association:
+    """Detections near the tracks, under one model; pairs as in `Neighbours`.
+
+    Attributes
+    ----------
     innovation : (p, 2) ndarray
         m.
     likelihood : (p,) ndarray
-        P_D N(z; H x, S), 1/m^2.
+        P_D N(z; H x, S), 1/m^2; 0 outside the gate.
     lag : (n,) ndarray
         Time after the scan's stamp of the tracks' nearest detections, s.
     spread : (n, 2, 2) ndarray
         S of each track, with the error of its nearest detection.
     """
 
-    owner: IntArray
-    row: IntArray
     innovation: FloatArray
     likelihood: FloatArray
     lag: FloatArray
@@ -142,39 +157,41 @@ class TrackHold:
         Returns
         -------
         (d,) ndarray
-            Density with which the held targets explain each detection,
-            ``sum_i r_i P_D N(z_j; H x_i, S_i)``, 1/m^2.
+            Density at each detection, 1/m^2, that stands beside the clutter for what the held
+            targets explain: ``lambda_j (prod_i f_ij - 1)`` with the factor by which the scan is
+            less likely if detection j is not there for target i,
+            ``f_ij = (1 - delta_i r_i) / (1 - delta_i r_i - r_i L_ij)``. Where another detection
+            may as well be target i's, little is explained: so a second target is seen beside it.
         """
         self._ended, self._cleared = self._cleared, []
-        explained = np.zeros(len(detections))
+        none = np.zeros(len(detections))
         if not len(self._tracks):
-            return explained
+            return none
         self._end(self._last_taken >= stamp - self.hold_time)
         step = stamp - self._tracks.stamp
         self._existence = self._existence * np.exp(-step / TIME_TO_VANISH)
         clutter = np.maximum(clutter, LEAST_DENSITY)
         models = self._predicted(step, max_speed)
-        probability = detectable(models[0].state[:, 0::2])
+        missed = 1.0 - detectable(models[0].state[:, 0::2]) * GATE_PROBABILITY
         near = _neighbours(models[-1], stamp, detections)
-        gains, states, covariances, taken = [], [], [], np.zeros(len(self._tracks))
+        gains, states, covariances = [], [], []
+        ratio = np.zeros(len(near.row))
         for model in models:
             found = _associated(model, near, stamp, detections, sensor)
-            np.add.at(
-                explained,
-                found.row,
-                model.probability * self._existence[found.owner] * found.likelihood,
-            )
-            ratio = found.likelihood / clutter[found.row]
-            missed = 1.0 - probability * GATE_PROBABILITY
-            gain = missed + np.bincount(found.owner, ratio, minlength=len(missed))  # 1 - delta
-            state, covariance = _mixed(model, found, ratio / gain[found.owner])
+            of_model = found.likelihood / clutter[near.row]
+            gain = missed + np.bincount(near.owner, of_model, minlength=len(missed))  # 1 - delta
+            state, covariance = _mixed(model, near, found, of_model / gain[near.owner])
             gains.append(model.probability * gain)
             states.append(state)
             covariances.append(covariance)
-            taken += model.probability * (gain - missed)
-        self._update(stamp, np.array(gains), np.array(states), np.array(covariances), taken)
+            ratio += model.probability * of_model
+        existence = self._existence[near.owner]
+        whole = 1.0 - existence + existence * np.sum(gains, axis=0)[near.owner]
+        factor = np.log(whole) - np.log(whole - existence * ratio)
+        factors = np.bincount(near.row, factor, minlength=len(detections))
+        self._update(stamp, np.array(gains), np.array(states), np.array(covariances), missed)
         self._end(self._existence >= LEAST_EXISTENCE)
-        return explained
+        return clutter * np.expm1(np.minimum(factors, LARGEST_FACTOR))
 
     def add(self, tracks: TrackArrays, existence: float) -> None:
         """Hold newly confirmed tracks whose targets exist with a probability."""
@@ -221,7 +238,7 @@ class TrackHold:
         gains: FloatArray,
         states: FloatArray,
         covariances: FloatArray,
-        taken: FloatArray,
+        missed: FloatArray,
     ) -> None:
         """Combine the models, (m, n) of them by track, and update the probability of existence."""
         gain = gains.sum(axis=0)
@@ -231,7 +248,7 @@ class TrackHold:
         outer = shift[..., :, None] * shift[..., None, :]
         covariance = np.einsum("mn,mnij->nij", share, covariances + outer)
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)
-        own = taken / gain * self._existence >= 0.5
+        own = (1.0 - missed / gain) * self._existence >= 0.5
         self._last_taken = np.where(own, stamp, self._last_taken)
         self._tracks = replace(
             self._tracks,
@@ -250,14 +267,11 @@ class TrackHold:
         self._existence, self._last_taken = self._existence[held], self._last_taken[held]
 
 
-def _neighbours(
-    model: Model, stamp: float, detections: NDArray[np.void]
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Nearest detection of each track, and pairs of tracks and detections that may be theirs."""
+def _neighbours(model: Model, stamp: float, detections: NDArray[np.void]) -> Neighbours:
+    """The detections nearest to each predicted track."""
     state, covariance = model.state, model.covariance
-    if not len(detections):
-        none = np.zeros(0, np.int64)
-        return none, none, none
+    if not len(detections) or not len(state):
+        return Neighbours(*np.zeros((3, 0), np.int64))
     lag = detections["time"] - stamp
     middle = 0.5 * (lag.min() + lag.max())
     centre = state[:, 0::2] + middle * state[:, 1::2]
@@ -268,25 +282,23 @@ def _neighbours(
     count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
     distance, near = cKDTree(detections["position"]).query(centre, k=count)
     owner, place = np.nonzero(distance <= reach[:, None])
-    return near[:, 0], owner, near[owner, place]
+    return Neighbours(near[:, 0], owner, near[owner, place])
 
 
 def _associated(
     model: Model,
-    near: tuple[IntArray, IntArray, IntArray],
+    near: Neighbours,
     stamp: float,
     detections: NDArray[np.void],
     sensor: SensorModel,
 ) -> Association:
-    """The detections in the gates of the predicted tracks."""
+    """How well the detections fit the predicted tracks."""
     state, covariance = model.state, model.covariance
-    if not len(detections):
-        none = np.zeros(0, np.int64)
-        lag = np.zeros(len(state))
-        spread = covariance[:, 0::2, 0::2]
-        return Association(none, none, np.zeros((0, 2)), np.zeros(0), lag, spread)
-    closest, owner, row = near
-    nearest = detections[closest]
+    if not len(near.nearest):
+        lag, spread = np.zeros(len(state)), covariance[:, 0::2, 0::2]
+        return Association(np.zeros((0, 2)), np.zeros(0), lag, spread)
+    owner, row = near.owner, near.row
+    nearest = detections[near.nearest]
     lag = nearest["time"] - stamp
     expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
     spread = filtering.position_covariance_after(covariance, lag)
@@ -296,13 +308,14 @@ def _associated(
     innovation = detections["position"][row] - state[owner, 0::2] - own_lag * state[owner, 1::2]
     density, distance = filtering.log_density(innovation, spread[owner])
     inside = distance <= gate_factor(GATE_PROBABILITY) ** 2
-    owner, row, innovation = owner[inside], row[inside], innovation[inside]
     # What is there was detected, wherever the data sheet ends the coverage.
-    likelihood = sensor.detection_probability * np.exp(density[inside])
-    return Association(owner, row, innovation, likelihood, lag, spread)
+    likelihood = np.where(inside, sensor.detection_probability * np.exp(density), 0.0)
+    return Association(innovation, likelihood, lag, spread)
 
 
-def _mixed(model: Model, found: Association, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _mixed(
+    model: Model, near: Neighbours, found: Association, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance of each track over which detection, if any, is the target's.
 
     ``x + K v``, ``P - (1 - beta_0) K S K' + K (sum_j beta_j v_j v_j' - v v') K'`` with
@@ -311,7 +324,7 @@ def _mixed(model: Model, found: Association, weight: FloatArray) -> tuple[FloatA
     n = len(model.state)
     x, y = found.innovation.T
     parts = (np.ones_like(x), x, y, x * x, x * y, y * y)
-    some, *sums = (np.bincount(found.owner, weight * part, minlength=n) for part in parts)
+    some, *sums = (np.bincount(near.owner, weight * part, minlength=n) for part in parts)
     mean = np.stack(sums[:2], axis=-1)
     square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
     gain = filtering.gain(model.covariance, found.lag, found.spread)

@@ -21,7 +21,7 @@ from tsepm_ros.track import TrackArrays
 
 FloatArray = NDArray[np.float64]
 
-NEW_TRACK_EXISTENCE = 0.9
+NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, as the hold begins: a choice."""
 TRACK_IDS = 2**32
 """Track ids count from 0 up to this, then start again: messages hold 32 bits."""

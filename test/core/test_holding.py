@@ -202,8 +202,11 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
     explained = step(hold, stamp, detections(found, stamp), P_D)
     updates = [kalman(stamp, position) for position in found]
     ratios = np.array([P_D * density / CLUTTER for *_, density in updates])
-    np.testing.assert_allclose(explained, 0.8 * ratios * CLUTTER)
     miss = 1.0 - P_D * GATE_PROBABILITY
+    # How much less likely the scan is where a detection is not there for the target.
+    whole = 0.2 + 0.8 * (miss + ratios.sum())
+    without = 0.2 + 0.8 * (miss + ratios[::-1])
+    np.testing.assert_allclose(explained, CLUTTER * (whole / without - 1.0))
     weights = np.array([miss, *ratios]) / (miss + ratios.sum())
     # The mixture: not updated, updated with the first, updated with the second.
     predicted = holding(1)
@@ -235,8 +238,10 @@ def test_a_late_echo_is_taken_at_its_own_time_against_the_clutter_where_it_is(st
         MAX_SPEED,
     )
     state, _, density = kalman(stamp, found["position"][1], lag)
-    np.testing.assert_allclose(explained, [0.0, 0.8 * P_D * density])
     miss, ratio = 1.0 - P_D * GATE_PROBABILITY, P_D * density / clutter[1]
+    np.testing.assert_allclose(
+        explained, [0.0, clutter[1] * 0.8 * ratio / (0.2 + 0.8 * miss)], atol=1e-20
+    )
     np.testing.assert_allclose(
         hold._existence, [0.8 * (miss + ratio) / (0.8 * (miss + ratio) + 0.2)]
     )

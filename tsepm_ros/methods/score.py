@@ -8,7 +8,7 @@ hypotheses that share a detection, summed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -36,8 +36,6 @@ GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
 CREDIBLE = 0.5
 """Posterior probability above which a detection counts as a hit of a confirmed track."""
-SHARED = 0.5
-"""Share of its hits that a hypothesis may have in common with a confirmed track and live on."""
 NEGLIGIBLE = 0.01
 """Hypotheses this much less likely than the best do not count in the state."""
 SECONDS_PER_HOUR = 3600.0
@@ -131,9 +129,15 @@ class Hypotheses:
         """Detection id of each hypothesis's last hit, (n,)."""
         return self.hits[np.arange(len(self)), self.hit_count - 1]
 
-    def sharing(self, ids: IntArray) -> FloatArray:
-        """Share of each hypothesis's hits that are among some detections, (n,)."""
-        return np.asarray(np.isin(self.hits, ids).sum(axis=1) / self.hit_count)
+    def without(self, ids: IntArray) -> Hypotheses:
+        """The hypotheses with scores reduced by the share of their hits that others have taken.
+
+        What a confirmed track explains speaks for no other: on average each hit gave the same.
+        """
+        if not len(ids):
+            return self
+        share = np.isin(self.hits, ids).sum(axis=1) / self.hit_count
+        return replace(self, score=self.score - share * np.maximum(self.score, 0.0))
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:
@@ -196,7 +200,7 @@ class Score(Initiator):
         children, cut_children = self._split(predicted, detections, ids, clutter)
         started = self._start(detections, ids, clutter)
         tracks, rest = self._confirm(Hypotheses.joined(children, started), ids)
-        missed = self._miss(predicted)
+        missed = self._miss(predicted).without(self._taken)
         kept = self._prune(Hypotheses.joined(rest, missed))
         self._hypotheses, cut = self._limit(kept)
         self._window.forget(self.scan_index + 2 - self.options.window)
@@ -438,7 +442,7 @@ class Score(Initiator):
             covariances.append(covariance)
             scores.append(sums[best])
             free[group == best] = False
-            free[free] = updated[free].sharing(hits[-1]) <= SHARED
+            updated = updated.without(hits[-1])
         tracks = self._tracks(
             hits,
             np.reshape(states, (-1, 4)),
@@ -503,15 +507,13 @@ class Score(Initiator):
         )
 
     def _prune(self, hypotheses: Hypotheses) -> Hypotheses:
-        """Delete what is over the window, too unlikely, or a confirmed track's.
+        """Delete what is over the window or too unlikely.
 
         Unlikely: a score below the deletion threshold, or as many better hypotheses with the same
         last detection as are kept.
         """
         kept = hypotheses.score > self.deletion
         kept &= ~pruning.expired(self.scan_index + 1 - hypotheses.first_scan, self.options.window)
-        if len(self._taken):
-            kept &= hypotheses.sharing(self._taken) <= SHARED
         hypotheses = hypotheses[kept]
         place = _places(hypotheses.last_hit, hypotheses.score)
         return hypotheses[place < self.options.max_per_detection]
