@@ -1,13 +1,14 @@
-"""What a rule or a threshold gives, before it is used: detection, false tracks, time to confirm.
+"""What a threshold gives before it is used: how often a start from clutter passes it.
 
-Targets are drawn as the likelihood-ratio method assumes them, and their scores followed without
-clutter. That tells how soon they pass a threshold, and by how much they overshoot it; and, by
-Wald's identity, how often clutter does:
+Targets are drawn as the likelihood-ratio method assumes them, and the evidence for them is followed
+without clutter. How often they pass a threshold, and by how much, tells by Wald's identity how
+often clutter does:
 
 ``P_0(passes A) = E_1[1 / L at the passage; passes A]``
 
-with L the likelihood ratio, P_0 for a start from clutter and E_1 for one from a target (Wald,
-"Sequential Analysis", 1947; Siegmund, "Sequential Analysis", 1985).
+with P_0 for a start from clutter, E_1 for one from a target, and L the evidence that is tested: the
+likelihood ratios summed over all starts, of which a target makes one at each of its detections
+(Wald, "Sequential Analysis", 1947; Siegmund, "Sequential Analysis", 1985).
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PATHS = 4000
+PATHS = 1500
 SEED = 1
 THRESHOLDS = np.arange(0.0, 40.0, 0.05)
 """Thresholds that are looked at, in units of the log-likelihood ratio."""
@@ -41,20 +42,14 @@ def rounded(value: float, digits: int = 2) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ScorePlan:
-    """Scores of targets from their first detection on.
+    """How a threshold and false tracks go together.
 
     Attributes
     ----------
-    score : (n, window) ndarray
-        Log-likelihood ratio after each scan, -inf where the hypothesis has been deleted.
-    testable : (n, window) ndarray of bool
-        Scans that end in a detection and have enough of them.
     false_share : (t,) ndarray
         P_0 of passing each of `THRESHOLDS`, per start from clutter.
     """
 
-    score: FloatArray
-    testable: BoolArray
     false_share: FloatArray
 
     def threshold(self, false_share: float) -> float:
@@ -67,12 +62,6 @@ class ScorePlan:
             return float(THRESHOLDS[np.argmax(fits)])
         last = self.false_share[-1]
         return float(THRESHOLDS[-1] + math.log(max(last / false_share, 1.0)))
-
-    def detection(self, threshold: float) -> FloatArray:
-        """Share of targets confirmed by the end of each scan after the first hit, (window,)."""
-        passed = np.where(self.testable, self.score, -np.inf) >= threshold
-        shares: FloatArray = np.maximum.accumulate(passed, axis=1).mean(axis=0)
-        return shares
 
 
 @lru_cache(maxsize=64)
@@ -87,7 +76,7 @@ def score_plan(
     deletion: float,
     min_hits: int,
 ) -> ScorePlan:
-    """Follow the scores of targets drawn as the method assumes them.
+    """Follow the evidence for targets drawn as the method assumes them.
 
     Parameters
     ----------
@@ -105,55 +94,108 @@ def score_plan(
     -------
     ScorePlan
     """
+    targets = _draw_targets(sensor, max_speed, interval, window, process_noise)
+    evidences = np.full((PATHS, window), -np.inf)
+    for first in range(window):
+        score = _scores(
+            targets, first, sensor, max_speed, interval, gate_probability, process_noise, deletion
+        )
+        evidences = np.logaddexp(evidences, score)
+    enough = np.cumsum(targets.detected, axis=1) >= min_hits
+    tested = np.where(targets.detected & enough, evidences, -np.inf)
+    return ScorePlan(_false_share(tested))
+
+
+@dataclass(frozen=True, eq=False)
+class _Targets:
+    """Targets that were detected in the first scan.
+
+    Attributes
+    ----------
+    measured : (n, window, 2) ndarray
+        Position as it would be measured in each scan, m.
+    error : (n, window, 2, 2) ndarray
+        Covariance of the measurement, m^2.
+    detected : (n, window) ndarray of bool
+    """
+
+    measured: FloatArray
+    error: FloatArray
+    detected: BoolArray
+
+
+def _draw_targets(
+    sensor: SensorModel,
+    max_speed: float,
+    interval: float,
+    window: int,
+    process_noise: float,
+) -> _Targets:
+    """Targets anywhere in the coverage."""
     rng = np.random.default_rng(SEED)
     square = rng.uniform(sensor.min_range**2, sensor.max_range**2, PATHS)
     truth = np.zeros((PATHS, 4))
     truth[:, 0] = np.sqrt(square)
     truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (PATHS, 2))
-    state, covariance = np.zeros((PATHS, 4)), np.zeros((PATHS, 4, 4))
-    error = _errors(truth, sensor)
-    state[:, 0::2] = truth[:, 0::2] + _drawn(rng, error)
-    covariance[:, 0::2, 0::2] = error
-    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
-    score = np.zeros((PATHS, window))
-    hits = np.ones((PATHS, window), bool)
-    gate = gate_factor(gate_probability) ** 2
-    probability = np.full(PATHS, sensor.detection_probability)
-    for scan in range(1, window):
-        truth, _ = filtering.predict(truth, np.zeros_like(covariance), interval)
+    measured, error = np.zeros((PATHS, window, 2)), np.zeros((PATHS, window, 2, 2))
+    for scan in range(window):
+        error[:, scan] = _errors(truth, sensor)
+        measured[:, scan] = truth[:, 0::2] + _drawn(rng, truth, sensor)
+        truth[:, 0::2] += interval * truth[:, 1::2]
         truth[:, 1::2] += rng.normal(0.0, math.sqrt(process_noise * interval), (PATHS, 2))
+    detected = rng.random((PATHS, window)) < sensor.detection_probability
+    detected[:, 0] = True
+    return _Targets(measured, error, detected)
+
+
+def _scores(
+    targets: _Targets,
+    first: int,
+    sensor: SensorModel,
+    max_speed: float,
+    interval: float,
+    gate_probability: float,
+    process_noise: float,
+    deletion: float,
+) -> FloatArray:
+    """Score after each scan of the hypothesis that starts in one of them, (n, window).
+
+    -inf before the start, where there was no detection to start from, and once it is deleted.
+    """
+    n, window = targets.detected.shape
+    state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
+    state[:, 0::2] = targets.measured[:, first]
+    covariance[:, 0::2, 0::2] = targets.error[:, first]
+    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
+    scores = np.full((n, window), -np.inf)
+    scores[:, first] = np.where(targets.detected[:, first], 0.0, -np.inf)
+    gate = gate_factor(gate_probability) ** 2
+    clutter = np.full(n, sensor.clutter_density)
+    missed = evidence.miss_gain(np.full(n, sensor.detection_probability), gate_probability)
+    for scan in range(first + 1, window):
         state, covariance = filtering.predict(state, covariance, interval, process_noise)
-        innovation = truth[:, 0::2] + _drawn(rng, _errors(truth, sensor)) - state[:, 0::2]
+        innovation = targets.measured[:, scan] - state[:, 0::2]
         spread = covariance[:, 0::2, 0::2] + _errors(state, sensor)
         density, distance = filtering.log_density(innovation, spread)
-        hit = (rng.random(PATHS) < sensor.detection_probability) & (distance <= gate)
-        clutter = np.full(PATHS, sensor.clutter_density)
-        gain = np.where(
-            hit,
-            evidence.hit_gain(density, sensor.detection_probability, clutter),
-            evidence.miss_gain(probability, gate_probability),
-        )
-        score[:, scan] = score[:, scan - 1] + gain
-        score[score[:, scan] < deletion, scan] = -np.inf
-        updated = filtering.update(
+        hit = targets.detected[:, scan] & (distance <= gate)
+        gain = evidence.hit_gain(density, sensor.detection_probability, clutter)
+        scores[:, scan] = scores[:, scan - 1] + np.where(hit, gain, missed)
+        scores[scores[:, scan] < deletion, scan] = -np.inf
+        state[hit], covariance[hit] = filtering.update(
             state[hit], covariance[hit], np.zeros(hit.sum()), innovation[hit], spread[hit]
         )
-        state[hit], covariance[hit] = updated
-        hits[:, scan] = hit
-    testable = hits & (np.cumsum(hits, axis=1) >= min_hits)
-    return ScorePlan(score, testable, _false_share(score, testable))
+    return scores
 
 
-def _false_share(score: FloatArray, testable: BoolArray) -> FloatArray:
-    """``E_1[exp(-score at the first passage); passes]`` for each of `THRESHOLDS`."""
-    tested = np.where(testable, score, -np.inf)
+def _false_share(tested: FloatArray) -> FloatArray:
+    """``E_1[exp(-evidence at the first passage); passes]`` for each of `THRESHOLDS`."""
     running = np.maximum.accumulate(tested, axis=1)
     shares = np.zeros(len(THRESHOLDS))
     for row, threshold in enumerate(THRESHOLDS):
         passed = running >= threshold
         first = passed.argmax(axis=1)
         value = tested[np.arange(len(tested)), first]
-        shares[row] = np.where(passed[:, -1], np.exp(-value), 0.0).mean()
+        shares[row] = np.exp(-value[passed[:, -1]]).sum() / len(tested)
     return shares
 
 
@@ -164,7 +206,14 @@ def _errors(state: FloatArray, sensor: SensorModel) -> FloatArray:
     return position_covariance(range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std)
 
 
-def _drawn(rng: np.random.Generator, covariance: FloatArray) -> FloatArray:
-    """Errors with the given covariances, (n, 2), m."""
-    root = np.linalg.cholesky(covariance)
-    return np.asarray((root @ rng.standard_normal((len(root), 2, 1)))[..., 0])
+def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> FloatArray:
+    """Errors of those covariances, along and across the line of sight, (n, 2), m."""
+    range_ = np.hypot(state[:, 0], state[:, 2])
+    straight = position_covariance(
+        range_, np.zeros(len(state)), sensor.range_variance(range_), sensor.azimuth_std
+    )
+    along, across = rng.standard_normal((2, len(state))) * np.sqrt(
+        [straight[:, 0, 0], straight[:, 1, 1]]
+    )
+    cosine, sine = state[:, 0] / range_, state[:, 2] / range_
+    return np.stack([cosine * along - sine * across, sine * along + cosine * across], axis=1)
