@@ -246,6 +246,21 @@ def test_a_time_limit_cuts_and_counts(monkeypatch):
     assert initiator.totals.cut_potential_tracks > 0
 
 
+def test_a_time_limit_that_is_not_reached_changes_nothing(monkeypatch):
+    monkeypatch.setattr("tsepm_ros.methods.score.BLOCK", 50)
+    scans = sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)])
+    free, limited = score(), score()
+    limited.max_scan_time = 1e6
+    confirmed = 0
+    for scan in scans:
+        expected, found = free.process(scan), limited.process(scan)
+        np.testing.assert_array_equal(found.state, expected.state)
+        np.testing.assert_array_equal(found.covariance, expected.covariance)
+        np.testing.assert_array_equal(found.score, expected.score)
+        confirmed += len(found)
+    assert confirmed
+
+
 def test_many_detections_in_one_place_do_not_end_anything():
     initiator = score()
     n = 3000

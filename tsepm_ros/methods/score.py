@@ -281,15 +281,15 @@ class Score(Initiator):
         Returns the children that are not deleted at once, and the pairs that a limit left out.
         """
         parent, row, cut = self._near(predicted, detections)
-        if self._time.finite:
+        order = np.arange(len(parent))
+        if self._time.finite and len(parent) > BLOCK:
             order = np.argsort(-predicted.score[parent], kind="stable")
-            parent, row = parent[order], row[order]
         score = np.full(len(parent), -np.inf)
         for first in range(0, len(parent), BLOCK):
             if first and self._time.left < 0.5 * self._time.seconds:
                 cut += len(parent) - first
                 break
-            part = slice(first, first + BLOCK)
+            part = order[first : first + BLOCK]
             pairs = self._pairs(predicted, parent[part], detections, row[part])
             score[part] = self._child_score(predicted, parent[part], pairs, clutter[row[part]])
         kept = np.flatnonzero(score > self.deletion)
