@@ -35,9 +35,24 @@ THRESHOLDS = np.arange(0.0, 40.0, 0.05)
 """Thresholds that are looked at, in units of the log-likelihood ratio."""
 
 
-def rounded(value: float, digits: int = 2) -> float:
-    """A value to some significant digits, so that near ones share a plan."""
-    return float(f"{value:.{digits - 1}e}")
+LEAST_PASSAGES = 30
+"""Simulated passages below which a share is not trusted."""
+LARGEST_GAIN = 2.5
+"""The threshold is at most this far below Ville's: the simulated targets may be unlike the true."""
+STEP = 0.1
+
+
+def rounded(value: float) -> float:
+    """A value above 0 in steps of 10 %, so that near ones share a plan."""
+    return math.exp(STEP * round(math.log(value) / STEP))
+
+
+def ville_threshold(false_share: float) -> float:
+    """Threshold that at most this share of the starts from clutter passes, whatever they are like.
+
+    ``-ln(share)``, from P(sup L >= A) <= 1 / A for a likelihood ratio L of mean 1.
+    """
+    return -math.log(false_share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +62,8 @@ class ScorePlan:
     Attributes
     ----------
     false_share : (t,) ndarray
-        P_0 of passing each of `THRESHOLDS`, per start from clutter.
+        P_0 of passing each of the first of `THRESHOLDS`, per start from clutter; as far as enough
+        of the simulated targets passed.
     """
 
     false_share: FloatArray
@@ -55,13 +71,16 @@ class ScorePlan:
     def threshold(self, false_share: float) -> float:
         """The least threshold that at most this share of the starts from clutter passes.
 
-        Beyond what was simulated, the share falls as exp(-threshold).
+        Beyond what was simulated, the share falls as exp(-threshold). Never above Ville's.
         """
+        highest = ville_threshold(false_share)
         fits = self.false_share <= false_share
+        found = highest
         if fits.any():
-            return float(THRESHOLDS[np.argmax(fits)])
-        last = self.false_share[-1]
-        return float(THRESHOLDS[-1] + math.log(max(last / false_share, 1.0)))
+            found = float(THRESHOLDS[np.argmax(fits)])
+        elif len(fits):
+            found = THRESHOLDS[len(fits) - 1] + math.log(self.false_share[-1] / false_share)
+        return min(max(found, highest - LARGEST_GAIN), highest)
 
 
 @lru_cache(maxsize=64)
@@ -188,15 +207,16 @@ def _scores(
 
 
 def _false_share(tested: FloatArray) -> FloatArray:
-    """``E_1[exp(-evidence at the first passage); passes]`` for each of `THRESHOLDS`."""
+    """``E_1[exp(-evidence at the first passage); passes]`` for the first of `THRESHOLDS`."""
     running = np.maximum.accumulate(tested, axis=1)
-    shares = np.zeros(len(THRESHOLDS))
-    for row, threshold in enumerate(THRESHOLDS):
+    shares = []
+    for threshold in THRESHOLDS:
         passed = running >= threshold
-        first = passed.argmax(axis=1)
-        value = tested[np.arange(len(tested)), first]
-        shares[row] = np.exp(-value[passed[:, -1]]).sum() / len(tested)
-    return shares
+        first = passed.argmax(axis=1)[passed[:, -1]]
+        if len(first) < LEAST_PASSAGES:
+            break
+        shares.append(np.exp(-tested[passed[:, -1], first]).sum() / len(tested))
+    return np.array(shares)
 
 
 def _errors(state: FloatArray, sensor: SensorModel) -> FloatArray:

@@ -41,6 +41,10 @@ LEAST_EXISTENCE = 0.01
 """Probability of existence below which a track is held no longer."""
 LARGEST_FACTOR = 100.0
 """Logarithm of the largest factor by which detections are explained: no overflow."""
+SAME_SCANS = 5
+"""Scans in a row for which a track must agree with an older one to be the same target's."""
+SAME_DISTANCE = 7.78
+"""Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
 MAX_NEIGHBOURS = 8
 """Detections that a track weighs, the nearest."""
 
@@ -108,7 +112,8 @@ class TrackHold:
     ----------
     hold_time : float
         Time, s, for which a track is held without a detection of its own; it ends at the first scan
-        after that, or sooner, where its target was missed so often that it probably exists no more.
+        after that, or sooner, where its target was missed so often that it probably exists no more,
+        or where it has come to be the same as an older track.
     """
 
     def __init__(self, hold_time: float) -> None:
@@ -121,6 +126,7 @@ class TrackHold:
         self._tracks = TrackArrays.of([])
         self._existence = np.zeros(0)
         self._last_taken = np.zeros(0)
+        self._agreed = np.zeros(0, np.int64)
 
     def step(
         self,
@@ -187,10 +193,12 @@ class TrackHold:
             ratio += model.probability * of_model
         existence = self._existence[near.owner]
         whole = 1.0 - existence + existence * np.sum(gains, axis=0)[near.owner]
-        factor = np.log(whole) - np.log(whole - existence * ratio)
+        least = 1.0 - existence + existence * missed[near.owner]
+        factor = np.log(whole) - np.log(np.maximum(whole - existence * ratio, least))
         factors = np.bincount(near.row, factor, minlength=len(detections))
         self._update(stamp, np.array(gains), np.array(states), np.array(covariances), missed)
         self._end(self._existence >= LEAST_EXISTENCE)
+        self._end(~self._repeated())
         return clutter * np.expm1(np.minimum(factors, LARGEST_FACTOR))
 
     def add(self, tracks: TrackArrays, existence: float) -> None:
@@ -200,6 +208,7 @@ class TrackHold:
         self._tracks = self._tracks.joined(tracks)
         self._existence = np.concatenate([self._existence, np.full(len(tracks), existence)])
         self._last_taken = np.concatenate([self._last_taken, tracks.stamp])
+        self._agreed = np.concatenate([self._agreed, np.zeros(len(tracks), np.int64)])
 
     @property
     def current(self) -> TrackArrays:
@@ -258,6 +267,32 @@ class TrackHold:
             age=self._tracks.age + (stamp - self._tracks.stamp),
         )
 
+    def _repeated(self) -> NDArray[np.bool_]:
+        """Which tracks have for some scans been where an older one is: the same target again.
+
+        Two tracks agree where ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four
+        dimensions. Looked for among the nearest only.
+        """
+        n = len(self._tracks)
+        if n < 2:
+            self._agreed[:] = 0
+            return self._agreed >= SAME_SCANS
+        state, covariance = self._tracks.state, self._tracks.covariance
+        count = range(2, min(MAX_NEIGHBOURS, n) + 1)
+        _, other = cKDTree(state[:, 0::2]).query(state[:, 0::2], k=count)
+        one = np.repeat(np.arange(n), len(count))
+        two = other.ravel()
+        older = two < one
+        one, two = one[older], two[older]
+        apart = state[one] - state[two]
+        spread = covariance[one] + covariance[two]
+        scaled = np.linalg.solve(spread, apart[..., None])[..., 0]
+        near = np.einsum("pi,pi->p", apart, scaled) <= SAME_DISTANCE
+        agrees = np.zeros(n, bool)
+        agrees[one[near]] = True
+        self._agreed = np.where(agrees, self._agreed + 1, 0)
+        return self._agreed >= SAME_SCANS
+
     def _end(self, held: NDArray[np.bool_]) -> None:
         """End all tracks but those held."""
         if held.all():
@@ -265,6 +300,7 @@ class TrackHold:
         self._ended = self._ended + self._tracks.track_id[~held].tolist()
         self._tracks = self._tracks.where(held)
         self._existence, self._last_taken = self._existence[held], self._last_taken[held]
+        self._agreed = self._agreed[held]
 
 
 def _neighbours(model: Model, stamp: float, detections: NDArray[np.void]) -> Neighbours:

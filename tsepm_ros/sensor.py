@@ -38,7 +38,9 @@ class SensorModel:
         maximum=1.0,
     )
     min_range: float = parameter(0.0, "Nearest range covered", unit="m", minimum=0.0)
-    max_range: float = parameter(9000.0, "Farthest range covered", unit="m", positive=True)
+    max_range: float = parameter(
+        9000.0, "Farthest range covered", unit="m", positive=True, maximum=1e8
+    )
     azimuth_min: float = parameter(
         -math.pi,
         "Start of the azimuth sector covered, counter-clockwise from the sensor's x axis",

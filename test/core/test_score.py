@@ -269,6 +269,54 @@ def test_many_detections_in_one_place_do_not_end_anything():
     assert initiator.statistics.potential_tracks <= 250_000
 
 
+def test_a_confirmed_track_has_hits_enough_whatever_is_wished_for():
+    initiator = score(false_tracks_per_hour=1e5)
+    rng = np.random.default_rng(1)
+    found = [
+        track
+        for index in range(12)
+        for track in initiator.process(Scan(12.0 * index, *clutter(rng)))
+    ]
+    assert len(found) > 50
+    assert min(len(track.hits) for track in found) >= 3
+    assert all(np.isfinite(track.state).all() for track in found)
+
+
+def test_hits_at_one_time_make_no_track():
+    # Echoes whose times, as given, are all the same tell no velocity.
+    initiator = score(SensorModel(range_std=1.0, range_std_fraction=0.0), false_tracks_per_hour=1e6)
+    for k in range(6):
+        scan = Scan(float(k), [1000.0], [0.0], time_offset=[-k * (1 - 1e-9)])
+        assert len(initiator.process(scan)) == 0
+        assert np.isfinite(initiator.potential_tracks().state).all()
+
+
+def false_tracks(initiator: Score, scans: int, first: int = 0, density: float = 1e-6) -> int:
+    rng = np.random.default_rng(8)
+    return sum(
+        len(initiator.process(Scan(12.0 * (first + index), *clutter(rng, density))))
+        for index in range(scans)
+    )
+
+
+def test_clutter_after_a_quiet_time_is_held_against_the_wish_at_once():
+    initiator = score(false_tracks_per_hour=30.0)
+    for index in range(50):
+        initiator.process(Scan(12.0 * index, [], []))
+    assert false_tracks(initiator, 30, first=50) <= 9, "3 wished for in 30 scans"
+
+
+def test_one_long_interval_does_not_lower_the_threshold():
+    initiator = score(false_tracks_per_hour=30.0)
+    initiator.process(Scan(-3000.0, [], []))
+    assert false_tracks(initiator, 30) <= 9, "3 wished for in 30 scans"
+
+
+def test_a_generous_coverage_keeps_the_wish():
+    initiator = score(SensorModel(max_range=1e6), false_tracks_per_hour=30.0)
+    assert false_tracks(initiator, 60) <= 18, "6 wished for in 60 scans"
+
+
 @pytest.mark.parametrize("wish", [30.0, 300.0])
 @pytest.mark.parametrize("density", [3e-7, 1e-6])
 def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, density):

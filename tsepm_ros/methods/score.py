@@ -8,6 +8,7 @@ hypotheses that share a detection, summed.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -36,13 +37,15 @@ GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
 CREDIBLE = 0.5
 """Posterior probability above which a detection counts as a hit of a confirmed track."""
+LEAST_SPREAD = 0.1
+"""Time from the first hit to the last, in scan intervals, that tells a velocity at all."""
 NEGLIGIBLE = 0.01
 """Hypotheses this much less likely than the best do not count in the state."""
 SECONDS_PER_HOUR = 3600.0
 BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
 MEMORY = 50
-"""Scans over which detections per scan and the scan interval are averaged."""
+"""Scans over which the mean of the detections and the median of the interval are taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,9 +173,8 @@ class Score(Initiator):
         self._window = DetectionWindow()
         self._hypotheses = Hypotheses.none(self.options.window)
         self._taken = np.zeros(0, np.int64)
-        self._scans_seen = 0
-        self._detections_per_scan = 0.0
-        self._interval = 0.0
+        self._counts: deque[int] = deque(maxlen=MEMORY)
+        self._intervals: deque[float] = deque(maxlen=MEMORY)
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; another window starts over.
@@ -191,7 +193,8 @@ class Score(Initiator):
 
         See `Initiator.process`.
         """
-        interval = scan.stamp - self.stamp if self.stamp is not None else 0.0
+        follows = self.stamp is not None and len(self._counts) > 0
+        interval = scan.stamp - self._now if follows else 0.0
         detections = self._receive(scan)
         ids = self._window.append(detections)
         clutter = self._clutter_density(detections) + self._explained
@@ -220,20 +223,32 @@ class Score(Initiator):
     @property
     def threshold(self) -> float:
         """Log-likelihood ratio that confirms: what gives the wanted false tracks per hour."""
-        if not self._interval or not self._detections_per_scan:
+        share = self._false_share
+        if share is None:
             return math.inf
-        starts_per_hour = self._detections_per_scan * SECONDS_PER_HOUR / self._interval
         plan = design.score_plan(
             self.sensor,
             max_speed=self.common.max_speed,
-            interval=design.rounded(self._interval),
+            interval=design.rounded(float(np.median(self._intervals))),
             window=self.options.window,
             gate_probability=self.options.gate_probability,
             process_noise=self.options.process_noise,
             deletion=self.deletion,
             min_hits=MIN_HITS,
         )
-        return plan.threshold(self.options.false_tracks_per_hour / starts_per_hour)
+        return plan.threshold(share)
+
+    @property
+    def _false_share(self) -> float | None:
+        """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
+
+        The starts are the detections, those of this scan at the least.
+        """
+        if not self._intervals:
+            return None
+        detections = max(float(np.mean(self._counts)), self._counts[-1], 1e-3)
+        starts_per_hour = detections * SECONDS_PER_HOUR / float(np.median(self._intervals))
+        return min(self.options.false_tracks_per_hour / starts_per_hour, 1.0)
 
     @property
     def deletion(self) -> float:
@@ -245,21 +260,18 @@ class Score(Initiator):
 
         See `Initiator.potential_tracks`.
         """
-        found = self._hypotheses[self._hypotheses.hit_count >= 2]
+        found = self._hypotheses[self._spread_in_time(self._hypotheses, 2)]
         if not len(found):
             return TrackArrays.of([])
         state, covariance = self._estimate(found)
         hits = [found.hits[row, : found.hit_count[row]] for row in range(len(found))]
-        return self._tracks(hits, state, covariance, found.score)
+        return self._tracks(hits, state, covariance, found.score, self.threshold)
 
     def _observe(self, detections: int, interval: float) -> None:
-        """Average the detections per scan and the scan interval."""
-        self._scans_seen += 1
-        weight = 1.0 / min(self._scans_seen, MEMORY)
-        self._detections_per_scan += weight * (detections - self._detections_per_scan)
-        if self._scans_seen > 1:
-            weight = 1.0 / min(self._scans_seen - 1, MEMORY)
-            self._interval += weight * (interval - self._interval)
+        """Remember the detections per scan and the scan interval."""
+        self._counts.append(detections)
+        if interval > 0:
+            self._intervals.append(interval)
 
     def _predict(self, interval: float) -> Hypotheses:
         """Carry every hypothesis to the scan's stamp."""
@@ -294,6 +306,9 @@ class Score(Initiator):
             score[part] = self._child_score(predicted, parent[part], pairs, clutter[row[part]])
         kept = np.flatnonzero(score > self.deletion)
         kept = kept[_places(row[kept], score[kept]) < self.options.max_per_detection]
+        best = keep_best(-score[kept], self.common.max_potential_tracks)
+        cut += len(kept) - len(best)
+        kept = kept[best]
         parent, row, score = parent[kept], row[kept], score[kept]
         blocks = [slice(first, first + BLOCK) for first in range(0, max(len(kept), 1), BLOCK)]
         children = [
@@ -419,45 +434,66 @@ class Score(Initiator):
 
         Returns the tracks, and the hypotheses that are not theirs.
         """
-        threshold = self.threshold
         n = len(ids)
         group = updated.last_hit - (ids[0] if n else 0)
-        strong = evidence.summed(updated.score, group, n) >= threshold
-        free = np.ones(len(updated), bool)
+        sums = evidence.summed(updated.score, group, n)
+        threshold = self._threshold_if_near(sums.max(initial=-np.inf))
+        # Only what is strong enough now can be later: evidence is only taken away.
+        rows = np.flatnonzero(sums[group] >= threshold)
+        strong, group_of_strong = updated[rows], group[rows]
+        confirmed: list[int] = []
         hits: list[IntArray] = []
         states, covariances, scores = [], [], []
-        while strong.any():
-            rows = np.flatnonzero(free & strong[group])
-            sums = evidence.summed(updated.score[rows], group[rows], n)
+        while len(strong):
+            sums = evidence.summed(strong.score, group_of_strong, n)
             best = int(np.argmax(sums))
             if sums[best] < threshold:
                 break
-            members = updated[rows[group[rows] == best]]
-            strong[best] = False
-            if members.hit_count.max() < MIN_HITS:
+            of_best = group_of_strong == best
+            members = strong[of_best]
+            strong, group_of_strong = strong[~of_best], group_of_strong[~of_best]
+            members = members[self._spread_in_time(members, MIN_HITS)]
+            if not len(members):
                 continue
             state, covariance = self._mixture(members)
             hits.append(self._credible_hits(members))
             states.append(state)
             covariances.append(covariance)
             scores.append(sums[best])
-            free[group == best] = False
-            updated = updated.without(hits[-1])
+            confirmed.append(best)
+            strong = strong.without(hits[-1])
         tracks = self._tracks(
             hits,
             np.reshape(states, (-1, 4)),
             np.reshape(covariances, (-1, 4, 4)),
             np.array(scores, float),
+            threshold,
         )
         self._taken = np.concatenate([*hits, np.zeros(0, np.int64)])
-        return tracks.numbered(self._take_track_ids(len(tracks))), updated[free]
+        rest = updated[~np.isin(group, confirmed)].without(self._taken)
+        return tracks.numbered(self._take_track_ids(len(tracks))), rest
+
+    def _threshold_if_near(self, evidence_found: float) -> float:
+        """The threshold; infinite where the evidence is below any that it may be."""
+        share = self._false_share
+        if share is None or evidence_found < design.ville_threshold(share) - design.LARGEST_GAIN:
+            return math.inf
+        return self.threshold
+
+    def _spread_in_time(self, hypotheses: Hypotheses, min_hits: int) -> BoolArray:
+        """Which hypotheses have enough hits, and at times that tell a velocity."""
+        enough = hypotheses.hit_count >= min_hits
+        if not enough.any():
+            return enough
+        newest = self._window[hypotheses.last_hit]["time"]
+        oldest = self._window[hypotheses.hits[:, 0]]["time"]
+        interval = float(np.median(self._intervals)) if self._intervals else 0.0
+        return enough & (np.abs(newest - oldest) > LEAST_SPREAD * interval)
 
     def _mixture(self, members: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance over the hypotheses of one track, each fitted to its hits alone."""
         share = evidence.shares(members.score)
-        counted = (share >= NEGLIGIBLE * share.max()) & (members.hit_count >= MIN_HITS)
-        if not counted.any():
-            counted = members.hit_count >= MIN_HITS
+        counted = share >= NEGLIGIBLE * share.max()
         states, covariances = self._estimate(members[counted])
         return mixture(share[counted] / share[counted].sum(), states, covariances)
 
@@ -478,13 +514,18 @@ class Score(Initiator):
         found, place = np.unique(members.hits, return_inverse=True)
         mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
         credible: IntArray = found[(mass > CREDIBLE) & (found != NO_HIT)]
-        if len(credible) >= 2:
+        if len(credible) >= MIN_HITS:
             return credible
         best = int(np.argmax(share))
         return members.hits[best, : members.hit_count[best]]
 
     def _tracks(
-        self, hits: list[IntArray], state: FloatArray, covariance: FloatArray, score: FloatArray
+        self,
+        hits: list[IntArray],
+        state: FloatArray,
+        covariance: FloatArray,
+        score: FloatArray,
+        threshold: float,
     ) -> TrackArrays:
         n = len(hits)
         found = [self._window[ids] for ids in hits]
@@ -500,7 +541,7 @@ class Score(Initiator):
                 for track in found
             ],
             hit_count=np.array([len(track) for track in found], np.int64),
-            evaluation=score - self.threshold,
+            evaluation=score - threshold,
             score=score,
             scan_count=self.scan_index + 1 - np.array(first, np.int64),
             age=self._now - begin,

@@ -1,0 +1,103 @@
+"""The clutter density, estimated on a grid that adapts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import SensorModel
+from tsepm_ros.clutter_map import ClutterMap
+
+SONAR = SensorModel(max_range=9000.0)
+
+
+def disc(rng: np.random.Generator, density: float) -> tuple[np.ndarray, np.ndarray]:
+    n = rng.poisson(density * SONAR.coverage_area)
+    return 9000.0 * np.sqrt(rng.uniform(0.0, 1.0, n)), rng.uniform(-math.pi, math.pi, n)
+
+
+def learned(density: float, scans: int, given: float = 1e-6) -> ClutterMap:
+    rng = np.random.default_rng(1)
+    made = ClutterMap(SensorModel(clutter_density=given))
+    for _ in range(scans):
+        range_, azimuth = disc(rng, density)
+        made.update(range_, azimuth, np.ones(len(range_)))
+    return made
+
+
+def everywhere(made: ClutterMap) -> np.ndarray:
+    return made.at(*disc(np.random.default_rng(9), 3e-5))
+
+
+def test_before_the_first_scan_the_data_sheet_counts():
+    np.testing.assert_allclose(everywhere(ClutterMap(SensorModel(clutter_density=3e-7))), 3e-7)
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("density", [1e-7, 1e-6, 5e-6])
+def test_after_ten_scans_it_does_not_matter_what_the_data_sheet_said(density, factor):
+    found = everywhere(learned(density, 10, given=factor * density))
+    assert np.median(found) == pytest.approx(density, rel=0.3)
+    assert np.exp(np.log(found).std()) < 1.6
+
+
+def test_it_becomes_accurate_where_clutter_is_even():
+    found = everywhere(learned(1e-6, 200))
+    assert np.sqrt(np.mean((found / 1e-6 - 1.0) ** 2)) < 0.15
+
+
+def test_a_zone_of_clutter_is_found_where_it_is():
+    # A quarter of the coverage ten times as dense, in range beyond 4.5 km, to port.
+    rng = np.random.default_rng(2)
+    made = ClutterMap(SONAR)
+    for _ in range(60):
+        range_, azimuth = disc(rng, 1e-6)
+        zone = (range_ > 4500.0) & (azimuth > 0.0)
+        kept = zone | (rng.random(len(range_)) < 0.1)
+        made.update(range_[kept], azimuth[kept], np.ones(kept.sum()))
+    inside = made.at(np.array([7000.0, 6000.0]), np.array([1.0, 2.5]))
+    outside = made.at(np.array([7000.0, 2000.0]), np.array([-1.0, 1.0]))
+    np.testing.assert_allclose(inside, 1e-6, rtol=0.4)
+    np.testing.assert_allclose(outside, 1e-7, rtol=0.8)
+
+
+def test_what_is_a_target_s_does_not_count():
+    rng = np.random.default_rng(3)
+    with_target, without = ClutterMap(SONAR), ClutterMap(SONAR)
+    for _ in range(30):
+        range_, azimuth = disc(rng, 2e-7)
+        without.update(range_, azimuth, np.ones(len(range_)))
+        weight = np.append(np.ones(len(range_)), 0.0)
+        with_target.update(np.append(range_, 5000.0), np.append(azimuth, 0.3), weight)
+    np.testing.assert_array_equal(everywhere(with_target), everywhere(without))
+
+
+def test_what_was_long_ago_fades():
+    made = learned(1e-5, 100)
+    rng = np.random.default_rng(4)
+    for _ in range(400):
+        range_, azimuth = disc(rng, 1e-7)
+        made.update(range_, azimuth, np.ones(len(range_)))
+    assert np.median(everywhere(made)) == pytest.approx(1e-7, rel=0.5)
+
+
+def test_positions_outside_the_coverage_have_the_nearest_cell_s_density():
+    sensor = SensorModel(
+        min_range=1000.0, max_range=5000.0, azimuth_min=-0.5, azimuth_max=0.5, clutter_density=1e-6
+    )
+    made = ClutterMap(sensor)
+    found = made.at(np.array([10.0, 1e6, 3000.0]), np.array([0.0, 0.0, 3.0]))
+    np.testing.assert_allclose(found, 1e-6)
+    made.update(np.array([10.0, 1e6, 3000.0]), np.array([0.0, 0.0, 3.0]), np.ones(3))
+    assert np.isfinite(made.at(np.array([3000.0]), np.array([0.0]))).all()
+
+
+def test_an_empty_scan_is_one_without_clutter():
+    made = ClutterMap(SONAR)
+    nothing = np.zeros(0)
+    before = everywhere(made).mean()
+    for _ in range(10):
+        made.update(nothing, nothing, nothing)
+    assert 0 < everywhere(made).mean() < before / 5
