@@ -213,6 +213,7 @@ class Initiator(ABC):
         self.statistics = ScanStatistics()
         self.totals = ScanStatistics()
         self._sensor_pose = np.zeros(3)
+        self._polar = np.zeros(0), np.zeros(0)
         self._explained = np.zeros(0)
         self._time = TimeLimit()
         self.forget_potential_tracks()
@@ -240,6 +241,7 @@ class Initiator(ABC):
         if len(poses):
             self._sensor_pose = poses[-1]
         detections = convert(scan, self.sensor, self.scan_index)
+        self._polar = scan.range, scan.azimuth
         self._explained = self.hold.step(
             scan.stamp,
             detections,

@@ -331,3 +331,21 @@ def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, densit
         confirmed += len(tracks) if index >= 10 else 0
     rate = confirmed / (scans * 12.0 / 3600.0)
     assert wish / 2 < rate < 2 * wish
+
+
+def test_an_unknown_clutter_density_is_learned_within_ten_scans():
+    # Ten times too low or too high at first; the detections are of the same sea.
+    def rate(given: float, clutter_is: str = "estimated") -> float:
+        initiator = score(
+            SensorModel(clutter_density=given), false_tracks_per_hour=300.0, clutter=clutter_is
+        )
+        rng = np.random.default_rng(12)
+        confirmed = [
+            len(initiator.process(Scan(12.0 * index, *clutter(rng)))) for index in range(90)
+        ]
+        return sum(confirmed[10:]) / (80 * 12.0 / 3600.0)
+
+    known = rate(1e-6, "given")
+    for given in (1e-7, 1e-5):
+        # 80 false tracks are expected: a ratio of 1.5 is 2.7 standard errors of it.
+        assert known / 1.5 < rate(given) < known * 1.5

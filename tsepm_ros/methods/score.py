@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import design, evidence, filtering, pruning, splitting
+from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import fit, mixture
@@ -86,6 +87,12 @@ class ScoreOptions:
         unit="m^2/s^3",
         minimum=0.0,
         maximum=100.0,
+    )
+    clutter: str = parameter(
+        "given",
+        "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
+        "polar grid, for clutter that reaches to the borders of the sensor's coverage",
+        choices=("given", "estimated"),
     )
     max_per_detection: int = parameter(
         100, "Hypotheses kept with the same last detection; the best are", minimum=1
@@ -168,6 +175,11 @@ class Score(Initiator):
     Options = ScoreOptions
     options: ScoreOptions
 
+    def reset(self) -> None:
+        """See `Initiator.reset`."""
+        self._clutter_map = ClutterMap(self.sensor)
+        super().reset()
+
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""
         self._window = DetectionWindow()
@@ -182,6 +194,8 @@ class Score(Initiator):
         See `Initiator.configure`.
         """
         window = self.options.window
+        if sensor != self.sensor:
+            self._clutter_map = ClutterMap(sensor)
         super().configure(sensor, common, options)
         if options.window != window:
             self.forget_potential_tracks()
@@ -197,6 +211,8 @@ class Score(Initiator):
         interval = scan.stamp - self._now if follows else 0.0
         detections = self._receive(scan)
         ids = self._window.append(detections)
+        clutter = self._clutter_density(detections)
+        self._clutter_map.update(*self._polar, clutter / (clutter + self._explained))
         clutter = self._clutter_density(detections) + self._explained
         self._observe(len(scan), interval)
         predicted = self._predict(interval)
@@ -226,8 +242,13 @@ class Score(Initiator):
         share = self._false_share
         if share is None:
             return math.inf
+        sensor = self.sensor
+        if self.options.clutter == "estimated" and len(self._polar[0]):
+            density = float(np.median(self._clutter_map.at(*self._polar)))
+            coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
+            sensor = replace(sensor, clutter_density=coarse)
         plan = design.score_plan(
-            self.sensor,
+            sensor,
             max_speed=self.common.max_speed,
             interval=design.rounded(float(np.median(self._intervals))),
             window=self.options.window,
@@ -237,6 +258,12 @@ class Score(Initiator):
             min_hits=MIN_HITS,
         )
         return plan.threshold(share)
+
+    def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
+        """Clutter density at each detection, 1/m^2."""
+        if self.options.clutter == "given":
+            return super()._clutter_density(detections)
+        return self._clutter_map.at(*self._polar)
 
     @property
     def _false_share(self) -> float | None:
