@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from tsepm_ros.paths import Paths
 from tsepm_ros.splitting import Gated
 
 IntArray = NDArray[np.int64]
@@ -84,6 +85,11 @@ class PathCounts:
         np.add.at(counts, place, 1 if number is None else number)
         counts = np.minimum(counts, LARGEST)
         return cls(last_hit[first], hit_count[first], first_scan[first], counts)[counts > 0]
+
+    @classmethod
+    def of_paths(cls, paths: Paths) -> PathCounts:
+        """Count paths, for when only their numbers and gates matter."""
+        return cls.of(paths.last_hit, paths.hit_count, paths.first_scan)
 
     @classmethod
     def joined(cls, *parts: PathCounts) -> PathCounts:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from tsepm_ros.estimation import fit, mixture
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.paths import NO_HIT, Paths, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import TrackArrays
@@ -31,7 +32,6 @@ BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-NO_HIT = -1
 MIN_HITS = 3
 """A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
 GATE_MARGIN = 1.5
@@ -103,41 +103,22 @@ class ScoreOptions:
 
 
 @dataclass(frozen=True)
-class Hypotheses:
+class Hypotheses(Paths):
     """Hypotheses as arrays, a row each.
 
     Attributes
     ----------
-    hits : (n, window) ndarray of int
-        Detection ids of the hits, oldest first, then NO_HIT.
-    hit_count : (n,) ndarray of int
-    first_scan : (n,) ndarray of int
-        Scan index of the first hit.
+    hits, hit_count, first_scan
+        As in `Paths`, for at most `window` hits.
     state, covariance : (n, 4), (n, 4, 4) ndarray
         At the last scan's stamp.
     score : (n,) ndarray
         Log-likelihood ratio.
     """
 
-    hits: IntArray
-    hit_count: IntArray
-    first_scan: IntArray
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
-
-    def __len__(self) -> int:
-        """Number of hypotheses."""
-        return len(self.score)
-
-    def __getitem__(self, rows: NDArray[np.generic]) -> Hypotheses:
-        """The hypotheses in the given rows (indices or a mask)."""
-        return Hypotheses(*(getattr(self, field.name)[rows] for field in fields(self)))
-
-    @property
-    def last_hit(self) -> IntArray:
-        """Detection id of each hypothesis's last hit, (n,)."""
-        return self.hits[np.arange(len(self)), self.hit_count - 1]
 
     def without(self, ids: IntArray) -> Hypotheses:
         """The hypotheses with scores reduced by the share of their hits that others have taken.
@@ -161,12 +142,6 @@ class Hypotheses:
             np.zeros((0, 4, 4)),
             np.zeros(0),
         )
-
-    @classmethod
-    def joined(cls, *parts: Hypotheses) -> Hypotheses:
-        """The hypotheses of all parts, in order."""
-        names = [field.name for field in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 class Score(Initiator):
@@ -213,11 +188,12 @@ class Score(Initiator):
         ids = self._window.append(detections)
         clutter = self._clutter_density(detections)
         self._clutter_map.update(*self._polar, clutter / (clutter + self._explained))
-        clutter = self._clutter_density(detections) + self._explained
+        density = self._clutter_density(detections)
+        clutter = density + self._explained
         self._observe(len(scan), interval)
         predicted = self._predict(interval)
         children, cut_children = self._split(predicted, detections, ids, clutter)
-        started = self._start(detections, ids, clutter)
+        started = self._start(detections, ids, density / clutter)
         tracks, rest = self._confirm(Hypotheses.joined(children, started), ids)
         missed = self._miss(predicted).without(self._taken)
         kept = self._prune(Hypotheses.joined(rest, missed))
@@ -250,7 +226,7 @@ class Score(Initiator):
         plan = design.score_plan(
             sensor,
             max_speed=self.common.max_speed,
-            interval=design.rounded(float(np.median(self._intervals))),
+            interval=design.rounded(self._interval),
             window=self.options.window,
             gate_probability=self.options.gate_probability,
             process_noise=self.options.process_noise,
@@ -266,15 +242,20 @@ class Score(Initiator):
         return self._clutter_map.at(*self._polar)
 
     @property
+    def _interval(self) -> float:
+        """Median interval of the scans, s; 0 while unknown."""
+        return float(np.median(self._intervals)) if self._intervals else 0.0
+
+    @property
     def _false_share(self) -> float | None:
         """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
 
         The starts are the detections, those of this scan at the least.
         """
-        if not self._intervals:
+        if not self._interval:
             return None
         detections = max(float(np.mean(self._counts)), self._counts[-1], 1e-3)
-        starts_per_hour = detections * SECONDS_PER_HOUR / float(np.median(self._intervals))
+        starts_per_hour = detections * SECONDS_PER_HOUR / self._interval
         return min(self.options.false_tracks_per_hour / starts_per_hour, 1.0)
 
     @property
@@ -306,7 +287,7 @@ class Score(Initiator):
         state, covariance = filtering.predict(
             old.state, old.covariance, interval, self.options.process_noise
         )
-        return Hypotheses(old.hits, old.hit_count, old.first_scan, state, covariance, old.score)
+        return replace(old, state=state, covariance=covariance)
 
     def _split(
         self,
@@ -387,19 +368,11 @@ class Score(Initiator):
     ) -> Hypotheses:
         """The children of hypotheses and detections."""
         lag, innovation, spread = self._pairs(predicted, parent, detections, row)
+        children = predicted.extended(parent, ids)
         state, covariance = filtering.update(
-            predicted.state[parent], predicted.covariance[parent], lag, innovation, spread
+            children.state, children.covariance, lag, innovation, spread
         )
-        hits = predicted.hits[parent]
-        hits[np.arange(len(parent)), predicted.hit_count[parent]] = ids
-        return Hypotheses(
-            hits,
-            predicted.hit_count[parent] + 1,
-            predicted.first_scan[parent],
-            state,
-            covariance,
-            score,
-        )
+        return replace(children, state=state, covariance=covariance, score=score)
 
     def _near(
         self, predicted: Hypotheses, detections: NDArray[np.void]
@@ -425,17 +398,10 @@ class Score(Initiator):
         """The branches of all hypotheses that leave the scan out."""
         detectable = self._detectable(predicted.state[:, 0::2])
         score = predicted.score + evidence.miss_gain(detectable, self.options.gate_probability)
-        return Hypotheses(
-            predicted.hits,
-            predicted.hit_count,
-            predicted.first_scan,
-            predicted.state,
-            predicted.covariance,
-            score,
-        )
+        return replace(predicted, score=score)
 
     def _start(
-        self, detections: NDArray[np.void], ids: IntArray, clutter: FloatArray
+        self, detections: NDArray[np.void], ids: IntArray, clutter_share: FloatArray
     ) -> Hypotheses:
         """Start a hypothesis from every detection.
 
@@ -443,15 +409,14 @@ class Score(Initiator):
         axis. A detection that a held target explains starts as far below 0.
         """
         n = len(ids)
-        hits = np.full((n, self.options.window), NO_HIT, np.int64)
-        hits[:, 0] = ids
+        path = starting(ids, self.scan_index, self.options.window)
         state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
         state[:, 0::2] = detections["position"]
         covariance[:, 0::2, 0::2] = detections["covariance"]
         covariance[:, [1, 3], [1, 3]] = self.common.max_speed**2 / 4.0
-        score = np.log(self._clutter_density(detections) / clutter)
-        first_scan = np.full(n, self.scan_index)
-        return Hypotheses(hits, np.ones(n, np.int64), first_scan, state, covariance, score)
+        return Hypotheses(
+            path.hits, path.hit_count, path.first_scan, state, covariance, np.log(clutter_share)
+        )
 
     def _confirm(self, updated: Hypotheses, ids: IntArray) -> tuple[TrackArrays, Hypotheses]:
         """Confirm a track where the evidence of a detection reaches the threshold.
@@ -514,8 +479,7 @@ class Score(Initiator):
             return enough
         newest = self._window[hypotheses.last_hit]["time"]
         oldest = self._window[hypotheses.hits[:, 0]]["time"]
-        interval = float(np.median(self._intervals)) if self._intervals else 0.0
-        return enough & (np.abs(newest - oldest) > LEAST_SPREAD * interval)
+        return enough & (np.abs(newest - oldest) > LEAST_SPREAD * self._interval)
 
     def _mixture(self, members: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance over the hypotheses of one track, each fitted to its hits alone."""

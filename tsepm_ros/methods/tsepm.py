@@ -19,6 +19,7 @@ from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.path_counts import PathCounts
+from tsepm_ros.paths import Paths, Rows, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import TrackArrays
@@ -26,7 +27,6 @@ from tsepm_ros.track import TrackArrays
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-NO_HIT = -1
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
 BLOCK = 16_384
@@ -98,66 +98,7 @@ class TsepmOptions:
 
 
 @dataclass(frozen=True)
-class PotentialTracks:
-    """Hypotheses as arrays, a row each.
-
-    Attributes
-    ----------
-    hits : (n, M) ndarray of int
-        Detection ids of the hits, oldest first, then NO_HIT.
-    hit_count : (n,) ndarray of int
-        N_v.
-    first_scan : (n,) ndarray of int
-        Scan index of the first hit; N_a follows from it.
-    """
-
-    hits: IntArray
-    hit_count: IntArray
-    first_scan: IntArray
-
-    def __len__(self) -> int:
-        """Number of tracks."""
-        return len(self.hit_count)
-
-    def __getitem__(self, rows: NDArray[np.generic]) -> PotentialTracks:
-        """The tracks in the given rows (indices or a mask)."""
-        return PotentialTracks(self.hits[rows], self.hit_count[rows], self.first_scan[rows])
-
-    @property
-    def last_hit(self) -> IntArray:
-        """Detection id of each track's last hit, (n,)."""
-        return self.hits[np.arange(len(self)), self.hit_count - 1]
-
-    def counts(self) -> PathCounts:
-        """The tracks as numbers, for when only these and their gates matter."""
-        return PathCounts.of(self.last_hit, self.hit_count, self.first_scan)
-
-    def extended(self, parent: IntArray, detection: IntArray) -> PotentialTracks:
-        """Children that add a detection each: row i extends track `parent[i]`."""
-        children = self[parent]
-        children.hits[np.arange(len(parent)), children.hit_count] = detection
-        return PotentialTracks(children.hits, children.hit_count + 1, children.first_scan)
-
-    @classmethod
-    def starting(cls, detection: IntArray, scan_index: int, width: int) -> PotentialTracks:
-        """New potential tracks of one hit each (Step 8)."""
-        hits = np.full((len(detection), width), NO_HIT, np.int64)
-        hits[:, 0] = detection
-        count = np.ones(len(detection), np.int64)
-        return cls(hits, count, np.full(len(detection), scan_index, np.int64))
-
-    @classmethod
-    def joined(cls, *parts: PotentialTracks) -> PotentialTracks:
-        """The tracks of all parts, in order."""
-        return cls(
-            np.concatenate([part.hits for part in parts]),
-            np.concatenate([part.hit_count for part in parts]),
-            np.concatenate([part.first_scan for part in parts]),
-        )
-
-
-@dataclass(frozen=True)
-class Candidates:
+class Candidates(Rows):
     """Tracks that reached confirmation, fitted and evaluated.
 
     Attributes
@@ -177,31 +118,6 @@ class Candidates:
     covariance: FloatArray
     distance: FloatArray
     evaluation: FloatArray
-
-    def __len__(self) -> int:
-        """Number of candidates."""
-        return len(self.evaluation)
-
-    def __getitem__(self, rows: NDArray[np.generic]) -> Candidates:
-        """The candidates in the given rows (indices or a mask)."""
-        return Candidates(
-            self.hits[rows],
-            self.state[rows],
-            self.covariance[rows],
-            self.distance[rows],
-            self.evaluation[rows],
-        )
-
-    @classmethod
-    def joined(cls, parts: list[Candidates]) -> Candidates:
-        """The candidates of all parts, in order."""
-        return cls(
-            np.concatenate([part.hits for part in parts]),
-            np.concatenate([part.state for part in parts]),
-            np.concatenate([part.covariance for part in parts]),
-            np.concatenate([part.distance for part in parts]),
-            np.concatenate([part.evaluation for part in parts]),
-        )
 
 
 @dataclass(frozen=True)
@@ -245,7 +161,7 @@ class Tsepm(Initiator):
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""
         self._window = DetectionWindow()
-        self._potential = PotentialTracks.starting(np.zeros(0, np.int64), 0, self.options.min_hits)
+        self._potential = starting(np.zeros(0, np.int64), 0, self.options.min_hits)
         # Paths cut because they could not pass the evaluation any more, and because of a limit.
         self._hopeless = PathCounts.none()
         self._surplus = PathCounts.none()
@@ -287,7 +203,7 @@ class Tsepm(Initiator):
         merging = self._in_time(kept)
         tracks = self._merge(merging)
         started = self._start(gates)
-        self._potential, beyond = self._limit(PotentialTracks.joined(potential, started))
+        self._potential, beyond = self._limit(Paths.joined(potential, started))
         self._hopeless, hopeless_raw, hopeless_ended = self._follow(self._hopeless, gates, hopeless)
         self._surplus, surplus_raw, _ = self._follow(
             self._surplus, gates, PathCounts.joined(surplus, beyond, self._ungated(gates))
@@ -340,7 +256,7 @@ class Tsepm(Initiator):
         )
         return Gates(last_hits, gated, ids)
 
-    def _split(self, gates: Gates) -> tuple[PotentialTracks, PotentialTracks, PathCounts]:
+    def _split(self, gates: Gates) -> tuple[Paths, Paths, PathCounts]:
         """Extend every track by each of its gated detections (Step 2).
 
         Returns the children, the tracks without a gated detection, and the children beyond the
@@ -354,14 +270,12 @@ class Tsepm(Initiator):
             np.flatnonzero(~last), gates, self.common.max_potential_tracks
         )
         return (
-            PotentialTracks.joined(completed, extended),
+            Paths.joined(completed, extended),
             self._potential[gates.missed(self._potential.last_hit)],
             PathCounts.joined(cut_completed, cut_extended),
         )
 
-    def _split_part(
-        self, rows: IntArray, gates: Gates, limit: int
-    ) -> tuple[PotentialTracks, PathCounts]:
+    def _split_part(self, rows: IntArray, gates: Gates, limit: int) -> tuple[Paths, PathCounts]:
         """Split some of the tracks; returns at most `limit` children, and the others counted."""
         tracks = self._potential[rows]
 
@@ -374,9 +288,11 @@ class Tsepm(Initiator):
         children = tracks.extended(parent, gates.ids[newest])
         if not cut:
             return children, PathCounts.none()
-        return children, gates.children(tracks.counts()).without(children.counts())
+        return children, gates.children(PathCounts.of_paths(tracks)).without(
+            PathCounts.of_paths(children)
+        )
 
-    def _cut_hopeless(self, updated: PotentialTracks) -> tuple[PotentialTracks, PathCounts]:
+    def _cut_hopeless(self, updated: Paths) -> tuple[Paths, PathCounts]:
         """Cut the paths whose evaluation can only end above its threshold, before they multiply.
 
         f_2 only grows as hits are added. The bound that f_1 has, the mean of the unweighted
@@ -390,17 +306,15 @@ class Tsepm(Initiator):
         # A hair above: the sum over all hits may round otherwise than the sum over some.
         least = self._clutter_statistic(updated)
         hopeless = ~pruning.keep(least, self._threshold * (1.0 + 1e-9))
-        return updated[~hopeless], updated[hopeless].counts()
+        return updated[~hopeless], PathCounts.of_paths(updated[hopeless])
 
-    def _confirm(
-        self, updated: PotentialTracks, missed: PotentialTracks
-    ) -> tuple[PotentialTracks, PotentialTracks, int]:
+    def _confirm(self, updated: Paths, missed: Paths) -> tuple[Paths, Paths, int]:
         """Apply the M/N rule (Step 3).
 
         Returns the newly confirmed tracks, those that stay potential, and how many it ended.
         """
         reached = pruning.confirmed(updated.hit_count, self.options.min_hits)
-        waiting = PotentialTracks.joined(updated[~reached], missed)
+        waiting = Paths.joined(updated[~reached], missed)
         ended = self._expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
 
@@ -421,7 +335,7 @@ class Tsepm(Initiator):
     def _ungated(self, gates: Gates) -> PathCounts:
         """Detections that the gating limit left out of every gate: they gate as a start would."""
         left_out = gates.ids[splitting.left_out(gates.gated)]
-        return PotentialTracks.starting(left_out, self.scan_index, 1).counts()
+        return PathCounts.of_paths(starting(left_out, self.scan_index, 1))
 
     def _waiting(self, paths: PathCounts) -> PathCounts:
         return paths[~pruning.confirmed(paths.hit_count, self.options.min_hits)]
@@ -429,7 +343,7 @@ class Tsepm(Initiator):
     def _expired(self, first_scan: IntArray) -> NDArray[np.bool_]:
         return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
 
-    def _estimate(self, tracks: PotentialTracks, count: int | None = None) -> Candidates:
+    def _estimate(self, tracks: Paths, count: int | None = None) -> Candidates:
         """Estimate state and covariance and evaluate (Steps 4 and 5).
 
         `count` is the number of hits of each track, M if not given. At most half of a time limit is
@@ -446,7 +360,7 @@ class Tsepm(Initiator):
                 break
             rows = order[first : first + BLOCK]
             blocks.append(self._estimate_block(tracks.hits[rows, :count]))
-        candidates = Candidates.joined(blocks)
+        candidates = Candidates.joined(*blocks)
         self._seconds_per_track = (self._time.elapsed - begin) / max(len(candidates), 1)
         return candidates[np.argsort(order[: len(candidates)])]
 
@@ -523,21 +437,21 @@ class Tsepm(Initiator):
             age=self.stamp - hits["time"][:, 0],
         )
 
-    def _start(self, gates: Gates) -> PotentialTracks:
+    def _start(self, gates: Gates) -> Paths:
         """Start a potential track from every residual detection (Step 8)."""
         first_hits = gates.ids[splitting.residual(gates.gated)]
-        return PotentialTracks.starting(first_hits, self.scan_index, self.options.min_hits)
+        return starting(first_hits, self.scan_index, self.options.min_hits)
 
-    def _limit(self, tracks: PotentialTracks) -> tuple[PotentialTracks, PathCounts]:
+    def _limit(self, tracks: Paths) -> tuple[Paths, PathCounts]:
         """Keep the best potential tracks; returns them, and the others counted."""
         limit = self.common.max_potential_tracks
         if len(tracks) <= limit:
             return tracks, PathCounts.none()
         kept = np.zeros(len(tracks), bool)
         kept[keep_best(self._cost(tracks), limit)] = True
-        return tracks[kept], tracks[~kept].counts()
+        return tracks[kept], PathCounts.of_paths(tracks[~kept])
 
-    def _cost(self, tracks: PotentialTracks) -> FloatArray:
+    def _cost(self, tracks: Paths) -> FloatArray:
         """Clutter statistic per degree of freedom: small is target-like, 1 a track of clutter.
 
         A track of one hit has none yet and counts as clutter.
@@ -547,7 +461,7 @@ class Tsepm(Initiator):
         cost = np.ones(len(tracks))
         return np.divide(self._clutter_statistic(tracks), freedom, out=cost, where=several)
 
-    def _clutter_statistic(self, tracks: PotentialTracks) -> FloatArray:
+    def _clutter_statistic(self, tracks: Paths) -> FloatArray:
         """f_2 of the hits so far, (n,)."""
         statistic = np.zeros(len(tracks))
         for count in np.unique(tracks.hit_count[tracks.hit_count > 1]):

@@ -1,0 +1,70 @@
+"""Paths through the tree of splits, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+IntArray = NDArray[np.int64]
+
+NO_HIT = -1
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Arrays of one length: a row of each belongs together. The fields of a subclass."""
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(getattr(self, fields(self)[0].name))
+
+    def __getitem__(self, rows: NDArray[np.generic]) -> Self:
+        """The given rows (indices or a mask)."""
+        return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @classmethod
+    def joined(cls, *parts: Self) -> Self:
+        """The rows of all parts, in order."""
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class Paths(Rows):
+    """Detections that may be one target's, one a scan at most: a row each.
+
+    Attributes
+    ----------
+    hits : (n, most) ndarray of int
+        Detection ids of the hits, oldest first, then NO_HIT.
+    hit_count : (n,) ndarray of int
+        N_v.
+    first_scan : (n,) ndarray of int
+        Scan index of the first hit; N_a follows from it.
+    """
+
+    hits: IntArray
+    hit_count: IntArray
+    first_scan: IntArray
+
+    @property
+    def last_hit(self) -> IntArray:
+        """Detection id of each path's last hit, (n,)."""
+        return self.hits[np.arange(len(self)), self.hit_count - 1]
+
+    def extended(self, parent: IntArray, detection: IntArray) -> Self:
+        """Children that add a detection each: row i extends path `parent[i]`."""
+        children = self[parent]
+        children.hits[np.arange(len(parent)), children.hit_count] = detection
+        return replace(children, hit_count=children.hit_count + 1)
+
+
+def starting(detection: IntArray, scan_index: int, most: int) -> Paths:
+    """New paths of one hit each, for at most so many hits (Step 8)."""
+    hits = np.full((len(detection), most), NO_HIT, np.int64)
+    hits[:, 0] = detection
+    count = np.ones(len(detection), np.int64)
+    return Paths(hits, count, np.full(len(detection), scan_index, np.int64))
