@@ -17,7 +17,7 @@ from msg_adapters.own_ship_odometry import OwnShipSample, odometry_message, read
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.point_cloud_detections import detections_cloud
 from msg_adapters.recorded_scan import read_recorded_scan
-from msg_adapters.session_input import pose_sample, sensor_scan
+from msg_adapters.session_input import pose_sample, sensor_scan, tracker_report
 from msg_adapters.stamps import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
 from msg_adapters.track_cloud import (
     TRACK_DTYPE,
@@ -57,6 +57,7 @@ __all__ = [
     "track_markers",
     "track_odometry",
     "track_states",
+    "tracker_report",
     "truth_markers",
     "truth_tracks",
     "write_cloud",

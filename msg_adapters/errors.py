@@ -12,6 +12,7 @@ class MessageError(ValueError):
         What is wrong in one word, for counting. Every adapter may raise ``unknown_type`` and
         ``package_not_installed``; clouds ``missing_field``, ``duplicate_field``,
         ``wrong_datatype``, ``wrong_count``, ``bad_offset``, ``bad_row_step`` and ``short_data``;
+        clouds of tracks ``bad_id`` too;
         odometry ``not_finite``, ``zero_quaternion``, ``undefined_heading`` and
         ``bad_covariance``.
     sentence : str

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from msg_adapters.detections import DetectionMessage
 from msg_adapters.own_ship_odometry import OwnShipSample
-from msg_adapters.stamps import ns_to_seconds
+from msg_adapters.stamps import ns_to_seconds, time_to_ns
+from msg_adapters.track_cloud import read_track_cloud, track_arrays
 from tsepm_ros.own_ship import PoseSample
 from tsepm_ros.scan import Scan
 from tsepm_ros.session import SensorScan
+from tsepm_ros.tracked import TrackerReport
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2
 
 
 def sensor_scan(detections: DetectionMessage) -> SensorScan:
@@ -38,3 +45,16 @@ def pose_sample(sample: OwnShipSample) -> PoseSample:
         covariance=sample.pose_covariance,
         rates=(sample.vx, sample.vy, sample.yaw_rate),
     )
+
+
+def tracker_report(cloud: PointCloud2) -> TrackerReport:
+    """A cloud of tracks as what a downstream tracker says that it tracks.
+
+    Raises
+    ------
+    MessageError
+        If it has not the layout of `read_track_cloud`.
+    """
+    stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
+    tracks = track_arrays(read_track_cloud(cloud), stamp)
+    return TrackerReport(stamp=stamp, frame_id=cloud.header.frame_id, tracks=tracks)

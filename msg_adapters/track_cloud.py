@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import cloud_of, read_fields
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
@@ -115,15 +116,42 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
     Raises
     ------
     MessageError
-        If a field is missing or malformed.
+        If a field is missing or malformed, or a track_id is none.
     """
     names = TRACK_DTYPE.names or ()
     integers = [name for name in names if TRACK_DTYPE[name].kind == "u"]
     values = read_fields(cloud, names, integers=integers)
-    records = np.zeros(len(values["x"]), TRACK_DTYPE)
-    for name in names:
-        records[name] = values[name]
+    ids = values["track_id"]
+    if not ((ids >= 0) & (ids <= _LARGEST_ID) & (ids == np.floor(ids))).all():
+        raise MessageError("bad_id", f"track_id must be an integer from 0 to {_LARGEST_ID}")
+    records = np.zeros(len(ids), TRACK_DTYPE)
+    with np.errstate(invalid="ignore", over="ignore"):  # a count that is no number
+        for name in names:
+            records[name] = values[name]
     return records
+
+
+def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
+    """Tracks that were read as arrays, without the hits themselves.
+
+    Parameters
+    ----------
+    records : (n,) ndarray of TRACK_DTYPE
+    stamp : float
+        The message's, s.
+    """
+    return TrackArrays(
+        track_id=records["track_id"].astype(np.int64),
+        stamp=np.full(len(records), stamp),
+        state=track_states(records),
+        covariance=track_covariances(records),
+        hits=[()] * len(records),
+        hit_count=records["hit_count"].astype(np.int64),
+        evaluation=records["evaluation"].copy(),
+        score=records["score"].copy(),
+        scan_count=records["scan_count"].astype(np.int64),
+        age=records["age"].copy(),
+    )
 
 
 def track_states(records: NDArray[Any]) -> NDArray[np.float64]:

@@ -7,10 +7,14 @@ the probability that it is the target's. Over a scan a target goes on as it was 
 both are weighed by what the detections say of them (a generalised pseudo-Bayesian estimator of
 first order: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and
 Navigation", 2001, section 11.6.4).
+
+Where a downstream tracker says what it tracks, that replaces what is held, and the rules by which
+tracks end here are for the others only: those it has not listed yet.
 """
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -39,6 +43,8 @@ TIME_TO_VANISH = 600.0
 """Mean time after which a target is gone, s: without it no number of misses would tell."""
 LEAST_EXISTENCE = 0.01
 """Probability of existence below which a track is held no longer."""
+TRACKED_EXISTENCE = 0.99
+"""Probability that a target exists which a downstream tracker says it tracks: a choice."""
 LARGEST_FACTOR = 100.0
 """Logarithm of the largest factor by which detections are explained: no overflow."""
 SAME_SCANS = 5
@@ -47,6 +53,14 @@ SAME_DISTANCE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
 MAX_NEIGHBOURS = 8
 """Detections that a track weighs, the nearest."""
+
+
+class Tracker(enum.Enum):
+    """What is known of a downstream tracker."""
+
+    NONE = "none"
+    ALIVE = "alive"
+    SILENT = "silent"
 
 
 @dataclass(frozen=True)
@@ -114,10 +128,19 @@ class TrackHold:
         Time, s, for which a track is held without a detection of its own; it ends at the first scan
         after that, or sooner, where its target was missed so often that it probably exists no more,
         or where it has come to be the same as an older track.
+    tracked_timeout : float, optional
+        Time, s, after which a downstream tracker that said nothing is silent, and for which it may
+        leave a track unlisted before that counts as declined.
+
+    Attributes
+    ----------
+    tracker : Tracker
+        Whether a downstream tracker was heard since the last clearing, and still is.
     """
 
-    def __init__(self, hold_time: float) -> None:
+    def __init__(self, hold_time: float, tracked_timeout: float = 60.0) -> None:
         self.hold_time = hold_time
+        self.tracked_timeout = tracked_timeout
         self._ended: list[int] = []
         self._cleared: list[int] = []
         self._forget()
@@ -127,6 +150,10 @@ class TrackHold:
         self._existence = np.zeros(0)
         self._last_taken = np.zeros(0)
         self._agreed = np.zeros(0, np.int64)
+        # Since when each track waits for the tracker to list it, s; -inf: it does.
+        self._waiting_since = np.zeros(0)
+        self.tracker = Tracker.NONE
+        self._heard = -np.inf
 
     def step(
         self,
@@ -170,12 +197,13 @@ class TrackHold:
             may as well be target i's, little is explained: so a second target is seen beside it.
         """
         self._ended, self._cleared = self._cleared, []
+        self._listen(stamp)
         none = np.zeros(len(detections))
         if not len(self._tracks):
             return none
         self._end(self._last_taken >= stamp - self.hold_time)
         step = stamp - self._tracks.stamp
-        self._existence = self._existence * np.exp(-step / TIME_TO_VANISH)
+        self._existence = self._existence * np.exp(-np.maximum(step, 0.0) / TIME_TO_VANISH)
         clutter = np.maximum(clutter, LEAST_DENSITY)
         models = self._predicted(step, max_speed)
         missed = 1.0 - detectable(models[0].state[:, 0::2]) * GATE_PROBABILITY
@@ -209,31 +237,77 @@ class TrackHold:
         self._existence = np.concatenate([self._existence, np.full(len(tracks), existence)])
         self._last_taken = np.concatenate([self._last_taken, tracks.stamp])
         self._agreed = np.concatenate([self._agreed, np.zeros(len(tracks), np.int64)])
+        self._waiting_since = np.concatenate([self._waiting_since, tracks.stamp])
+
+    def follow(self, stamp: float, tracks: TrackArrays) -> None:
+        """Take over what a downstream tracker says that it tracks, before the next step.
+
+        A track of the same id gets the tracker's state, and keeps its other figures; one of another
+        id joins the hold. What the tracker listed before, and lists no more, ends. A track that it
+        has not listed yet is held by the rules here, and ends where the tracker, heard all the
+        while, has not listed it for `tracked_timeout`. After a silence, all begin to wait again.
+
+        Parameters
+        ----------
+        stamp : float
+            Time at which the tracker says so, s; it may be later than the next step's.
+        tracks : TrackArrays
+            With stamps of their own, finite numbers and an id each, see
+            `tsepm_ros.tracked.usable`.
+        """
+        self._listen(stamp)
+        if self.tracker is not Tracker.ALIVE:
+            self._waiting_since = np.maximum(self._waiting_since, stamp)
+        self.tracker, self._heard = Tracker.ALIVE, stamp
+        ids = self._tracks.track_id
+        waited = stamp - self._waiting_since > self.tracked_timeout
+        over = waited & ~np.isin(ids, tracks.track_id)
+        self._cleared += ids[over].tolist()
+        self._keep(~over)
+        self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
+        held = self._tracks
+        _, row, given = np.intersect1d(held.track_id, tracks.track_id, return_indices=True)
+        told = tracks.where(given)
+        self._tracks = replace(
+            held,
+            stamp=_put(held.stamp, row, told.stamp),
+            state=_put(held.state, row, told.state),
+            covariance=_put(held.covariance, row, told.covariance),
+            age=_put(held.age, row, held.age[row] + told.stamp - held.stamp[row]),
+        )
+        self._existence[row] = TRACKED_EXISTENCE
+        self._last_taken[row] = np.maximum(self._last_taken[row], told.stamp)
+        self._waiting_since[row] = -np.inf
 
     @property
     def current(self) -> TrackArrays:
-        """Every track held, at the last scan's stamp."""
+        """Every track held, at the last scan's stamp; between `follow` and `step` at their own."""
         return self._tracks
 
     @property
     def ended(self) -> list[int]:
-        """Ids of the tracks that ended at the last step, or were cleared before it."""
+        """Ids of the tracks that ended at the last step, or before it since the one before."""
         return self._ended
 
     def clear(self) -> None:
-        """End every track."""
+        """End every track and forget what a downstream tracker said."""
         self._cleared += self._tracks.track_id.tolist()
         self._forget()
 
     def take_cleared(self) -> list[int]:
-        """Ids of the tracks that were cleared since the last step; the next will not name them."""
+        """Ids of the tracks that ended since the last step; the next will not name them."""
         cleared, self._cleared = self._cleared, []
         return cleared
+
+    def _listen(self, stamp: float) -> None:
+        """Notice at a time (s) that the downstream tracker has fallen silent."""
+        if self.tracker is Tracker.ALIVE and abs(stamp - self._heard) > self.tracked_timeout:
+            self.tracker = Tracker.SILENT
 
     def _predicted(self, step: FloatArray, max_speed: float) -> tuple[Model, Model]:
         """The tracks after a time step, had they gone on and had they turned at some time since."""
         state, covariance = self._tracks.state, self._tracks.covariance
-        longest = float(step.max(initial=0.0))
+        longest = float(np.abs(step).max(initial=0.0))
         turned = float(-np.expm1(-longest / TIME_TO_TURN))
         spread = (0.5 * max_speed) ** 2 / max(longest, 1e-9)
         return (
@@ -294,13 +368,26 @@ class TrackHold:
         return self._agreed >= SAME_SCANS
 
     def _end(self, held: NDArray[np.bool_]) -> None:
-        """End all tracks but those held."""
+        """End all tracks but those held and those that the downstream tracker lists."""
+        if self.tracker is Tracker.ALIVE:
+            held = held | np.isneginf(self._waiting_since)
         if held.all():
             return
         self._ended = self._ended + self._tracks.track_id[~held].tolist()
+        self._keep(held)
+
+    def _keep(self, held: NDArray[np.bool_]) -> None:
+        """Keep only the tracks held."""
         self._tracks = self._tracks.where(held)
         self._existence, self._last_taken = self._existence[held], self._last_taken[held]
-        self._agreed = self._agreed[held]
+        self._agreed, self._waiting_since = self._agreed[held], self._waiting_since[held]
+
+
+def _put(array: FloatArray, row: IntArray, values: FloatArray) -> FloatArray:
+    """A copy of an array with other values in some rows."""
+    array = array.copy()
+    array[row] = values
+    return array
 
 
 def _neighbours(model: Model, stamp: float, detections: NDArray[np.void]) -> Neighbours:

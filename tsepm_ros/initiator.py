@@ -59,6 +59,15 @@ class CommonOptions:
         unit="s",
         minimum=0.0,
     )
+    tracked_timeout: float = parameter(
+        60.0,
+        "A downstream tracker whose last message on tracked is older than this at a scan is "
+        "silent, and its tracks are held as all others; for as long it may leave a new track "
+        "unlisted before that ends",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+    )
 
     def __post_init__(self) -> None:
         check_group(self)
@@ -159,7 +168,7 @@ class Initiator(ABC):
         self.options = options
         self.next_track_id = 0
         self.max_scan_time = math.inf
-        self.hold = TrackHold(common.hold_time)
+        self.hold = TrackHold(common.hold_time, common.tracked_timeout)
         self.reset()
 
     @abstractmethod
@@ -204,6 +213,7 @@ class Initiator(ABC):
         self.common = common
         self.options = options
         self.hold.hold_time = common.hold_time
+        self.hold.tracked_timeout = common.tracked_timeout
         return True
 
     def reset(self) -> None:
@@ -271,8 +281,12 @@ class Initiator(ABC):
         return self.stamp
 
     def _take_track_ids(self, number: int) -> NDArray[np.int64]:
-        taken = (self.next_track_id + np.arange(number)) % TRACK_IDS
-        self.next_track_id = (self.next_track_id + number) % TRACK_IDS
+        """The next ids, (number,); passing over those in use, which a tracker may have given."""
+        in_use = self.hold.current.track_id
+        following = (self.next_track_id + np.arange(number + len(in_use))) % TRACK_IDS
+        taken = following[~np.isin(following, in_use)][:number]
+        if number:
+            self.next_track_id = int(taken[-1] + 1) % TRACK_IDS
         return taken
 
     def _deliver(self, tracks: TrackArrays, statistics: ScanStatistics) -> TrackArrays:

@@ -1,7 +1,7 @@
 """From arriving messages to results, without ROS: what the node and offline replays share.
 
-A session takes own-ship poses and scans as they arrive, puts each scan in its place in time and in
-the fixed frame, or drops it with a reason, and runs the initiator.
+A session takes own-ship poses, scans and a downstream tracker's reports as they arrive, puts each
+scan in its place in time and in the fixed frame, or drops it with a reason, and runs the initiator.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from tsepm_ros.holding import Tracker
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.methods import METHODS, available_methods, make_initiator
 from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample, echo_poses
@@ -24,6 +25,7 @@ from tsepm_ros.scan import Scan
 from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import TrackArrays
+from tsepm_ros.tracked import TrackerReport, usable
 
 QUEUE_LENGTH = 1000
 """Scans that may wait for own-ship data at once."""
@@ -237,8 +239,9 @@ class Session:
     settings : Settings
         Method, options, sensor and frames.
     report : callable, optional
-        Called as ``report(reason, sentence)`` for every scan, detection or own-ship sample that is
-        dropped and every reset; the reasons are counted in `dropped` as well.
+        Called as ``report(reason, sentence)`` for every scan, detection, own-ship sample or tracked
+        target that is dropped, whose reasons are counted in `dropped` as well; for every reset;
+        and where the downstream tracker falls silent or comes back.
     live : bool, optional
         Whether `max_scan_time` holds.
 
@@ -275,6 +278,8 @@ class Session:
         self._sensor_frame: str | None = None
         self._own_ship_frame = ""
         self._forget_frames()
+        self._tracked: TrackerReport | None = None
+        self._tracked_stamp = -math.inf
         self._waiting: deque[tuple[Now, Arrival, SensorScan]] = deque()
 
     @property
@@ -315,6 +320,7 @@ class Session:
             self.initiator.stamp = before.stamp
             self.initiator.hold = before.hold
             self.initiator.hold.hold_time = settings.common.hold_time
+            self.initiator.hold.tracked_timeout = settings.common.tracked_timeout
             return False
         return self.initiator.configure(settings.sensor, settings.common, settings.method_options)
 
@@ -326,6 +332,7 @@ class Session:
         self._poses.clear()
         self._waiting.clear()
         self._forget_frames()
+        self._forget_tracker()
         return self.initiator.hold.take_cleared()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
@@ -385,6 +392,22 @@ class Session:
             self._start_over(oldest_arrival, oldest.scan.stamp)
             self.drop("queue_full", f"more than {QUEUE_LENGTH} scans wait for own-ship data")
 
+    def add_tracked(self, report: TrackerReport) -> None:
+        """Take what a downstream tracker says that it tracks; the newest counts at the next scan.
+
+        Targets that cannot be used are left out, see `tsepm_ros.tracked.usable`.
+        """
+        if self._fixed_frame is not None and not self._is_in_fixed_frame(report):
+            return
+        if 0.0 < self._tracked_stamp - report.stamp <= self._settings.session.restart_jump:
+            self.drop("tracked_late", f"tracked targets of {report.stamp:.3f} s came late")
+            return
+        tracks, dropped = usable(report.tracks)
+        for reason, number in dropped.items():
+            self.drop(reason, f"{number} tracked targets dropped: {reason}", number)
+        self._tracked = dataclasses.replace(report, tracks=tracks)
+        self._tracked_stamp = report.stamp
+
     def process(self, now: Now = math.inf) -> Iterator[ScanResult]:
         """Process the scans that can be, in order.
 
@@ -417,7 +440,10 @@ class Session:
         values["potential_tracks"] = self.initiator.statistics.potential_tracks
         values["potential_tracks_most"] = totals.potential_tracks
         values["waiting_for_own_ship"] = len(self._waiting)
+        values["tracker"] = self.initiator.hold.tracker.value
         values.update({f"dropped.{name}": n for name, n in sorted(self.dropped.items())})
+        if self.initiator.hold.tracker is Tracker.SILENT:
+            return "warn", "the downstream tracker is silent", values
         if self.dropped:
             worst, number = self.dropped.most_common(1)[0]
             return "warn", f"dropped: {number} {worst}", values
@@ -441,6 +467,10 @@ class Session:
         self._fixed_frame = options.fixed_frame or None
         self._sensor_frame = options.sensor_frame or None
         self._own_ship_frame = ""
+
+    def _forget_tracker(self) -> None:
+        """Forget a downstream tracker's report that no scan has used yet."""
+        self._tracked, self._tracked_stamp = None, -math.inf
 
     @property
     def fixed_frame(self) -> str:
@@ -510,16 +540,57 @@ class Session:
         if arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {stamp:.3f} s: starting over")
             self.initiator.reset()
+            self._forget_tracker()
         elif arrival is Arrival.GAP:
             self._report("gap", f"long gap before {stamp:.3f} s: potential tracks dropped")
             self.initiator.forget_potential_tracks()
 
+    def _is_in_fixed_frame(self, report: TrackerReport) -> bool:
+        inside = report.frame_id == self._fixed_frame
+        if not inside:
+            self.drop(
+                "tracked_frame",
+                f"tracked targets are in frame {report.frame_id!r}, the fixed frame is "
+                f"{self._fixed_frame!r}",
+            )
+        return inside
+
+    def _follow_tracker(self, stamp: float) -> None:
+        """Give the hold the downstream tracker's report, before the scan of a stamp (s)."""
+        report, self._tracked = self._tracked, None
+        if report is None or not self._is_in_fixed_frame(report):
+            return
+        if not abs(stamp - report.stamp) <= self._settings.common.tracked_timeout:
+            self._tracked_stamp = -math.inf  # those that follow it are not late
+            self.drop(
+                "tracked_stale",
+                f"tracked targets of {report.stamp:.3f} s are not of the time of the scan of "
+                f"{stamp:.3f} s",
+            )
+            return
+        self.initiator.hold.follow(report.stamp, report.tracks)
+
+    def _say_of_tracker(self, before: Tracker) -> None:
+        """Report where the downstream tracker fell silent or came back."""
+        change = before, self.initiator.hold.tracker
+        if change == (Tracker.ALIVE, Tracker.SILENT):
+            timeout = self._settings.common.tracked_timeout
+            self._report(
+                "tracker_silent",
+                f"the downstream tracker was silent for {timeout:g} s: its tracks are held here",
+            )
+        elif change == (Tracker.SILENT, Tracker.ALIVE):
+            self._report("tracker_back", "the downstream tracker is heard again")
+
     def _run(self, scan: Scan, arrival: Arrival, stamp_ns: int) -> ScanResult:
         if self._live:
             self.initiator.max_scan_time = self._settings.session.max_scan_time
+        tracker = self.initiator.hold.tracker
+        self._follow_tracker(scan.stamp)
         begin = time.perf_counter()
         new = self.initiator.process(scan)
         core_seconds = time.perf_counter() - begin
+        self._say_of_tracker(tracker)
         statistics = self.initiator.statistics
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:

@@ -16,6 +16,7 @@ from msg_adapters import (
     track_cloud,
     track_covariances,
     track_states,
+    tracker_report,
 )
 
 LAYOUT = [
@@ -150,6 +151,28 @@ def test_a_cloud_that_lacks_a_field_is_refused(header, make_track, name):
     with pytest.raises(MessageError, match=f"'{name}' is missing") as error:
         read_track_cloud(cloud)
     assert error.value.reason == "missing_field"
+
+
+@pytest.mark.parametrize("track_id", [-1.0, 0.5, 2.0**32, math.nan, math.inf])
+def test_a_number_that_is_no_id_is_refused(track_id):
+    names = [(name, "d" if name == "track_id" else code) for name, _, code in LAYOUT]
+    row = [track_id if name == "track_id" else 0 for name, _ in names]
+    with pytest.raises(MessageError, match="track_id must be an integer") as error:
+        read_track_cloud(raw_cloud(names, [row]))
+    assert error.value.reason == "bad_id"
+
+
+def test_a_tracker_s_report_has_what_the_cloud_has(header, make_track, over_the_wire):
+    tracks = [make_track(), make_track(track_id=2**32 - 1, state=np.arange(4.0), hits=())]
+    report = tracker_report(over_the_wire(track_cloud(header, tracks)))
+    assert (report.frame_id, report.stamp) == ("map", 1_700_000_000.123456789)
+    assert report.tracks.track_id.tolist() == [7, 2**32 - 1]
+    assert report.tracks.hit_count.tolist() == [5, 0]
+    for found, track in zip(report.tracks, tracks, strict=True):
+        assert found.stamp == report.stamp
+        np.testing.assert_array_equal(found.state, track.state)
+        np.testing.assert_array_equal(found.covariance, track.covariance)
+        assert (found.evaluation, found.score, found.age) == (1.25, 6.5, 72.0)
 
 
 def test_truth_without_errors_can_be_written(header, make_track):

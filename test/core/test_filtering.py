@@ -19,11 +19,13 @@ def transition(step: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.3])
-@pytest.mark.parametrize("step", [0.0, 12.0])
+@pytest.mark.parametrize("step", [0.0, 12.0, -12.0])
 def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
     state, covariance = states(1)
     found, spread = filtering.predict(state, covariance, step, noise)
-    block = noise * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
+    # Backward as well, uncertainty grows with the time between; only its correlation turns over.
+    time = abs(step)
+    block = noise * np.array([[time**3 / 3, step * time / 2], [step * time / 2, time]])
     for row in range(len(state)):
         F = transition(step)
         np.testing.assert_allclose(found[row], F @ state[row])

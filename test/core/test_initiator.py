@@ -5,15 +5,17 @@ from __future__ import annotations
 import dataclasses
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 from scenes import random_scene
 
-from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.initiator import CommonOptions, ScanStatistics
 from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.track import TrackArrays
 
 HERE = (3000.0, 0.0)
 
@@ -162,6 +164,20 @@ def test_track_ids_fit_32_bits():
     for k in range(6):
         ids += [track.track_id for track in made.process(scan_at(12.0 * k, [HERE]))]
     assert ids == [2**32 - 1, 0]
+
+
+def test_ids_in_use_are_passed_over():
+    made = initiator()
+    confirmed, others = [], [(-3000.0, 0.0), (0.0, 3000.0)]
+    for k in range(3):
+        if k == 2:  # a downstream tracker has come to use ids that were not given yet
+            far = ConfirmedTrack(0, 12.0, np.array([9e3, 0, 9e3, 0]), np.eye(4), (), 0.0)
+            used = [replace(far, track_id=track_id) for track_id in (0, 2, 500)]
+            made.hold.follow(12.0, TrackArrays.of(used))
+        confirmed += made.process(scan_at(12.0 * k, [HERE, *others]))
+    assert [track.track_id for track in confirmed] == [1, 3, 4]
+    assert made.next_track_id == 5
+    assert sorted(track.track_id for track in made.hold.current) == [0, 1, 2, 3, 4, 500]
 
 
 def test_a_track_says_when_where_and_from_what():

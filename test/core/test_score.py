@@ -12,10 +12,11 @@ from plain_score import Rule, plain_hypotheses
 from plain_tsepm import Parameters
 from scenes import random_scene
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.conversion import convert
 from tsepm_ros.estimation import fit
 from tsepm_ros.methods.score import Score
+from tsepm_ros.track import TrackArrays
 
 NEVER = 1e-30
 """A wish for so few false tracks that nothing is confirmed."""
@@ -157,6 +158,30 @@ def test_a_second_target_is_started_beside_one_that_is_held():
     y = sorted(track.position[1] for track in starts if abs(track.position[0] - 3000) < 3000)
     assert len(starts) == 2
     assert y == pytest.approx([1000.0, 2000.0], abs=200)
+
+
+def downstream(track_id: int, stamp: float, y: float) -> ConfirmedTrack:
+    """A target at 4 m/s along x, as a downstream tracker knows it."""
+    state = np.array([3000.0 + 4.0 * stamp, 4.0, y, 0.0])
+    covariance = np.diag([40.0, 1.0, 40.0, 1.0]) ** 2
+    return ConfirmedTrack(track_id, stamp, state, covariance, (), math.nan)
+
+
+@pytest.mark.parametrize("listed", [True, False], ids=["listed", "declined"])
+def test_a_target_that_is_tracked_downstream_is_not_started_but_one_beside_it_is(listed):
+    first, second = (3000.0, 4.0, 2000.0, 0.0), (3000.0, 4.0, 1000.0, 0.0)
+    initiator = score()
+    starts = []
+    for scan in sea(np.random.default_rng(3), 40, [first, second]):
+        tracked = [(2**31, 2000.0), *((start.track_id, 1000.0) for start in starts)]
+        told = [downstream(track_id, scan.stamp, y) for track_id, y in tracked if listed]
+        initiator.hold.follow(scan.stamp, TrackArrays.of(told))
+        starts += initiator.process(scan)
+    lanes = [round(track.position[1] / 1000.0) for track in starts]
+    if listed:
+        assert lanes == [1]
+    else:
+        assert lanes.count(1) > 1 and lanes.count(2) > 1, "declined, so started again"
 
 
 def test_a_track_says_its_evidence_and_by_how_much_it_passed():

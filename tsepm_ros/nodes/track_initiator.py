@@ -36,6 +36,7 @@ from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, Parame
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
+from tsepm_ros.nodes.tracked_subscription import subscribe_tracked
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, InitiatorNodeOptions, settings_from
 from tsepm_ros.session import ScanResult, Session, SessionOptions
 
@@ -100,6 +101,7 @@ class TrackInitiator(Node):
             )
         if source != "none":
             self.create_timer(WAIT_PERIOD, self._process, clock=steady)
+        self._tracked = subscribe_tracked(self, self._session)
         self._detections = DetectionsSubscription(
             self,
             options.detections_type,

@@ -1,0 +1,175 @@
+"""What a downstream tracker says on `tracked`, and what comes of it on `tracks/current`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from boat import Boat
+from expectation import COVARIANCE, STATE
+from ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, World
+from sensor_msgs.msg import PointCloud2, PointField
+from sonar_driver import START_NS, Ping, cloud, points, stamp_ns
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+SECOND = 10**9
+FIELDS = (
+    *((name, PointField.FLOAT32) for name in "xyz"),
+    ("track_id", PointField.UINT32),
+    *((name, PointField.FLOAT64) for name in (*STATE, *COVARIANCE, "evaluation", "score")),
+    *((name, PointField.UINT16) for name in ("hit_count", "scan_count")),
+    ("age", PointField.FLOAT64),
+)
+"""The layout of tracks, as the topic table has it."""
+
+
+class Tracker:
+    """A downstream tracker, and what the node then holds."""
+
+    def __init__(self, world: World, boat: Boat, qos=RELIABLE) -> None:
+        self.world, self.boat = world, boat
+        self.publisher = world.observer.create_publisher(PointCloud2, "tracked", qos)
+        self.current = world.listen(PointCloud2, "tracks/current", LATCHED)
+        self.markers = world.listen(MarkerArray, "tracks/markers")
+        world.until(self.publisher.get_subscription_count, "the node to subscribe to tracked")
+        world.until_connected()
+
+    def say(self, after: float, *ids: int, frame_id: str = "sonar", sigma: float = 50.0) -> None:
+        """Say at some time (s) what is tracked: targets at 2 m/s along y."""
+        names = [name for name, _ in FIELDS]
+        values = {name: np.zeros(len(ids)) for name in names}
+        values["track_id"] = np.array(ids)
+        values["state_x"] = np.full(len(ids), 7000.0)
+        values["state_y"] = 2.0 * after + 1000.0 * np.arange(len(ids))
+        values["state_vy"] = np.full(len(ids), 2.0)
+        for place in range(4):
+            values[f"cov_{place}{place}"] = np.full(len(ids), (sigma if place % 2 == 0 else 1) ** 2)
+        self.publish(layout(START_NS + round(after * SECOND), values, frame_id))
+
+    def publish(self, message: PointCloud2) -> None:
+        """Publish, and wait until the node has it."""
+        taken = self.boat.node._session
+        before = taken._tracked_stamp, dict(taken.dropped)
+        self.publisher.publish(message)
+        self.world.until(
+            lambda: (taken._tracked_stamp, dict(taken.dropped)) != before, "the node to take it"
+        )
+
+    def held_at(self, after: float) -> list[dict[str, float]]:
+        """What is held at an empty ping at some time (s)."""
+        stamp = START_NS + round(after * SECOND)
+        self.boat.send([Ping(stamp, [], [])])
+        self.world.until(
+            lambda: self.current and stamp_ns(self.current[-1]) == stamp, "the current tracks"
+        )
+        return points(self.current[-1])
+
+    def shown_at(self, after: float) -> tuple[set[int], set[int]]:
+        """Ids that the markers of a ping show and delete."""
+        stamp = START_NS + round(after * SECOND)
+
+        def of_ping() -> list[Marker]:
+            return [
+                one for array in self.markers for one in array.markers if stamp_ns(one) == stamp
+            ]
+
+        self.world.until(of_ping, "markers")
+        return tuple(
+            {one.id for one in of_ping() if one.action == action}
+            for action in (Marker.ADD, Marker.DELETE)
+        )
+
+
+def layout(after_ns: int, values: dict[str, Sequence[float]], frame_id: str) -> PointCloud2:
+    """A cloud of tracks, packed by hand."""
+    parts = [cloud(after_ns, {name: values[name]}, datatype=kind) for name, kind in FIELDS]
+    message, start = cloud(after_ns, {"x": values["x"]}, frame_id=frame_id), 0
+    message.fields, rows = [], [b""] * message.width
+    for part, (name, kind) in zip(parts, FIELDS, strict=True):
+        message.fields.append(PointField(name=name, offset=start, datatype=kind, count=1))
+        size, data = part.point_step, bytes(part.data)
+        rows = [row + data[k * size : (k + 1) * size] for k, row in enumerate(rows)]
+        start += size
+    message.point_step, message.row_step = start, start * message.width
+    message.data = b"".join(rows)
+    return message
+
+
+def ids(held: list[dict[str, float]]) -> list[float]:
+    return [point["track_id"] for point in held]
+
+
+@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
+def test_what_is_tracked_is_held_carried_and_ended_as_the_tracker_says(world, qos):
+    boat = Boat(world)
+    tracker = Tracker(world, boat, qos)
+    tracker.say(0.0, 2**31, 2**31 + 1)
+    one, two = tracker.held_at(12.0)
+    assert ids([one, two]) == [2**31, 2**31 + 1]
+    np.testing.assert_allclose([one[name] for name in STATE], [7000.0, 0.0, 24.0, 2.0])
+    assert one["cov_22"] > 50.0**2 + 12.0**2
+    assert tracker.shown_at(12.0) == ({-(2**31), -(2**31) + 1}, set())
+    tracker.say(13.0, 2**31 + 1)
+    assert ids(tracker.held_at(24.0)) == [2**31 + 1]
+    assert tracker.shown_at(24.0) == ({-(2**31) + 1}, {-(2**31)})
+    tracker.say(25.0)
+    assert tracker.held_at(36.0) == []
+    assert world.dropped() == {}
+
+
+def test_a_tracker_ahead_of_the_ping_is_carried_back(world):
+    tracker = Tracker(world, Boat(world))
+    tracker.say(20.0, 9)
+    [track] = tracker.held_at(12.0)
+    np.testing.assert_allclose([track[name] for name in STATE], [7000.0, 0.0, 24.0, 2.0])
+
+
+def test_a_tracker_that_falls_silent_and_comes_back_is_said(world):
+    tracker = Tracker(world, Boat(world, tracked_timeout=20.0))
+    tracker.say(0.0, 9)
+    assert ids(tracker.held_at(12.0)) == [9]
+    assert world.figures()["tracker"] == "alive"
+    assert ids(tracker.held_at(24.0)) == [9], "held here now"
+    world.until_logged("downstream tracker was silent for 20 s", level=WARN)
+    assert "silent" in world.status().message
+    assert world.figures()["tracker"] == "silent"
+    tracker.say(25.0, 9)
+    assert ids(tracker.held_at(36.0)) == [9]
+    world.until_logged("downstream tracker is heard again")
+    assert world.figures()["tracker"] == "alive"
+
+
+def test_messages_that_cannot_be_used_are_dropped_counted_and_said(world):
+    tracker = Tracker(world, Boat(world))
+    tracker.held_at(0.0)
+    tracker.say(1.0, 9)
+    tracker.publish(cloud(START_NS + 2 * SECOND, {"x": [1.0], "y": [2.0], "z": [0.0]}))
+    tracker.publish(PointCloud2())
+    tracker.say(3.0, 10, frame_id="map")
+    assert ids(tracker.held_at(12.0)) == [9]
+    tracker.say(13.0, 9, 9)
+    assert ids(tracker.held_at(24.0)) == [9]
+    tracker.say(25.0, 9, sigma=float("nan"))
+    assert ids(tracker.held_at(36.0)) == []
+    assert world.dropped() == {
+        "tracked_missing_field": 2,
+        "tracked_frame": 1,
+        "tracked_duplicate_id": 1,
+        "tracked_not_finite": 1,
+    }
+    world.until_logged("tracked targets dropped", "'track_id' is missing", level=WARN)
+    world.until_logged("tracked targets are in frame 'map'", level=WARN)
+
+
+def test_pings_that_loop_and_a_reset_forget_what_is_tracked(world):
+    tracker = Tracker(world, Boat(world))
+    tracker.say(1000.0, 9)
+    assert ids(tracker.held_at(1000.0)) == [9]
+    assert tracker.held_at(0.0) == []
+    tracker.say(1.0, 9)
+    assert ids(tracker.held_at(12.0)) == [9]
+    tracker.say(13.0, 9)
+    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    assert tracker.held_at(24.0) == []

@@ -1,0 +1,84 @@
+"""What a downstream tracker says that it tracks, and what of it can be used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.scan import LARGEST, SMALLEST
+from tsepm_ros.track import TrackArrays
+
+LARGEST_STATE = LARGEST["sensor_pose"]
+"""Largest magnitude of a state's numbers that is taken, m and m/s."""
+SMALLEST_SIGMA = SMALLEST["range_std"]
+"""Smallest standard deviation that is taken, m and m/s."""
+ASYMMETRY = 1e-6
+"""Largest difference of two correlations that should be equal."""
+LEAST_EIGENVALUE = 1e-12
+"""Of the correlations: below, the covariance is positive definite by rounding only."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerReport:
+    """Everything that a downstream tracker tracks at a time.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    frame_id : str
+        Frame of the states.
+    tracks : TrackArrays
+        With stamps of their own.
+    """
+
+    stamp: float
+    frame_id: str
+    tracks: TrackArrays
+
+
+def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
+    """The tracks that can be held, and the number of the others by reason.
+
+    Parameters
+    ----------
+    tracks : TrackArrays
+
+    Returns
+    -------
+    tracks : TrackArrays
+        With symmetric covariances.
+    dropped : dict of str to int
+        ``tracked_not_finite``: stamp, state or covariance is not finite, or beyond `LARGEST_STATE`;
+        ``tracked_bad_covariance``: not symmetric and positive definite, or a standard deviation
+        below `SMALLEST_SIGMA`; ``tracked_duplicate_id``: of several with an id the first is kept.
+    """
+    state, covariance = tracks.state, tracks.covariance
+    finite = np.isfinite(tracks.stamp) & (np.abs(state) <= LARGEST_STATE).all(axis=1)
+    finite &= (np.abs(covariance) <= LARGEST_STATE**2).all(axis=(1, 2))
+    good = finite.copy()
+    good[finite] = _proper(covariance[finite])
+    _, first = np.unique(tracks.track_id[good], return_index=True)
+    kept = np.flatnonzero(good)[np.sort(first)]
+    counts = {
+        "tracked_not_finite": (~finite).sum(),
+        "tracked_bad_covariance": finite.sum() - good.sum(),
+        "tracked_duplicate_id": good.sum() - len(kept),
+    }
+    taken = tracks.where(kept)
+    symmetric = 0.5 * (taken.covariance + np.swapaxes(taken.covariance, 1, 2))
+    dropped = {reason: int(number) for reason, number in counts.items() if number}
+    return replace(taken, covariance=symmetric), dropped
+
+
+def _proper(covariance: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the finite matrices (n, 4, 4) are covariances."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    sigma = np.sqrt(np.maximum(variance, SMALLEST_SIGMA**2))
+    correlation = covariance / (sigma[:, :, None] * sigma[:, None, :])
+    skew = np.abs(correlation - np.swapaxes(correlation, 1, 2)).max(axis=(1, 2))
+    least = np.linalg.eigvalsh(correlation).min(axis=1)
+    proper = (variance >= SMALLEST_SIGMA**2).all(axis=1)
+    return np.asarray(proper & (skew <= ASYMMETRY) & (least > LEAST_EIGENVALUE))
