@@ -93,6 +93,10 @@ class SensorModel:
         """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2."""
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
+    def range_variance_slope(self, range: ArrayLike) -> NDArray[np.float64]:
+        """Derivative of the range's variance by the range, m: 2 range_std_fraction^2 range."""
+        return 2.0 * self.range_std_fraction**2 * np.asarray(range, float)
+
     def covers(self, range: ArrayLike, azimuth: ArrayLike) -> NDArray[np.bool_]:
         """Whether positions given in the sensor frame can be detected at all.
 

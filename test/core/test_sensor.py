@@ -24,6 +24,12 @@ def test_the_range_variance_has_a_constant_and_a_growing_part():
     assert sensor.range_variance([0.0, 400.0]).tolist() == pytest.approx([9.0, 25.0])
 
 
+def test_the_slope_of_the_range_variance_is_its_derivative():
+    sensor = SensorModel(range_std=3.0, range_std_fraction=0.01)
+    rise = sensor.range_variance(401.0) - sensor.range_variance(399.0)
+    assert sensor.range_variance_slope(400.0) == pytest.approx(rise / 2.0)
+
+
 @pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(SensorModel)])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "wide", None, True], ids=str)
 def test_what_is_no_finite_number_is_refused_by_name(name, value):

@@ -1,0 +1,72 @@
+"""How well a start could be estimated at all."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tsepm_ros.sensor import SensorModel
+
+FloatArray = NDArray[np.float64]
+
+
+def cramer_rao(
+    positions: ArrayLike,
+    times: ArrayLike,
+    sensor_positions: ArrayLike,
+    sensor: SensorModel,
+    stamp: float,
+) -> FloatArray:
+    """Cramer-Rao bound of the state ``[x, vx, y, vy]`` from ranges and azimuths.
+
+    No unbiased estimate from Gaussian ranges r and azimuths a of a constant-velocity target has a
+    smaller covariance than ``I^-1`` (Kay, "Fundamentals of Statistical Signal Processing:
+    Estimation Theory", 1993, Eq. 3.31)::
+
+        I = sum_i dr dr' (1/v + (dv/dr)^2 / (2 v^2)) + da da' / s_a^2
+
+    with dr and da the gradients of range and azimuth by the state. The second term is what a range
+    error tells by its size, its variance v growing with range.
+
+    Parameters
+    ----------
+    positions : (..., m, 2) array_like
+        True positions at the m hits, m.
+    times : (..., m) array_like
+        Times of the hits, s.
+    sensor_positions : (2,) or (..., m, 2) array_like
+        Where the sensor was, m.
+    sensor : SensorModel
+        Range and azimuth errors.
+    stamp : float
+        Time of the state, s.
+
+    Returns
+    -------
+    (..., 4, 4) ndarray
+        m^2, m^2/s, m^2/s^2.
+
+    Raises
+    ------
+    ValueError
+        If the hits of a target are not at two times at least: its velocity has no bound.
+    """
+    tau = np.asarray(times, float) - stamp
+    if not tau.shape[-1] or not np.ptp(tau, axis=-1).all():
+        raise ValueError("times: the hits must be at two different times at least")
+    offset = np.asarray(positions, float) - np.asarray(sensor_positions, float)
+    range_ = np.hypot(offset[..., 0], offset[..., 1])
+    variance = sensor.range_variance(range_)
+    of_range = 1.0 / variance + 0.5 * np.square(sensor.range_variance_slope(range_) / variance)
+    along = offset / range_[..., None]
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    # Rows of a square root of I: both directions, each weighted by its information.
+    directions = np.stack(
+        [along * np.sqrt(of_range)[..., None], across / (range_ * sensor.azimuth_std)[..., None]],
+        axis=-2,
+    )
+    motion = np.stack([np.ones_like(tau), tau], axis=-1)
+    root = directions[..., None] * motion[..., None, None, :]  # (..., m, 2, axis, derivative)
+    root = root.reshape(*root.shape[:-4], -1, 4)
+    bound = np.linalg.inv(np.swapaxes(root, -1, -2) @ root)
+    return bound.astype(np.float64, copy=False)
