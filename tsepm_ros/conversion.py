@@ -47,6 +47,27 @@ def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLi
     return np.stack([unbiased_range * np.cos(azimuth), unbiased_range * np.sin(azimuth)], axis=-1)
 
 
+def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
+    """Undo `unbiased_position`: what the sensor measured.
+
+    Parameters
+    ----------
+    detections : (...) ndarray of DETECTION
+        Detections.
+
+    Returns
+    -------
+    range : (...) ndarray
+        m.
+    azimuth : (...) ndarray
+        In the fixed frame's axes, rad.
+    """
+    offset = detections["position"] - detections["sensor_pose"][..., :2]
+    unbiased_range = np.hypot(offset[..., 0], offset[..., 1])
+    range_ = unbiased_range * np.exp(-0.5 * np.square(detections["azimuth_std"]))
+    return range_, np.arctan2(offset[..., 1], offset[..., 0])
+
+
 def position_covariance(
     range: ArrayLike, azimuth: ArrayLike, range_variance: ArrayLike, azimuth_std: ArrayLike
 ) -> FloatArray:
@@ -180,11 +201,21 @@ def covariance_at(
     """
     offset = positions - detections["sensor_pose"][..., :2]
     range_ = np.hypot(offset[..., 0], offset[..., 1])
-    own = detections["range_std"]
     covariance = position_covariance(
         range_,
         np.arctan2(offset[..., 1], offset[..., 0]),
-        np.where(np.isnan(own), sensor.range_variance(range_), own**2),
+        range_variance_at(detections, range_, sensor),
         detections["azimuth_std"],
     )
     return covariance + pose_error_covariance(offset, detections["sensor_pose_covariance"])
+
+
+def range_variance_at(
+    detections: NDArray[np.void], range: FloatArray, sensor: SensorModel
+) -> FloatArray:
+    """Variance of the detections' ranges for targets at the given ones, (...), m^2.
+
+    A detection's own deviation does not depend on the range.
+    """
+    own = detections["range_std"]
+    return np.where(np.isnan(own), sensor.range_variance(range), own**2)

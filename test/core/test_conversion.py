@@ -13,6 +13,7 @@ from tsepm_ros.conversion import (
     convert,
     covariance_at,
     major_sigma,
+    measured_polar,
     pose_error_covariance,
     position_covariance,
     unbiased_position,
@@ -251,3 +252,12 @@ def test_major_sigma_is_the_root_of_the_larger_eigenvalue():
     covariances = root @ np.swapaxes(root, 1, 2)
     expected = np.sqrt(np.linalg.eigvalsh(covariances)[:, 1])
     np.testing.assert_allclose(major_sigma(covariances), expected, rtol=1e-9)
+
+
+def test_what_was_measured_comes_back_from_a_detection():
+    range_, azimuth = np.array([0.5, 3000.0, 9000.0]), np.array([0.1, 3.0, -2.0])
+    scan = Scan(0.0, range_, azimuth, azimuth_std=[0.5, 0.1, 0.01], sensor_pose=(50.0, -8.0, 1.0))
+    back_range, back_azimuth = measured_polar(convert(scan, SENSOR, 0))
+    np.testing.assert_allclose(back_range, range_, rtol=1e-12)
+    turn = np.remainder(back_azimuth - azimuth, 2 * np.pi)
+    np.testing.assert_allclose(turn, 1.0, rtol=1e-12)

@@ -242,7 +242,7 @@ ABSURD = {
 }
 
 
-@pytest.mark.parametrize("estimator", ["unweighted", "weighted"])
+@pytest.mark.parametrize("estimator", ["unweighted", "weighted", "polar"])
 @pytest.mark.parametrize("absurd", ABSURD)
 def test_absurd_numbers_are_refused_by_name_or_processed(absurd, estimator):
     made = make_initiator("tsepm", sensor=SensorModel(), min_hits=3, window=4, estimator=estimator)

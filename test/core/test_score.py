@@ -194,9 +194,11 @@ def test_a_track_says_its_evidence_and_by_how_much_it_passed():
     pytest.fail("nothing was confirmed")
 
 
-def test_state_and_covariance_are_those_of_the_hits_alone():
+@pytest.mark.parametrize("estimator", ["weighted", "polar"])
+def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
     # No clutter: one hypothesis, and the velocity prior must not be in what is published.
-    initiator = score(SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002))
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, estimator=estimator)
     positions = [(3000.0 + 48.0 * k, 2000.0 - 36.0 * k) for k in range(10)]
     scans = [scan_at(12.0 * k, [position]) for k, position in enumerate(positions)]
     found = []
@@ -206,7 +208,7 @@ def test_state_and_covariance_are_those_of_the_hits_alone():
             hits = np.concatenate(
                 [convert(scans[k], initiator.sensor, k) for k in range(index + 1)]
             )[None]
-            alone = fit(hits, scan.stamp, initiator.sensor, "weighted")
+            alone = fit(hits, scan.stamp, initiator.sensor, estimator)
             np.testing.assert_allclose(track.state, alone.state[0], rtol=1e-6, atol=1e-3)
             scale = np.linalg.norm(alone.covariance[0])
             np.testing.assert_allclose(

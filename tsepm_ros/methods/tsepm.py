@@ -55,7 +55,8 @@ class TsepmOptions:
     )
     estimator: str = parameter(
         "unweighted",
-        "Least squares as published, or weighted with the errors re-evaluated at the fit",
+        "Fit of a track: least squares as published, weighted with the errors re-evaluated at the "
+        "fit, or polar, the maximum likelihood of ranges and azimuths",
         choices=ESTIMATORS,
     )
     evaluation: str = parameter(
