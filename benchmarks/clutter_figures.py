@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from race import Lane
 from scenes import Scene
 from scipy.optimize import nnls
-from splitting_theory import Expected, expected_counts
 
+from tsepm_ros import SensorModel
+from tsepm_ros.analysis.splitting_theory import Expected, Gating, expected_counts
 from tsepm_ros.initiator import CommonOptions
 
 FloatArray = NDArray[np.float64]
@@ -125,8 +126,20 @@ class Requirement:
 def theory_of(scene: Scene, names: Sequence[str]) -> dict[str, Expected]:
     """Expected counts for the contenders with method tsepm."""
     entries = {name: CONTENDERS[name] for name in names if name.startswith("tsepm")}
+    sea = scene.sea
+    gating = Gating(
+        sensor=SensorModel(
+            range_std_fraction=sea.range_std_fraction,
+            azimuth_std=sea.azimuth_std,
+            max_range=sea.max_range,
+            clutter_density=sea.clutter_density,
+        ),
+        max_speed=sea.max_speed,
+        interval=sea.period,
+        gate_probability=sea.gate_probability,
+    )
     return {
-        name: expected_counts(scene.sea, entry.min_hits, entry.window, len(scene.scans))
+        name: expected_counts(gating, entry.min_hits, entry.window, len(scene.scans))
         for name, entry in entries.items()
     }
 

@@ -8,11 +8,20 @@ import dataclasses
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any, TextIO
 
+import yaml
+
+from tsepm_ros.analysis import design_report, designing
+from tsepm_ros.analysis.designing import Candidate
+from tsepm_ros.analysis.prediction import Case
 from tsepm_ros.analysis.report import text_table
 from tsepm_ros.analysis.study import StudyResult, study, summary
+from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import METHODS, available_methods
+from tsepm_ros.methods.score import ScoreOptions
+from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.offline import process_recording
 from tsepm_ros.parameter_groups import (
     NODES,
@@ -24,7 +33,9 @@ from tsepm_ros.parameter_groups import (
     parse_values,
     settings_from,
 )
+from tsepm_ros.parameters import Value
 from tsepm_ros.recording import read_recording
+from tsepm_ros.sensor import SensorModel
 from tsepm_ros.session import ScanResult
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
@@ -64,6 +75,21 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("recording", help="folder with detections.csv")
     _add_parameters(one)
     one.set_defaults(command=_run)
+
+    one = commands.add_parser(
+        "design", help="what a sonar and a wish lead to: thresholds, rules, what is found and when"
+    )
+    one.add_argument("--interval", type=float, default=12.0, help="time between pings, s")
+    one.add_argument("--scans", type=int, default=16, help="pings to find a target in")
+    one.add_argument("--speed", type=float, help="of the targets, m/s; default half max_speed")
+    one.add_argument("--range", type=float, help="of the targets, m; default all over the coverage")
+    one.add_argument("--wanted", type=float, default=0.9, help="share of the targets to be found")
+    one.add_argument("--runs", type=_positive, default=400, help="targets simulated")
+    one.add_argument("--seed", type=int, default=1)
+    one.add_argument("--workers", type=_positive, default=os.cpu_count() or 1)
+    one.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
+    _add_parameters(one)
+    one.set_defaults(command=_design)
 
     one = commands.add_parser("study", help="simulate a scenario many times and sum up")
     scenarios = ", ".join(shipped_scenarios())
@@ -141,6 +167,55 @@ def write_tracks(results: Iterable[ScanResult], file: TextIO) -> None:
                     track.age,
                 ]
             )
+
+
+def _design(options: argparse.Namespace) -> None:
+    values = parse_values(options.parameter)
+    made = make_groups(TRACK_INITIATOR, values)
+    score, max_speed = made[ScoreOptions], made[CommonOptions].max_speed
+    case = Case(
+        sensor=made[SensorModel],
+        max_speed=max_speed,
+        interval=options.interval,
+        scans=options.scans,
+        target_speed=0.5 * max_speed if options.speed is None else options.speed,
+        target_range=options.range,
+    )
+    if "score.window" not in values:
+        score = dataclasses.replace(score, window=designing.score_window(case, score))
+    wish = score.false_tracks_per_hour
+    worth = designing.worth(case, score.gate_probability)
+    threshold, _ = designing.score_threshold(case, score)
+    print(design_report.case_lines(case, wish))
+    print(design_report.worth_line(worth, threshold))
+    rules = designing.rules_within(case, made[TsepmOptions], wish)
+    print("\nM/N rules of the method tsepm that keep the wish: ", end="")
+    print(f"\n{design_report.rule_table(rules)}" if rules else "none")
+    amount = {"runs": options.runs, "seed": options.seed, "workers": options.workers}
+    found = list(designing.candidates(case, score, rules, **amount))
+    print(f"\nsimulated, {options.runs} targets, seed {options.seed}; score with window", end=" ")
+    print(f"{score.window}; 95 % intervals")
+    print(design_report.candidate_table(found, case.sensor.coverage_area))
+    print(f"\n{design_report.verdict(found, options.wanted, worth)}")
+    if max(one.found.detection.high for one in found) < options.wanted:
+        amount["runs"] = min(options.runs, 100)
+        changes = designing.with_remedies(case, score, **amount)
+        print(design_report.remedy_table(list(_with_progress(changes, designing.REMEDIES))))
+    if options.write:
+        _write_parameters(options.write, values, found)
+
+
+def _write_parameters(path: str, values: dict[str, Value], found: list[Candidate]) -> None:
+    """Write what was given and what follows for the best candidate."""
+    best = max(found, key=lambda one: one.found.detection.value)
+    own = ("window",) if best.method == "score" else ("min_hits", "window")
+    chosen = {"method": best.method}
+    chosen |= {f"{best.method}.{name}": best.options[name] for name in own}
+    content = {"track_initiator": {"ros__parameters": {**values, **chosen}}}
+    try:
+        Path(path).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {error}") from None
 
 
 def _study(options: argparse.Namespace) -> None:

@@ -64,9 +64,12 @@ class ScorePlan:
     false_share : (t,) ndarray
         P_0 of passing each of the first of `THRESHOLDS`, per start from clutter; as far as enough
         of the simulated targets passed.
+    passed_share : (t, scans) ndarray
+        P_1 of having passed each of these by each scan, per target, from its first detection on.
     """
 
     false_share: FloatArray
+    passed_share: FloatArray
 
     def threshold(self, false_share: float) -> float:
         """The least threshold that at most this share of the starts from clutter passes.
@@ -82,6 +85,18 @@ class ScorePlan:
             found = THRESHOLDS[len(fits) - 1] + math.log(self.false_share[-1] / false_share)
         return min(max(found, highest - LARGEST_GAIN), highest)
 
+    def passed(self, threshold: float) -> FloatArray:
+        """Share of the targets that have passed a threshold by each scan, (scans,).
+
+        From the first detection on, and without clutter, which adds evidence of its own; 0 beyond
+        the thresholds that were simulated.
+        """
+        row = math.ceil(threshold / THRESHOLDS[1])
+        if row >= len(self.passed_share):
+            return np.zeros(self.passed_share.shape[1])
+        share: FloatArray = self.passed_share[row]
+        return share
+
 
 @lru_cache(maxsize=64)
 def score_plan(
@@ -94,6 +109,7 @@ def score_plan(
     process_noise: float,
     deletion: float,
     min_hits: int,
+    scans: int = 0,
 ) -> ScorePlan:
     """Follow the evidence for targets drawn as the method assumes them.
 
@@ -108,21 +124,25 @@ def score_plan(
         Scans.
     gate_probability, process_noise, deletion, min_hits
         As in the method.
+    scans : int, optional
+        Scans through which a target is followed, if more than the window.
 
     Returns
     -------
     ScorePlan
     """
-    targets = _draw_targets(sensor, max_speed, interval, window, process_noise)
-    evidences = np.full((PATHS, window), -np.inf)
-    for first in range(window):
+    scans = max(scans, window)
+    targets = _draw_targets(sensor, max_speed, interval, scans, process_noise)
+    evidences = np.full((PATHS, scans), -np.inf)
+    for first in range(scans):
         score = _scores(
             targets, first, sensor, max_speed, interval, gate_probability, process_noise, deletion
         )
+        score[:, first + window :] = -np.inf
         evidences = np.logaddexp(evidences, score)
     enough = np.cumsum(targets.detected, axis=1) >= min_hits
     tested = np.where(targets.detected & enough, evidences, -np.inf)
-    return ScorePlan(_false_share(tested))
+    return _plan(tested, window)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,17 +226,19 @@ def _scores(
     return scores
 
 
-def _false_share(tested: FloatArray) -> FloatArray:
-    """``E_1[exp(-evidence at the first passage); passes]`` for the first of `THRESHOLDS`."""
+def _plan(tested: FloatArray, window: int) -> ScorePlan:
+    """``E_1[exp(-evidence at the first passage); passes]`` in the window, and passages by scan."""
     running = np.maximum.accumulate(tested, axis=1)
-    shares = []
+    false, true = [], []
     for threshold in THRESHOLDS:
         passed = running >= threshold
-        first = passed.argmax(axis=1)[passed[:, -1]]
+        in_window = passed[:, window - 1]
+        first = passed.argmax(axis=1)[in_window]
         if len(first) < LEAST_PASSAGES:
             break
-        shares.append(np.exp(-tested[passed[:, -1], first]).sum() / len(tested))
-    return np.array(shares)
+        false.append(np.exp(-tested[in_window, first]).sum() / len(tested))
+        true.append(passed.mean(axis=0))
+    return ScorePlan(np.array(false), np.reshape(true, (-1, tested.shape[1])))
 
 
 def _errors(state: FloatArray, sensor: SensorModel) -> FloatArray:

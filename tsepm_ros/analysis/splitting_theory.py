@@ -36,15 +36,37 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from contenders import Sea
 from numpy.typing import NDArray
 
 from tsepm_ros.conversion import major_sigma, position_covariance
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.splitting import gate_factor
 
 FloatArray = NDArray[np.float64]
 
 RINGS = 60
 """Rings into which the disc is divided."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gating:
+    """What decides how large the gates are.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+    max_speed : float
+        v_max, m/s.
+    interval : float
+        T, s.
+    gate_probability : float
+        P.
+    """
+
+    sensor: SensorModel
+    max_speed: float
+    interval: float
+    gate_probability: float
 
 
 @dataclass(frozen=True)
@@ -93,39 +115,46 @@ def overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> Float
     return np.where(crossing, lens, np.pi * radius**2)
 
 
-def gate_areas(sea: Sea, ranges: FloatArray, window: int) -> FloatArray:
-    """Areas a_k of the gates, k = 1 ... N, at each range, (r, N), m^2."""
+def error_radius(gating: Gating, ranges: FloatArray) -> FloatArray:
+    """Part of the gate's radius that the errors make, ``alpha sigma_Rmax``, (r,), m."""
+    sensor = gating.sensor
     covariance = position_covariance(
-        ranges,
-        np.zeros_like(ranges),
-        np.square(sea.range_std_fraction * ranges),
-        sea.azimuth_std,
+        ranges, np.zeros_like(ranges), sensor.range_variance(ranges), sensor.azimuth_std
     )
-    reach = sea.max_speed * sea.period * np.arange(1, window + 1)
-    radius = reach + (sea.gate_sigmas * major_sigma(covariance))[:, None]
-    return overlap_area(ranges[:, None], np.minimum(radius, sea.max_range), sea.max_range)
+    return gate_factor(gating.gate_probability) * major_sigma(covariance)
 
 
-def expected_counts(sea: Sea, min_hits: int, window: int, scans: int) -> Expected:
+def gate_areas(gating: Gating, ranges: FloatArray, window: int) -> FloatArray:
+    """Areas a_k of the gates, k = 1 ... N, at each range, (r, N), m^2."""
+    disc = gating.sensor.max_range
+    reach = gating.max_speed * gating.interval * np.arange(1, window + 1)
+    radius = reach + error_radius(gating, ranges)[:, None]
+    return overlap_area(ranges[:, None], np.minimum(radius, disc), disc)
+
+
+def expected_counts(gating: Gating, min_hits: int, window: int, scans: int) -> Expected:
     """Follow the chain from an empty start.
+
+    A sector has its share of the disc: what its gates miss beyond its sides is not looked at.
 
     Parameters
     ----------
-    sea : Sea
-        Clutter, sensor and gates.
+    gating : Gating
     min_hits, window : int
         M and N.
     scans : int
         Number of scans.
     """
-    edges = np.linspace(0.0, sea.max_range, RINGS + 1)
-    ring = np.pi * np.diff(np.square(edges))
-    areas = gate_areas(sea, 0.5 * (edges[1:] + edges[:-1]), window)
+    sensor = gating.sensor
+    edges = np.linspace(sensor.min_range, sensor.max_range, RINGS + 1)
+    ring = 0.5 * sensor.sector_width * np.diff(np.square(edges))
+    areas = gate_areas(gating, 0.5 * (edges[1:] + edges[:-1]), window)
     shape = (RINGS, window, min_hits - 1, window)  # ring, n - 1, h - 1, k - 1
     tracks, last_hits = np.zeros(shape), np.zeros(shape)
     counts = np.zeros((3, scans))
+    density = sensor.clutter_density
     for scan in range(scans):
-        tracks, last_hits, started, raw = _next_scan(tracks, last_hits, areas, sea.clutter_density)
+        tracks, last_hits, started, raw = _next_scan(tracks, last_hits, areas, density)
         counts[:, scan] = ring @ tracks.sum(axis=(1, 2, 3)), ring @ started, ring @ raw
     return Expected(*counts)
 

@@ -1,0 +1,84 @@
+"""The M/N rule's closed forms against the published table, and its chains against simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tsepm_ros.analysis.rules import (
+    confirmed_by,
+    false_start_probability,
+    gate_areas,
+    rule_detection_probability,
+)
+
+TABLE_1 = {  # M/N: P_F(1), P_D at p_d = 1.0, 0.9, 0.8
+    (3, 4): (0.1822, 0.9720, 0.8149, 0.6470),
+    (3, 5): (0.3953, 0.9963, 0.8788, 0.7445),
+    (4, 5): (0.0545, 0.9477, 0.7509, 0.5494),
+    (4, 6): (0.1554, 0.9871, 0.8348, 0.6506),
+    (5, 6): (0.0151, 0.9185, 0.6819, 0.4558),
+    (4, 7): (0.2621, 0.9944, 0.8676, 0.7161),
+    (5, 7): (0.0536, 0.9842, 0.8217, 0.6243),
+    (6, 7): (0.0040, 0.8857, 0.6119, 0.3715),
+    (5, 8): (0.1319, 0.9973, 0.8749, 0.7187),
+    (6, 8): (0.0170, 0.9743, 0.7819, 0.5535),
+    (7, 8): (0.0010, 0.8503, 0.5440, 0.2987),
+    (5, 9): (0.3446, 0.9996, 0.8925, 0.7650),
+    (6, 9): (0.0497, 0.9950, 0.8572, 0.6725),
+    (7, 9): (0.0025, 0.9619, 0.7367, 0.4822),
+    (8, 9): (0.0002, 0.8131, 0.4797, 0.2375),
+}
+LOW_IN_PRINT = {(4, 6), (4, 7)}
+"""Rows of the table whose P_D are lower than the form that fits all others."""
+NO_GATE_FITS = {(4, 7), (5, 9), (7, 9)}
+FITTED_MARGIN = 159.78
+STATED_MARGIN = 2.146 * 0.015 * 5000.0
+
+
+@pytest.mark.parametrize("rule", sorted(set(TABLE_1) - LOW_IN_PRINT))
+def test_p_d_is_that_of_the_published_table(rule):
+    published = TABLE_1[rule][1:]
+    computed = [rule_detection_probability(*rule, p, 0.9) for p in (1.0, 0.9, 0.8)]
+    assert computed == pytest.approx(published, abs=1e-4)
+
+
+@pytest.mark.parametrize("rule", sorted(set(TABLE_1) - NO_GATE_FITS))
+@pytest.mark.parametrize(("margin", "within"), [(FITTED_MARGIN, 2e-4), (STATED_MARGIN, 3.5e-3)])
+def test_false_starts_are_those_of_the_published_table(rule, margin, within):
+    if rule == (5, 8):
+        within = max(within, 1e-3)
+    computed = false_start_probability(*rule, 1e-6, gate_areas(10.0, 12.0, margin, rule[1]))
+    assert computed == pytest.approx(TABLE_1[rule][0], abs=within)
+
+
+@pytest.mark.parametrize("passes", [1.0, 0.6])
+def test_a_target_is_confirmed_as_often_as_its_start_by_start_simulation(passes):
+    rng = np.random.default_rng(5)
+    min_hits, window, scans, runs = 4, 6, 14, 40_000
+    by_scan = np.zeros(scans)
+    for _ in range(runs):
+        first, hits = None, 0
+        for scan in range(scans):
+            if first is None:
+                if rng.random() < 0.8:
+                    first, hits = scan, 1
+                continue
+            hits += rng.random() < 0.8 * 0.9
+            if hits == min_hits:
+                if rng.random() < passes:
+                    by_scan[scan:] += 1
+                    break
+                first = None
+            elif scan - first + 1 == window:
+                first = None
+    computed = confirmed_by(min_hits, window, 0.8, 0.9, scans, passes)
+    # Five standard errors of the simulated shares.
+    assert computed == pytest.approx(by_scan / runs, abs=5 * 0.5 / np.sqrt(runs))
+
+
+def test_one_start_is_the_first_window_of_many():
+    rule = (5, 8)
+    one = rule_detection_probability(*rule, 0.9, 0.9)
+    assert confirmed_by(*rule, 0.9, 0.9, 8)[-1] == pytest.approx(one, abs=0.1)
+    assert confirmed_by(*rule, 0.9, 0.9, 8)[-1] > one

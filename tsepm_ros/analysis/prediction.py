@@ -1,0 +1,346 @@
+"""What a method will do with a sonar: how many targets it finds, how soon, and what it makes up.
+
+Where no closed form reaches, the method itself is run. Targets are each simulated in a patch of
+their own clutter, which is all of it that can meet them; what clutter alone confirms is counted
+over the whole coverage.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from tsepm_ros import pruning
+from tsepm_ros.analysis.intervals import Estimate, mean, proportion
+from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
+from tsepm_ros.analysis.study import judge_run
+from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.conversion import convert, major_sigma, position_covariance
+from tsepm_ros.estimation import fit
+from tsepm_ros.evaluation import clutter_statistic, normalized_distance
+from tsepm_ros.methods import make_initiator
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.scan import Scan
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.simulation import Scenario, Simulator
+
+FloatArray = NDArray[np.float64]
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+"""Turns from one heading to the next: any number of them is spread evenly."""
+PATCH_SIGMAS = 4.0
+PATHS = 10_000
+FEWEST_PASSES = 3.0
+"""Passes of the simulated paths below which a share is not trusted."""
+SEGMENTS = 8
+"""Runs into which the time without a target is divided."""
+SECONDS_PER_HOUR = 3600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A sonar, its clutter and the targets it is to find.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+    max_speed : float
+        v_max, m/s.
+    interval : float
+        Time between pings, s.
+    scans : int
+        Pings within which a target should be found.
+    target_speed : float
+        m/s.
+    target_range : float, optional
+        Distance of the targets half-way, m; if not given they are spread over the coverage.
+    """
+
+    sensor: SensorModel
+    max_speed: float = 10.0
+    interval: float = 12.0
+    scans: int = 16
+    target_speed: float = 5.0
+    target_range: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("interval", "target_speed"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0) or (name == "interval" and value == 0.0):
+                raise ValueError(f"{name} must be finite and above 0; got {value!r}")
+        if self.scans < 3:
+            raise ValueError(f"scans must be at least 3; got {self.scans}")
+        sensor = self.sensor
+        if self.target_range is not None and not (
+            sensor.min_range <= self.target_range <= sensor.max_range
+        ):
+            raise ValueError(
+                f"range must be within the coverage, {sensor.min_range:g} to "
+                f"{sensor.max_range:g} m; got {self.target_range!r}"
+            )
+
+    @property
+    def scans_per_hour(self) -> float:
+        """Pings per hour."""
+        return SECONDS_PER_HOUR / self.interval
+
+    @property
+    def detections_per_scan(self) -> float:
+        """Expected false detections per ping."""
+        return self.sensor.clutter_density * self.sensor.coverage_area
+
+    @property
+    def starts_per_hour(self) -> float:
+        """False detections per hour: the starts from clutter, if each starts."""
+        return self.detections_per_scan * self.scans_per_hour
+
+
+@dataclass(frozen=True)
+class Found:
+    """What becomes of the targets.
+
+    Attributes
+    ----------
+    detection : Estimate
+        P_D within the case's scans.
+    confirmation_time : Estimate
+        Mean time from the first scan to confirmation of those found, s.
+    slow_confirmation_time : float
+        95 % of those found are confirmed by then, s; nan if none is.
+    """
+
+    detection: Estimate
+    confirmation_time: Estimate
+    slow_confirmation_time: float
+
+
+def targets_found(
+    case: Case, method: str, options: dict[str, Any], *, runs: int, seed: int, workers: int = 1
+) -> Found:
+    """Simulate targets, each in its patch of clutter, and run the method on them.
+
+    Parameters
+    ----------
+    case : Case
+    method : str
+    options : dict
+        For `make_initiator`; a wanted number of false tracks is of the whole coverage.
+    runs, seed : int
+    workers : int
+        Processes.
+    """
+    jobs = [
+        (scene, [seed, index], method, _for_patch(case, scene, options))
+        for index, scene in enumerate(_patches(case, runs))
+    ]
+    times = [time for time in _mapped(_time_found, jobs, workers) if time is not None]
+    return Found(
+        detection=proportion(len(times), runs),
+        confirmation_time=mean(times),
+        slow_confirmation_time=float(np.quantile(times, 0.95)) if times else math.nan,
+    )
+
+
+def false_tracks_per_hour(
+    case: Case, method: str, options: dict[str, Any], *, scans: int, seed: int, workers: int = 1
+) -> Estimate:
+    """Run the method on clutter alone and count what it confirms.
+
+    Parameters
+    ----------
+    case : Case
+    method : str
+    options : dict
+        For `make_initiator`.
+    scans : int
+        Scans counted, after those in which the potential tracks gather.
+    seed : int
+    workers : int
+        Processes.
+
+    Returns
+    -------
+    Estimate
+        With the interval of a Poisson count.
+    """
+    part = math.ceil(scans / SEGMENTS)
+    scene = Scenario(
+        name="clutter", scans=case.scans + part, period=case.interval, sensor=case.sensor
+    )
+    jobs = [(scene, [seed, index], method, options, case.scans) for index in range(SEGMENTS)]
+    number = sum(_mapped(_count_false, jobs, workers))
+    hours = SEGMENTS * part / case.scans_per_hour
+    low = 0.5 * chdtri(2 * number, 0.975) if number else 0.0
+    high = 0.5 * chdtri(2 * number + 2, 0.025)
+    return Estimate(number / hours, float(low) / hours, float(high) / hours)
+
+
+def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
+    """Share of the raw confirmations from clutter that pass the method's evaluation (Step 6).
+
+    Paths are drawn with their hits spread evenly over the gates, their scans with the weights
+    ``prod a_k exp(-lambda a_j)`` of the gates hit and left empty on the way.
+
+    Parameters
+    ----------
+    gating : Gating
+    options : TsepmOptions
+
+    Returns
+    -------
+    float
+        Where next to none passes, what three that pass would make.
+    """
+    rng = np.random.default_rng(1)
+    ranges, scans = _drawn_paths(rng, gating.sensor, options)
+    gaps = np.diff(scans, axis=1)
+    areas = gate_areas(gating, ranges, options.window)
+    taken = np.take_along_axis(areas, gaps - 1, axis=1)
+    before = np.cumsum(areas, axis=1) - areas
+    empty = np.take_along_axis(before, gaps - 1, axis=1)
+    weight = (np.log(taken) - gating.sensor.clutter_density * empty).sum(axis=1)
+    weight = np.exp(weight - weight.max())
+    radius = gating.max_speed * gating.interval * gaps + error_radius(gating, ranges)[:, None]
+    step = radius * np.sqrt(rng.random(radius.shape))
+    turn = rng.uniform(-math.pi, math.pi, radius.shape)
+    x = np.cumsum(np.column_stack([ranges, step * np.cos(turn)]), axis=1)
+    y = np.cumsum(np.column_stack([np.zeros(PATHS), step * np.sin(turn)]), axis=1)
+    kept = _passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
+    independent = weight.sum() ** 2 / np.square(weight).sum()
+    return float(max(np.average(kept, weights=weight), FEWEST_PASSES / independent))
+
+
+def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> float:
+    """Share of a target's tracks, all hits its own, that pass the method's evaluation (Step 6).
+
+    Parameters
+    ----------
+    gating : Gating
+    options : TsepmOptions
+    speed : float
+        The target's, m/s.
+    """
+    rng = np.random.default_rng(2)
+    sensor = gating.sensor
+    ranges, scans = _drawn_paths(rng, sensor, options)
+    heading = rng.uniform(-math.pi, math.pi, (PATHS, 1))
+    way = speed * gating.interval * scans
+    x, y = ranges[:, None] + way * np.cos(heading), way * np.sin(heading)
+    true_range = np.hypot(x, y)
+    range_ = true_range + rng.standard_normal(x.shape) * np.sqrt(sensor.range_variance(true_range))
+    azimuth = np.arctan2(y, x) + rng.standard_normal(x.shape) * sensor.azimuth_std
+    return float(_passing(gating, options, scans, np.abs(range_), azimuth).mean())
+
+
+def _drawn_paths(
+    rng: np.random.Generator, sensor: SensorModel, options: TsepmOptions
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """First ranges (n,) over the coverage, and scans (n, M) of the hits, the first in scan 0."""
+    ranges = np.sqrt(rng.uniform(sensor.min_range**2, sensor.max_range**2, PATHS))
+    later = rng.permuted(np.tile(np.arange(1, options.window), (PATHS, 1)), axis=1)
+    later = np.sort(later[:, : options.min_hits - 1], axis=1)
+    return ranges, np.concatenate([np.zeros((PATHS, 1), np.int64), later], axis=1)
+
+
+def _passing(
+    gating: Gating,
+    options: TsepmOptions,
+    scans: NDArray[np.int64],
+    range_: FloatArray,
+    azimuth: FloatArray,
+) -> NDArray[np.bool_]:
+    """Which paths (n, M) of hits pass the evaluation, (n,)."""
+    sensor = gating.sensor
+    flat = Scan(stamp=0.0, range=range_.ravel(), azimuth=azimuth.ravel())
+    hits = convert(flat, sensor, 0).reshape(scans.shape)
+    hits["time"] = scans * gating.interval
+    if options.evaluation == "clutter_statistic":
+        figure = clutter_statistic(hits["position"], sensor.clutter_density)
+        threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
+    else:
+        stamp = options.window * gating.interval
+        figure = normalized_distance(hits, fit(hits, stamp, sensor, options.estimator))
+        threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
+    return pruning.keep(figure, threshold)
+
+
+def _patches(case: Case, runs: int) -> Iterator[Scenario]:
+    """A scene for each run: a target half-way through at one of evenly spread distances."""
+    sensor = case.sensor
+    travel = case.target_speed * (case.scans - 1) * case.interval
+    nearest = min(sensor.min_range + 0.5 * travel, 0.5 * (sensor.min_range + sensor.max_range))
+    farthest = max(sensor.max_range - 0.5 * travel, 0.5 * (sensor.min_range + sensor.max_range))
+    middle = 0.5 * (sensor.azimuth_min + sensor.azimuth_min + sensor.sector_width)
+    order = np.random.default_rng(0).permutation(runs)
+    for index in range(runs):
+        share = (order[index] + 0.5) / runs
+        range_ = case.target_range or math.sqrt(nearest**2 + share * (farthest**2 - nearest**2))
+        heading = 2.0 * math.pi * GOLDEN * index
+        velocity = case.target_speed * np.array([math.cos(heading), math.sin(heading)])
+        centre = range_ * np.array([math.cos(middle), math.sin(middle)])
+        begin = centre - 0.5 * travel / max(case.target_speed, 1e-9) * velocity
+        half = _patch_size(case, range_, travel)
+        yield Scenario(
+            name="patch",
+            scans=case.scans,
+            period=case.interval,
+            sensor=sensor,
+            targets=(np.array([begin[0], velocity[0], begin[1], velocity[1]]),),
+            clutter_box=(
+                centre[0] - half,
+                centre[0] + half,
+                centre[1] - half,
+                centre[1] + half,
+            ),
+        )
+
+
+def _patch_size(case: Case, range_: float, travel: float) -> float:
+    """Half the side of a patch, m: the target's way, its errors, and what clutter paths reach."""
+    covariance = position_covariance(
+        range_, 0.0, case.sensor.range_variance(range_), case.sensor.azimuth_std
+    )
+    reach = case.max_speed * case.interval * math.sqrt(case.scans)
+    return 0.5 * travel + PATCH_SIGMAS * float(major_sigma(covariance)) + reach
+
+
+def _for_patch(case: Case, scene: Scenario, options: dict[str, Any]) -> dict[str, Any]:
+    """The options with the patch's share of the wanted false tracks."""
+    wish = options.get("false_tracks_per_hour")
+    if wish is None:
+        return options
+    return {**options, "false_tracks_per_hour": wish * scene.area / case.sensor.coverage_area}
+
+
+def _time_found(job: tuple[Scenario, list[int], str, dict[str, Any]]) -> float | None:
+    """Time of the target's true start, s."""
+    for judged in judge_run(*job):
+        if judged.outcome is Outcome.TRUE:
+            return judged.track.stamp
+    return None
+
+
+def _count_false(job: tuple[Scenario, list[int], str, dict[str, Any], int]) -> int:
+    """Tracks confirmed on clutter after the first scans."""
+    scene, seed, method, options, first = job
+    initiator = make_initiator(method, sensor=scene.sensor, **options)
+    return sum(
+        len(tracks)
+        for index, simulated in enumerate(Simulator(scene, seed))
+        if len(tracks := initiator.process(simulated.scan)) and index >= first
+    )
+
+
+def _mapped(function: Any, jobs: list[Any], workers: int) -> Iterator[Any]:
+    if workers == 1:
+        yield from map(function, jobs)
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        yield from pool.map(function, jobs, chunksize=max(1, len(jobs) // (8 * workers)))
