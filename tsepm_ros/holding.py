@@ -3,10 +3,11 @@
 Integrated probabilistic data association (Musicki, Evans, Stankovic, "Integrated probabilistic data
 association", IEEE Trans. Autom. Control 39(6), 1994): each track has a probability that its target
 exists, which falls with every miss, and is updated by the mean of its detections, each weighted by
-the probability that it is the target's. Over a scan a target goes on as it was or has turned, and
-both are weighed by what the detections say of them (a generalised pseudo-Bayesian estimator of
-first order: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and
-Navigation", 2001, section 11.6.4).
+the probability that it is the target's. What exists may fade and be seen again (their Markov chain
+two): misses come in runs where scans follow quickly, and a run of them does not end a track. The
+modes in which a target moves are weighed by what the detections say of them (`tsepm_ros.motion`;
+together: Musicki, Suvorova, "Tracking in clutter using IMM-IPDA-based algorithms", IEEE Trans.
+Aerosp. Electron. Syst. 44(1), 2008).
 
 Where a downstream tracker says what it tracks, that replaces what is held, and the rules by which
 tracks end here are for the others only: those it has not listed yet.
@@ -25,6 +26,7 @@ from scipy.spatial import cKDTree
 from tsepm_ros import filtering
 from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.evidence import LEAST_DENSITY
+from tsepm_ros.motion import Motion, stay_or_change
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.splitting import gate_factor
 from tsepm_ros.track import TrackArrays
@@ -35,10 +37,10 @@ IntArray = NDArray[np.int64]
 GATE_PROBABILITY = 0.99
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than the largest of the scan."""
-PROCESS_NOISE = 0.01
-"""Spectral density of a target's acceleration while it goes on, m^2/s^3: 1 m/s per 100 s."""
-TIME_TO_TURN = 100.0
-"""Mean time after which a target turns or changes its speed, s."""
+TIME_TO_FADE = 300.0
+"""Mean time after which a target that is seen fades, s."""
+TIME_OF_FADING = 20.0
+"""Mean time for which it is not seen then, s."""
 TIME_TO_VANISH = 600.0
 """Mean time after which a target is gone, s: without it no number of misses would tell."""
 LEAST_EXISTENCE = 0.01
@@ -47,6 +49,8 @@ TRACKED_EXISTENCE = 0.99
 """Probability that a target exists which a downstream tracker says it tracks: a choice."""
 LARGEST_FACTOR = 100.0
 """Logarithm of the largest factor by which detections are explained: no overflow."""
+ROUNDING = 1e-12
+"""Relative error of a covariance that has to be reckoned with."""
 SAME_SCANS = 5
 """Scans in a row for which a track must agree with an older one to be the same target's."""
 SAME_DISTANCE = 7.78
@@ -61,23 +65,6 @@ class Tracker(enum.Enum):
     NONE = "none"
     ALIVE = "alive"
     SILENT = "silent"
-
-
-@dataclass(frozen=True)
-class Model:
-    """How a target may move over a scan.
-
-    Attributes
-    ----------
-    probability : float
-        Of the model.
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        Predicted under it.
-    """
-
-    probability: float
-    state: FloatArray
-    covariance: FloatArray
 
 
 @dataclass(frozen=True)
@@ -99,14 +86,14 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class Association:
-    """Detections near the tracks, under one model; pairs as in `Neighbours`.
+    """Detections near the tracks, in one mode of motion; pairs as in `Neighbours`.
 
     Attributes
     ----------
     innovation : (p, 2) ndarray
         m.
     likelihood : (p,) ndarray
-        P_D N(z; H x, S), 1/m^2; 0 outside the gate.
+        N(z; H x, S), 1/m^2; 0 outside the gate.
     lag : (n,) ndarray
         Time after the scan's stamp of the tracks' nearest detections, s.
     spread : (n, 2, 2) ndarray
@@ -147,7 +134,10 @@ class TrackHold:
 
     def _forget(self) -> None:
         self._tracks = TrackArrays.of([])
+        self._motion = Motion.of(np.zeros((0, 4)), np.zeros((0, 4, 4)))
         self._existence = np.zeros(0)
+        # Probability that each target, if it exists, is seen: not faded.
+        self._seen = np.zeros(0)
         self._last_taken = np.zeros(0)
         self._agreed = np.zeros(0, np.int64)
         # Since when each track waits for the tracker to list it, s; -inf: it does.
@@ -166,12 +156,13 @@ class TrackHold:
     ) -> FloatArray:
         """Carry the tracks to a scan and let them take its detections.
 
-        With ``L_ij = P_D N(z_j; H x_i, S_i) / lambda_j`` of the detections in track i's gate::
+        With ``L_ij = s_i P_D N(z_j; H x_i, S_i) / lambda_j`` of the detections in track i's gate,
+        and s_i the probability that target i has not faded::
 
-            delta_i = P_D P_G - sum_j L_ij,    r_i <- (1 - delta_i) r_i / (1 - delta_i r_i)
-            beta_ij = L_ij / (1 - delta_i)
+            delta_i = s_i P_D P_G - sum_j L_ij,    r_i <- (1 - delta_i) r_i / (1 - delta_i r_i)
+            beta_ij = L_ij / (1 - delta_i),        1 - s_i <- (1 - s_i) / (1 - delta_i)
 
-        and over the models of motion, of probabilities mu_m,
+        and over the modes of motion, of probabilities mu_m,
         ``1 - delta = sum_m mu_m (1 - delta_m)`` and ``mu_m <- mu_m (1 - delta_m) / (1 - delta)``.
 
         Parameters
@@ -195,6 +186,13 @@ class TrackHold:
             less likely if detection j is not there for target i,
             ``f_ij = (1 - delta_i r_i) / (1 - delta_i r_i - r_i L_ij)``. Where another detection
             may as well be target i's, little is explained: so a second target is seen beside it.
+
+        Notes
+        -----
+        Targets compete for detections: to each, what the others explain is clutter, so that in all
+        but the f_ij of j itself ``L_ij / prod_k!=i f_kj`` stands for L_ij (as in Musicki, La Scala,
+        "Multi-target tracking in clutter without measurement assignment", IEEE Trans. Aerosp.
+        Electron. Syst. 44(3), 2008).
         """
         self._ended, self._cleared = self._cleared, []
         self._listen(stamp)
@@ -205,26 +203,27 @@ class TrackHold:
         step = stamp - self._tracks.stamp
         self._existence = self._existence * np.exp(-np.maximum(step, 0.0) / TIME_TO_VANISH)
         clutter = np.maximum(clutter, LEAST_DENSITY)
-        models = self._predicted(step, max_speed)
-        missed = 1.0 - detectable(models[0].state[:, 0::2]) * GATE_PROBABILITY
-        near = _neighbours(models[-1], stamp, detections)
-        gains, states, covariances = [], [], []
-        ratio = np.zeros(len(near.row))
-        for model in models:
-            found = _associated(model, near, stamp, detections, sensor)
-            of_model = found.likelihood / clutter[near.row]
-            gain = missed + np.bincount(near.owner, of_model, minlength=len(missed))  # 1 - delta
-            state, covariance = _mixed(model, near, found, of_model / gain[near.owner])
-            gains.append(model.probability * gain)
-            states.append(state)
-            covariances.append(covariance)
-            ratio += model.probability * of_model
-        existence = self._existence[near.owner]
-        whole = 1.0 - existence + existence * np.sum(gains, axis=0)[near.owner]
-        least = 1.0 - existence + existence * missed[near.owner]
-        factor = np.log(whole) - np.log(np.maximum(whole - existence * ratio, least))
-        factors = np.bincount(near.row, factor, minlength=len(detections))
-        self._update(stamp, np.array(gains), np.array(states), np.array(covariances), missed)
+        faded, still = stay_or_change(np.abs(step), TIME_TO_FADE, TIME_OF_FADING)
+        self._seen = 1.0 - self._seen * faded - (1.0 - self._seen) * still
+        predicted = self._motion.predicted(step, max_speed)
+        expected, _ = predicted.combined()
+        missed = 1.0 - self._seen * detectable(expected[:, 0::2]) * GATE_PROBABILITY
+        near = _neighbours(predicted, expected, stamp, detections)
+        found = [
+            _associated(state, covariance, near, stamp, detections, sensor)
+            for _, state, covariance in predicted.modes()
+        ]
+        # What is there was detected, wherever the data sheet ends the coverage.
+        scale = self._seen[near.owner] * sensor.detection_probability / clutter[near.row]
+        ratios = np.array([mode.likelihood for mode in found]) * scale
+        ratio = (predicted.probability[:, near.owner] * ratios).sum(axis=0)
+        alone = self._factors(near, missed, ratio, ratio)
+        by_others = np.bincount(near.row, alone, minlength=len(detections))[near.row] - alone
+        left = np.exp(-np.minimum(by_others, LARGEST_FACTOR))
+        factors = np.bincount(
+            near.row, self._factors(near, missed, ratio, left * ratio), minlength=len(detections)
+        )
+        self._update(stamp, predicted, near, found, left * ratios, missed)
         self._end(self._existence >= LEAST_EXISTENCE)
         self._end(~self._repeated())
         return clutter * np.expm1(np.minimum(factors, LARGEST_FACTOR))
@@ -234,6 +233,8 @@ class TrackHold:
         if not len(tracks):
             return
         self._tracks = self._tracks.joined(tracks)
+        self._motion = self._motion.joined(Motion.of(tracks.state, tracks.covariance))
+        self._seen = np.concatenate([self._seen, np.ones(len(tracks))])
         self._existence = np.concatenate([self._existence, np.full(len(tracks), existence)])
         self._last_taken = np.concatenate([self._last_taken, tracks.stamp])
         self._agreed = np.concatenate([self._agreed, np.zeros(len(tracks), np.int64)])
@@ -275,6 +276,7 @@ class TrackHold:
             covariance=_put(held.covariance, row, told.covariance),
             age=_put(held.age, row, held.age[row] + told.stamp - held.stamp[row]),
         )
+        self._motion = self._motion.with_rows(row, Motion.of(told.state, told.covariance))
         self._existence[row] = TRACKED_EXISTENCE
         self._last_taken[row] = np.maximum(self._last_taken[row], told.stamp)
         self._waiting_since[row] = -np.inf
@@ -304,33 +306,64 @@ class TrackHold:
         if self.tracker is Tracker.ALIVE and abs(stamp - self._heard) > self.tracked_timeout:
             self.tracker = Tracker.SILENT
 
-    def _predicted(self, step: FloatArray, max_speed: float) -> tuple[Model, Model]:
-        """The tracks after a time step, had they gone on and had they turned at some time since."""
-        state, covariance = self._tracks.state, self._tracks.covariance
-        longest = float(np.abs(step).max(initial=0.0))
-        turned = float(-np.expm1(-longest / TIME_TO_TURN))
-        spread = (0.5 * max_speed) ** 2 / max(longest, 1e-9)
-        return (
-            Model(1.0 - turned, *filtering.predict(state, covariance, step, PROCESS_NOISE)),
-            Model(turned, *filtering.predict(state, covariance, step, PROCESS_NOISE + spread)),
-        )
+    def _factors(
+        self, near: Neighbours, missed: FloatArray, ratio: FloatArray, left: FloatArray
+    ) -> FloatArray:
+        """Logarithm of f of each pair, (p,).
+
+        Parameters
+        ----------
+        near : Neighbours
+        missed : (n,) ndarray
+            ``1 - s_i P_D P_G``.
+        ratio, left : (p,) ndarray
+            L_ij, and what other targets leave of it where it is the alternative.
+        """
+        existence = self._existence[near.owner]
+        other = missed + np.bincount(near.owner, left, minlength=len(missed))
+        least = 1.0 - existence + existence * missed[near.owner]
+        without = 1.0 - existence + existence * (other[near.owner] - left)
+        factor: FloatArray = np.log1p(existence * ratio / np.maximum(without, least))
+        return factor
 
     def _update(
         self,
         stamp: float,
-        gains: FloatArray,
-        states: FloatArray,
-        covariances: FloatArray,
+        predicted: Motion,
+        near: Neighbours,
+        found: list[Association],
+        ratios: FloatArray,
         missed: FloatArray,
     ) -> None:
-        """Combine the models, (m, n) of them by track, and update the probability of existence."""
-        gain = gains.sum(axis=0)
-        share = gains / gain
-        state = np.einsum("mn,mni->ni", share, states)
-        shift = states - state
-        outer = shift[..., :, None] * shift[..., None, :]
-        covariance = np.einsum("mn,mnij->nij", share, covariances + outer)
+        """Update states, modes and the probabilities that the targets exist and are seen.
+
+        Parameters
+        ----------
+        stamp : float
+            s.
+        predicted : Motion
+        near : Neighbours
+        found : list of Association
+            By mode.
+        ratios : (2, p) ndarray
+            L_ij in each mode.
+        missed : (n,) ndarray
+            ``1 - s_i P_D P_G``.
+        """
+        gains, states, covariances = [], [], []
+        for (probability, state, covariance), mode, ratio in zip(
+            predicted.modes(), found, ratios, strict=True
+        ):
+            of_mode = missed + np.bincount(near.owner, ratio, minlength=len(missed))  # 1 - delta
+            after = _mixed(state, covariance, near, mode, ratio / of_mode[near.owner])
+            gains.append(probability * of_mode)
+            states.append(after[0])
+            covariances.append(after[1])
+        gain = np.sum(gains, axis=0)
+        self._motion = Motion(gains / gain, np.array(states), np.array(covariances))
+        state, covariance = self._motion.combined()
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)
+        self._seen = 1.0 - (1.0 - self._seen) / gain
         own = (1.0 - missed / gain) * self._existence >= 0.5
         self._last_taken = np.where(own, stamp, self._last_taken)
         self._tracks = replace(
@@ -378,7 +411,8 @@ class TrackHold:
 
     def _keep(self, held: NDArray[np.bool_]) -> None:
         """Keep only the tracks held."""
-        self._tracks = self._tracks.where(held)
+        self._tracks, self._motion = self._tracks.where(held), self._motion.where(held)
+        self._seen = self._seen[held]
         self._existence, self._last_taken = self._existence[held], self._last_taken[held]
         self._agreed, self._waiting_since = self._agreed[held], self._waiting_since[held]
 
@@ -390,18 +424,23 @@ def _put(array: FloatArray, row: IntArray, values: FloatArray) -> FloatArray:
     return array
 
 
-def _neighbours(model: Model, stamp: float, detections: NDArray[np.void]) -> Neighbours:
-    """The detections nearest to each predicted track."""
-    state, covariance = model.state, model.covariance
-    if not len(detections) or not len(state):
+def _neighbours(
+    motion: Motion, expected: FloatArray, stamp: float, detections: NDArray[np.void]
+) -> Neighbours:
+    """The detections nearest to each predicted track, as far as the gate of any mode reaches."""
+    if not len(detections) or not len(expected):
         return Neighbours(*np.zeros((3, 0), np.int64))
     lag = detections["time"] - stamp
     middle = 0.5 * (lag.min() + lag.max())
-    centre = state[:, 0::2] + middle * state[:, 1::2]
-    spread = filtering.position_covariance_after(covariance, np.full(len(state), middle))
-    sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
-    reach = 1.1 * gate_factor(GATE_PROBABILITY) * sigma
-    reach += np.hypot(state[:, 1], state[:, 3]) * np.ptp(lag)
+    centre = expected[:, 0::2] + middle * expected[:, 1::2]
+    reach = np.zeros(len(expected))
+    for _, state, covariance in motion.modes():
+        spread = filtering.position_covariance_after(covariance, np.full(len(state), middle))
+        sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
+        offset = state[:, 0::2] + middle * state[:, 1::2] - centre
+        of_mode = 1.1 * gate_factor(GATE_PROBABILITY) * sigma + np.hypot(*offset.T)
+        of_mode += np.hypot(state[:, 1], state[:, 3]) * np.ptp(lag)
+        reach = np.maximum(reach, of_mode)
     count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
     distance, near = cKDTree(detections["position"]).query(centre, k=count)
     owner, place = np.nonzero(distance <= reach[:, None])
@@ -409,14 +448,14 @@ def _neighbours(model: Model, stamp: float, detections: NDArray[np.void]) -> Nei
 
 
 def _associated(
-    model: Model,
+    state: FloatArray,
+    covariance: FloatArray,
     near: Neighbours,
     stamp: float,
     detections: NDArray[np.void],
     sensor: SensorModel,
 ) -> Association:
     """How well the detections fit the predicted tracks."""
-    state, covariance = model.state, model.covariance
     if not len(near.nearest):
         lag, spread = np.zeros(len(state)), covariance[:, 0::2, 0::2]
         return Association(np.zeros((0, 2)), np.zeros(0), lag, spread)
@@ -431,28 +470,33 @@ def _associated(
     innovation = detections["position"][row] - state[owner, 0::2] - own_lag * state[owner, 1::2]
     density, distance = filtering.log_density(innovation, spread[owner])
     inside = distance <= gate_factor(GATE_PROBABILITY) ** 2
-    # What is there was detected, wherever the data sheet ends the coverage.
-    likelihood = np.where(inside, sensor.detection_probability * np.exp(density), 0.0)
+    likelihood = np.where(inside, np.exp(density), 0.0)
     return Association(innovation, likelihood, lag, spread)
 
 
 def _mixed(
-    model: Model, near: Neighbours, found: Association, weight: FloatArray
+    state: FloatArray,
+    covariance: FloatArray,
+    near: Neighbours,
+    found: Association,
+    weight: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance of each track over which detection, if any, is the target's.
 
     ``x + K v``, ``P - (1 - beta_0) K S K' + K (sum_j beta_j v_j v_j' - v v') K'`` with
     ``v = sum_j beta_j v_j``.
     """
-    n = len(model.state)
+    n = len(state)
     x, y = found.innovation.T
     parts = (np.ones_like(x), x, y, x * x, x * y, y * y)
     some, *sums = (np.bincount(near.owner, weight * part, minlength=n) for part in parts)
     mean = np.stack(sums[:2], axis=-1)
     square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
-    gain = filtering.gain(model.covariance, found.lag, found.spread)
+    gain = filtering.gain(covariance, found.lag, found.spread)
     change = square - mean[:, :, None] * mean[:, None, :] - some[:, None, None] * found.spread
-    state = model.state + (gain @ mean[..., None])[..., 0]
-    covariance = model.covariance + gain @ change @ np.swapaxes(gain, 1, 2)
-    # Rounding must not make it asymmetric: that part would grow from scan to scan.
-    return state, 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
+    state = state + (gain @ mean[..., None])[..., 0]
+    covariance = covariance + gain @ change @ np.swapaxes(gain, 1, 2)
+    # Rounding must not make it asymmetric, a part that would grow from scan to scan, or indefinite.
+    covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
+    covariance[:, range(4), range(4)] *= 1.0 + ROUNDING
+    return state, covariance

@@ -9,19 +9,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from builders import FIXED_RANGE_ERROR, detections
+from scipy.linalg import expm
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros import holding as holding_module
+from tsepm_ros import motion as motion_module
 from tsepm_ros.conversion import convert, covariance_at
 from tsepm_ros.holding import (
     GATE_PROBABILITY,
     LEAST_EXISTENCE,
-    PROCESS_NOISE,
     SAME_SCANS,
+    TIME_OF_FADING,
+    TIME_TO_FADE,
+    TIME_TO_VANISH,
     TRACKED_EXISTENCE,
     Tracker,
     TrackHold,
 )
+from tsepm_ros.motion import PROCESS_NOISE
 from tsepm_ros.track import TrackArrays
 
 NOTHING = detections(np.zeros((0, 2)), 0.0)
@@ -32,8 +37,9 @@ MAX_SPEED = 10.0
 
 @pytest.fixture
 def straight(monkeypatch):
-    """Targets neither turn nor vanish: what is left has closed forms."""
-    monkeypatch.setattr(holding_module, "TIME_TO_TURN", math.inf)
+    """Targets neither turn nor fade nor vanish: what is left has closed forms."""
+    monkeypatch.setattr(motion_module, "TIME_TO_TURN", math.inf)
+    monkeypatch.setattr(holding_module, "TIME_TO_FADE", math.inf)
     monkeypatch.setattr(holding_module, "TIME_TO_VANISH", math.inf)
 
 
@@ -175,6 +181,51 @@ def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
     assert hold.ended == [1]
 
 
+def test_a_target_may_fade_and_is_given_up_later(monkeypatch):
+    # A target is seen, faded or gone: a hidden Markov chain, followed in plain matrices.
+    monkeypatch.setattr(motion_module, "TIME_TO_TURN", math.inf)
+    fade, appear, vanish = 1.0 / TIME_TO_FADE, 1.0 / TIME_OF_FADING, 1.0 / TIME_TO_VANISH
+    rates = np.array([[-fade - vanish, fade, vanish], [appear, -appear - vanish, vanish], [0] * 3])
+    hold, chain = holding(1), np.array([0.9, 0.0, 0.1])
+    for scan in itertools.count(1):
+        step(hold, 2.5 * scan, detectable=P_D)
+        chain = chain @ expm(2.5 * rates) * [1.0 - P_D * GATE_PROBABILITY, 1.0, 1.0]
+        chain /= chain.sum()
+        if chain[:2].sum() < LEAST_EXISTENCE:
+            break
+        np.testing.assert_allclose(hold._existence, [chain[:2].sum()], rtol=1e-9)
+        np.testing.assert_allclose(hold._seen, [chain[0] / chain[:2].sum()], rtol=1e-9)
+    assert hold.ended == [1]
+    assert scan > 10, "independent misses would end it after 4"
+
+
+def test_what_another_target_explains_leaves_a_track_its_own(straight):
+    # Two echoes, and the track of the first may take both: the other's is the other's.
+    found = detections([[2060.0, 1000.0], [2060.0, 1120.0]], 12.0)
+    other = tracks(2)
+    other.state[:, 2] = 1120.0
+    other.covariance[:] = np.diag([10.0, 0.1, 10.0, 0.1]) ** 2
+    alone, beside = holding(1), holding(1)
+    beside.add(other, 0.99)
+    unsure, explained = step(alone, 12.0, found, P_D), step(beside, 12.0, found, P_D)
+    assert explained[0] > 3.0 * unsure[0]
+    only = holding(1)
+    step(only, 12.0, found[:1], P_D)
+    aside = [np.abs(one.current.state[0] - only.current.state[0]) for one in (alone, beside)]
+    assert aside[1][2] < 0.2 * aside[0][2]
+
+
+def test_of_two_tracks_on_one_target_one_is_believed(straight):
+    hold = holding(1)
+    again = replace(tracks(1), track_id=np.array([7]))
+    hold.add(again, 0.5)
+    for scan in range(1, SAME_SCANS):
+        found = detections([[2000.0 + 60.0 * scan, 1000.0]], 12.0 * scan)
+        assert step(hold, 12.0 * scan, found, P_D)[0] > 100.0 * CLUTTER
+    assert ids(hold) == [1]
+    assert hold._existence[0] > 0.99
+
+
 def test_nothing_is_missed_where_nothing_can_be_detected():
     hold = holding(1)
     for scan in range(1, 50):
@@ -271,7 +322,7 @@ def test_the_gate_holds_its_probability(straight, sigmas, inside):
     spread = spread + covariance_at(detections([centre], 12.0), centre[None], FIXED_RANGE_ERROR)[0]
     offset = sigmas * np.linalg.cholesky(spread) @ [0.6, 0.8]
     explained = step(holding(1), 12.0, detections([centre + offset], 12.0), P_D)
-    assert (explained[0] > 0) == inside
+    assert (explained[0] > 1e-9 * CLUTTER) == inside
 
 
 def test_a_fast_target_seen_exactly_is_not_lost_by_the_time_of_its_echo():
@@ -484,7 +535,7 @@ def test_a_track_that_is_not_listed_yet_is_held_by_the_own_rules():
     assert hold.ended == [1]
 
 
-def test_what_is_tracked_is_not_ended_by_misses():
+def test_what_is_tracked_is_not_ended_by_misses(straight):
     hold = holding(hold_time=30.0)
     follow_tracker(hold, 0.0, 1)
     for stamp in (12.0, 24.0, 36.0, 48.0, 60.0):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,13 +16,18 @@ from scenes import random_scene
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.conversion import convert
 from tsepm_ros.estimation import fit
+from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.score import Score
+from tsepm_ros.offline import process_recording
+from tsepm_ros.recording import read_recording
+from tsepm_ros.session import SessionOptions, Settings
 from tsepm_ros.track import TrackArrays
 
 NEVER = 1e-30
 """A wish for so few false tracks that nothing is confirmed."""
 SONAR = SensorModel()
 DISC = SONAR.coverage_area
+JOYRIDE = Path(__file__).parents[2].parent / "shared" / "data" / "joyride"
 
 
 def score(sensor: SensorModel = SONAR, **options) -> Score:
@@ -158,6 +164,75 @@ def test_a_second_target_is_started_beside_one_that_is_held():
     y = sorted(track.position[1] for track in starts if abs(track.position[0] - 3000) < 3000)
     assert len(starts) == 2
     assert y == pytest.approx([1000.0, 2000.0], abs=200)
+
+
+RADAR = SensorModel(range_std=15.0, range_std_fraction=0.0, max_range=3000.0)
+"""A marine radar: a scan every 2.5 s."""
+
+
+def radar_starts(seed: int, paths: list, faded: frozenset[int] = frozenset()) -> list[int]:
+    """Scans of the starts on targets of given paths; the first fades in some scans."""
+    rng = np.random.default_rng([5, seed])
+    initiator, found = score(RADAR, max_speed=15.0), []
+    for index in range(60):
+        n = rng.poisson(RADAR.clutter_density * RADAR.coverage_area)
+        range_ = list(RADAR.max_range * np.sqrt(rng.random(n)))
+        azimuth = list(rng.uniform(-math.pi, math.pi, n))
+        for number, path in enumerate(paths):
+            if rng.random() < 0.8 and not (number == 0 and index in faded):
+                x, y = path(2.5 * index)
+                range_.append(math.hypot(x, y) + RADAR.range_std * rng.standard_normal())
+                azimuth.append(math.atan2(y, x) + RADAR.azimuth_std * rng.standard_normal())
+        for track in initiator.process(Scan(2.5 * index, range_, azimuth)):
+            apart = [np.hypot(*(track.position - path(track.stamp))) for path in paths]
+            found += [index] if min(apart) < 100.0 else []
+    return found
+
+
+def lane(x: float):
+    return lambda time: (x, 6.0 * time - 300.0)
+
+
+def zigzag(time: float) -> tuple[float, float]:
+    """Turns by 80 degrees, at once, every 25 s."""
+    legs, rest = divmod(time, 25.0)
+    return 700.0 + (6.0 * rest if legs % 2 == 0 else 150.0 - 6.0 * rest), 7.0 * time - 400.0
+
+
+@pytest.mark.parametrize(
+    ("paths", "faded", "starts"),
+    [
+        ([zigzag], frozenset(), 10),
+        ([lane(600.0)], frozenset(range(30, 37)), 10),
+        ([lane(600.0), lane(500.0)], frozenset(range(30, 37)), 18),
+    ],
+    ids=["turning", "fading", "fading beside another"],
+)
+def test_a_target_seen_by_a_fast_radar_is_started_once(paths, faded, starts):
+    runs = [radar_starts(seed, paths, faded) for seed in range(8)]
+    assert min(map(len, runs)) >= len(paths)
+    assert sum(map(len, runs)) <= starts
+
+
+@pytest.mark.skipif(not JOYRIDE.exists(), reason="the joyride data is not here")
+def test_the_vessel_of_the_joyride_is_started_at_most_three_times():
+    recording = read_recording(JOYRIDE)
+    sensor = SensorModel(range_std=15.0, range_std_fraction=0.0)
+    settings = Settings(
+        SessionOptions(method="score", own_ship_source="odometry"),
+        sensor,
+        CommonOptions(max_speed=15.0),
+    )
+    results, _ = process_recording(recording, settings, "north")
+    truth = {motion.time: motion.state for motion in recording.targets[0]}
+    on_vessel, elsewhere = [], []
+    for index, result in enumerate(results):
+        for track in result.new:
+            apart = np.hypot(*(track.position - truth[track.stamp][0::2]))
+            (on_vessel if apart < 100.0 else elsewhere).append((index, track.position.round()))
+    assert len(on_vessel) <= 3 and on_vessel[0][0] <= 6, on_vessel
+    # A second vessel, and echoes ashore.
+    assert len(elsewhere) <= 4, elsewhere
 
 
 def downstream(track_id: int, stamp: float, y: float) -> ConfirmedTrack:

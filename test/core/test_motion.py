@@ -1,0 +1,94 @@
+"""Modes of motion of the tracks held."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import motion as motion_module
+from tsepm_ros.filtering import predict
+from tsepm_ros.motion import PROCESS_NOISE, TIME_OF_TURN, TIME_TO_TURN, Motion, stay_or_change
+
+MAX_SPEED = 15.0
+STATE = np.array([[100.0, 5.0, -200.0, 3.0], [0.0, -8.0, 900.0, 0.0]])
+COVARIANCE = np.stack([np.diag([20.0, 2.0, 20.0, 2.0]) ** 2] * 2)
+
+
+def test_what_begins_and_ends_at_random_does_so_at_its_rates():
+    begun, still = stay_or_change(np.array([1e-6, 1e9]), 300.0, 20.0)
+    np.testing.assert_allclose(begun, [1e-6 / 300.0, 20.0 / 320.0], rtol=1e-6)
+    np.testing.assert_allclose(still, [1.0 - 1e-6 / 20.0, 20.0 / 320.0], rtol=1e-6)
+
+
+def test_two_steps_are_as_one_of_their_sum():
+    (first,), (still,) = stay_or_change(np.array([7.0]), 300.0, 20.0)
+    (second,), (on,) = stay_or_change(np.array([4.0]), 300.0, 20.0)
+    (begun,), (whole,) = stay_or_change(np.array([11.0]), 300.0, 20.0)
+    assert begun == pytest.approx(first * on + (1.0 - first) * second)
+    assert whole == pytest.approx(still * on + (1.0 - still) * second)
+
+
+def test_what_never_begins_does_not_change_anything(monkeypatch):
+    monkeypatch.setattr(motion_module, "TIME_TO_TURN", math.inf)
+    motion = Motion.of(STATE, COVARIANCE)
+    for _ in range(100):
+        motion = motion.predicted(np.full(2, 2.0), MAX_SPEED)
+    expected, spread = STATE, COVARIANCE
+    for _ in range(100):
+        expected, spread = predict(expected, spread, 2.0, PROCESS_NOISE)
+    state, covariance = motion.combined()
+    np.testing.assert_allclose(state, expected)
+    np.testing.assert_allclose(covariance, spread)
+
+
+@pytest.mark.parametrize("step", [2.5, -2.5, 12.0])
+def test_modes_are_mixed_and_carried_as_in_plain_loops(step):
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((2, 2, 4, 4))
+    motion = Motion(
+        np.array([[0.7, 0.2], [0.3, 0.8]]),
+        rng.standard_normal((2, 2, 4)),
+        root @ np.swapaxes(root, 2, 3) + np.eye(4),
+    )
+    found = motion.predicted(np.full(2, step), MAX_SPEED)
+    rates = 1.0 / TIME_TO_TURN + 1.0 / TIME_OF_TURN
+    left = math.exp(-rates * abs(step))
+    turning = 1.0 / TIME_TO_TURN / rates
+    change = np.array([[1.0 - turning, turning]] * 2) * (1.0 - left) + np.eye(2) * left
+    turn = (MAX_SPEED / 2.0) ** 2 / max(abs(step), TIME_OF_TURN)
+    for track in range(2):
+        for mode in range(2):
+            weight = [change[i, mode] * motion.probability[i, track] for i in range(2)]
+            assert found.probability[mode, track] == pytest.approx(sum(weight))
+            share = np.array(weight) / sum(weight)
+            mean = sum(share[i] * motion.state[i, track] for i in range(2))
+            spread = np.zeros((4, 4))
+            for i in range(2):
+                apart = motion.state[i, track] - mean
+                spread += share[i] * (motion.covariance[i, track] + np.outer(apart, apart))
+            noise = PROCESS_NOISE + (turn if mode else 0.0)
+            state, covariance = predict(mean[None], spread[None], step, noise)
+            np.testing.assert_allclose(found.state[mode, track], state[0])
+            np.testing.assert_allclose(found.covariance[mode, track], covariance[0])
+
+
+def test_what_is_not_known_of_a_turn_grows_while_nothing_is_seen():
+    motion = Motion.of(STATE, COVARIANCE)
+    for _ in range(6):
+        motion = motion.predicted(np.full(2, 2.5), MAX_SPEED)
+    _, covariance = motion.combined()
+    _, straight = predict(STATE, COVARIANCE, 15.0, PROCESS_NOISE)
+    speed = np.sqrt(covariance[0, 1, 1] - straight[0, 1, 1])
+    assert 0.15 * MAX_SPEED < speed < 0.5 * MAX_SPEED
+
+
+def test_rows_are_taken_joined_and_replaced():
+    motion = Motion.of(STATE, COVARIANCE).predicted(np.full(2, 2.5), MAX_SPEED)
+    one, two = motion.where(np.array([0])), motion.where(np.array([False, True]))
+    both = one.joined(two)
+    np.testing.assert_array_equal(both.state, motion.state)
+    swapped = both.with_rows(np.array([0]), two)
+    np.testing.assert_array_equal(swapped.state[:, 0], motion.state[:, 1])
+    np.testing.assert_array_equal(both.state, motion.state)
