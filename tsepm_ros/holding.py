@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 
 from tsepm_ros import filtering
 from tsepm_ros.conversion import covariance_at, major_sigma
+from tsepm_ros.detection_probability import DetectionProbability
 from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.motion import Motion, stay_or_change
 from tsepm_ros.sensor import SensorModel
@@ -123,6 +124,8 @@ class TrackHold:
     ----------
     tracker : Tracker
         Whether a downstream tracker was heard since the last clearing, and still is.
+    detection_probability : DetectionProbability
+        As the tracks tell it, from the scans after their confirmation.
     """
 
     def __init__(self, hold_time: float, tracked_timeout: float = 60.0) -> None:
@@ -138,12 +141,15 @@ class TrackHold:
         self._existence = np.zeros(0)
         # Probability that each target, if it exists, is seen: not faded.
         self._seen = np.zeros(0)
+        # Scans that covered each target since it was last detected.
+        self._undecided = np.zeros(0)
         self._last_taken = np.zeros(0)
         self._agreed = np.zeros(0, np.int64)
         # Since when each track waits for the tracker to list it, s; -inf: it does.
         self._waiting_since = np.zeros(0)
         self.tracker = Tracker.NONE
         self._heard = -np.inf
+        self.detection_probability = DetectionProbability()
 
     def step(
         self,
@@ -207,7 +213,8 @@ class TrackHold:
         self._seen = 1.0 - self._seen * faded - (1.0 - self._seen) * still
         predicted = self._motion.predicted(step, max_speed)
         expected, _ = predicted.combined()
-        missed = 1.0 - self._seen * detectable(expected[:, 0::2]) * GATE_PROBABILITY
+        probability = detectable(expected[:, 0::2])
+        missed = 1.0 - self._seen * probability * GATE_PROBABILITY
         near = _neighbours(predicted, expected, stamp, detections)
         found = [
             _associated(state, covariance, near, stamp, detections, sensor)
@@ -223,7 +230,8 @@ class TrackHold:
         factors = np.bincount(
             near.row, self._factors(near, missed, ratio, left * ratio), minlength=len(detections)
         )
-        self._update(stamp, predicted, near, found, left * ratios, missed)
+        taken = self._update(stamp, predicted, near, found, left * ratios, missed)
+        self._count(taken, probability > 0.0)
         self._end(self._existence >= LEAST_EXISTENCE)
         self._end(~self._repeated())
         return clutter * np.expm1(np.minimum(factors, LARGEST_FACTOR))
@@ -235,6 +243,7 @@ class TrackHold:
         self._tracks = self._tracks.joined(tracks)
         self._motion = self._motion.joined(Motion.of(tracks.state, tracks.covariance))
         self._seen = np.concatenate([self._seen, np.ones(len(tracks))])
+        self._undecided = np.concatenate([self._undecided, np.zeros(len(tracks))])
         self._existence = np.concatenate([self._existence, np.full(len(tracks), existence)])
         self._last_taken = np.concatenate([self._last_taken, tracks.stamp])
         self._agreed = np.concatenate([self._agreed, np.zeros(len(tracks), np.int64)])
@@ -334,7 +343,7 @@ class TrackHold:
         found: list[Association],
         ratios: FloatArray,
         missed: FloatArray,
-    ) -> None:
+    ) -> FloatArray:
         """Update states, modes and the probabilities that the targets exist and are seen.
 
         Parameters
@@ -349,6 +358,11 @@ class TrackHold:
             L_ij in each mode.
         missed : (n,) ndarray
             ``1 - s_i P_D P_G``.
+
+        Returns
+        -------
+        (n,) ndarray
+            Probability that each target exists and was detected.
         """
         gains, states, covariances = [], [], []
         for (probability, state, covariance), mode, ratio in zip(
@@ -364,8 +378,8 @@ class TrackHold:
         state, covariance = self._motion.combined()
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)
         self._seen = 1.0 - (1.0 - self._seen) / gain
-        own = (1.0 - missed / gain) * self._existence >= 0.5
-        self._last_taken = np.where(own, stamp, self._last_taken)
+        taken: FloatArray = (1.0 - missed / gain) * self._existence
+        self._last_taken = np.where(taken >= 0.5, stamp, self._last_taken)
         self._tracks = replace(
             self._tracks,
             stamp=np.full(len(state), stamp),
@@ -373,6 +387,15 @@ class TrackHold:
             covariance=covariance,
             age=self._tracks.age + (stamp - self._tracks.stamp),
         )
+        return taken
+
+    def _count(self, taken: FloatArray, covered: NDArray[np.bool_]) -> None:
+        """Count the detections that the tracks take, and the scans that each took."""
+        self._undecided += covered
+        self.detection_probability.update(
+            taken[covered], self._undecided[covered], GATE_PROBABILITY
+        )
+        self._undecided *= 1.0 - taken
 
     def _repeated(self) -> NDArray[np.bool_]:
         """Which tracks have for some scans been where an older one is: the same target again.
@@ -412,7 +435,7 @@ class TrackHold:
     def _keep(self, held: NDArray[np.bool_]) -> None:
         """Keep only the tracks held."""
         self._tracks, self._motion = self._tracks.where(held), self._motion.where(held)
-        self._seen = self._seen[held]
+        self._seen, self._undecided = self._seen[held], self._undecided[held]
         self._existence, self._last_taken = self._existence[held], self._last_taken[held]
         self._agreed, self._waiting_since = self._agreed[held], self._waiting_since[held]
 

@@ -59,6 +59,13 @@ class CommonOptions:
         unit="s",
         minimum=0.0,
     )
+    detection_probability: str = parameter(
+        "given",
+        "Detection probability: sensor.detection_probability as given; or estimated from the scans "
+        "after confirmation of the tracks held, beginning with what is given; that is right where "
+        "most of them are true, as with the method score",
+        choices=("given", "estimated"),
+    )
     tracked_timeout: float = parameter(
         60.0,
         "A downstream tracker whose last message on tracked is older than this at a scan is "
@@ -200,6 +207,25 @@ class Initiator(ABC):
         Their `track_id` is their place in the list.
         """
 
+    @property
+    def estimated_detection_probability(self) -> float:
+        """Detection probability as the tracks held tell it, whether it is used or not."""
+        return self.hold.detection_probability.estimate(self.sensor.detection_probability)
+
+    @property
+    def detection_probability(self) -> float:
+        """Detection probability in use: given or estimated."""
+        if self.common.detection_probability == "given":
+            return self.sensor.detection_probability
+        return self.estimated_detection_probability
+
+    @property
+    def sensor_in_use(self) -> SensorModel:
+        """The sensor with the detection probability in use."""
+        if self.common.detection_probability == "given":
+            return self.sensor
+        return dataclasses.replace(self.sensor, detection_probability=self.detection_probability)
+
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options before the next scan.
 
@@ -257,7 +283,7 @@ class Initiator(ABC):
             detections,
             self._clutter_density(detections),
             self._detectable,
-            self.sensor,
+            self.sensor_in_use,
             self.common.max_speed,
         )
         return detections
@@ -268,7 +294,7 @@ class Initiator(ABC):
         range_ = np.hypot(offset[:, 0], offset[:, 1])
         azimuth = np.arctan2(offset[:, 1], offset[:, 0]) - self._sensor_pose[2]
         covered = self.sensor.covers(range_, azimuth)
-        return np.where(covered, self.sensor.detection_probability, 0.0)
+        return np.where(covered, self.detection_probability, 0.0)
 
     def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
         """Clutter density at each detection, 1/m^2."""

@@ -440,6 +440,8 @@ class Session:
         values["potential_tracks"] = self.initiator.statistics.potential_tracks
         values["potential_tracks_most"] = totals.potential_tracks
         values["waiting_for_own_ship"] = len(self._waiting)
+        values["detection_probability"] = self.initiator.detection_probability
+        values["detection_probability_estimated"] = self.initiator.estimated_detection_probability
         values["tracker"] = self.initiator.hold.tracker.value
         values.update({f"dropped.{name}": n for name, n in sorted(self.dropped.items())})
         if self.initiator.hold.tracker is Tracker.SILENT:

@@ -567,6 +567,8 @@ def test_health_says_the_state_in_a_sentence_with_figures():
     assert (level, sentence) == ("ok", "3 scans, 1 confirmed tracks")
     assert (values["scans"], values["detections"], values["confirmed"]) == (3, 3, 1)
     assert values["waiting_for_own_ship"] == 0
+    assert values["detection_probability"] == 0.9
+    assert values["detection_probability_estimated"] == pytest.approx(0.9)
     play(one, [24, 20])
     level, sentence, values = one.health()
     assert level == "warn"

@@ -226,6 +226,9 @@ class Score(Initiator):
         if share is None:
             return math.inf
         sensor = self.sensor
+        if self.common.detection_probability == "estimated":
+            coarse = max(round(self.detection_probability, 1), 0.1)
+            sensor = replace(sensor, detection_probability=coarse)
         if self.options.clutter == "estimated" and len(self._polar[0]):
             density = float(np.median(self._clutter_map.at(*self._polar)))
             coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
@@ -360,7 +363,7 @@ class Score(Initiator):
         """Score of each child; -inf outside the gate."""
         _, innovation, spread = pairs
         density, distance = filtering.log_density(innovation, spread)
-        gain = evidence.hit_gain(density, self.sensor.detection_probability, clutter)
+        gain = evidence.hit_gain(density, self.detection_probability, clutter)
         gate = splitting.gate_factor(self.options.gate_probability) ** 2
         return np.where(distance <= gate, predicted.score[parent] + gain, -np.inf)
 

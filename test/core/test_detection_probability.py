@@ -1,0 +1,118 @@
+"""Detection probability, estimated from the tracks held."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.detection_probability import DATA_SHEET_SCANS, DetectionProbability
+from tsepm_ros.initiator import Initiator
+from tsepm_ros.methods.score import Score
+
+SENSOR = SensorModel(clutter_density=3e-7)
+TARGETS = np.array(
+    [[3000.0, 3.0, 2000.0, -2.0], [-4000.0, 2.0, 1000.0, 3.0], [500.0, -3.0, -4500.0, 1.0]]
+)
+
+
+def seen(detected: float, seed: int, scans: int = 80) -> list[Scan]:
+    """Scans of clutter and of the targets, which may be detected, and then vanish all at once."""
+    rng, made = np.random.default_rng([9, seed]), []
+    for index in range(scans):
+        n = rng.poisson(SENSOR.clutter_density * SENSOR.coverage_area)
+        range_ = 9000.0 * np.sqrt(rng.uniform(1e-6, 1.0, n))
+        azimuth = rng.uniform(-math.pi, math.pi, n)
+        found = TARGETS[rng.random(len(TARGETS)) < detected]
+        x, y = (found[:, axis] + 12.0 * index * found[:, axis + 1] for axis in (0, 2))
+        error = rng.standard_normal((2, len(found)))
+        range_ = np.append(range_, np.hypot(x, y) * (1.0 + 0.015 * error[0]))
+        azimuth = np.append(azimuth, np.arctan2(y, x) + SENSOR.azimuth_std * error[1])
+        made.append(Scan(12.0 * index, range_, azimuth))
+    return made
+
+
+def run(scans: list[Scan], how: str, method: str = "score") -> Initiator:
+    initiator = make_initiator(method, sensor=SENSOR, detection_probability=how)
+    for scan in scans:
+        initiator.process(scan)
+    return initiator
+
+
+def test_the_data_sheet_counts_until_tracks_tell_otherwise():
+    known = DetectionProbability()
+    assert known.estimate(0.9) == pytest.approx(0.9)
+    # Two tracks: detected in the first scan after two; in the second one, certainly not.
+    known.update(np.array([1.0, 0.0]), np.array([3.0, 5.0]), 0.99)
+    expected = (0.9 * DATA_SHEET_SCANS + 1.0 / 0.99) / (DATA_SHEET_SCANS + 3.0)
+    # The prior does not fade, and what was known before was nothing.
+    assert known.estimate(0.9) == pytest.approx(expected)
+
+
+def test_a_miss_and_a_detection_stay_possible():
+    known = DetectionProbability()
+    for _ in range(500):
+        known.update(np.ones(4), np.ones(4), 0.9)
+    assert known.estimate(1.0) == 0.999
+    for _ in range(500):
+        known.update(np.ones(1), np.array([1000.0]), 0.9)
+    assert known.estimate(0.9) == 0.05
+
+
+@pytest.mark.parametrize("true", [0.6, 0.8, 0.95])
+def test_the_estimate_comes_near_the_truth(true):
+    # 3 targets in 80 scans: 0.03 is the standard error of a share of 0.6 in 200 scans.
+    found = [run(seen(true, seed), "estimated") for seed in range(4)]
+    estimates = [one.estimated_detection_probability for one in found]
+    assert max(abs(estimate - true) for estimate in estimates) < 0.1
+    assert abs(np.mean(estimates) - true) < 0.04
+    assert [one.detection_probability for one in found] == estimates
+
+
+def test_targets_that_vanish_are_not_missed():
+    initiator = run(seen(0.8, 1), "estimated")
+    before = initiator.estimated_detection_probability
+    for index in range(80, 110):
+        initiator.process(Scan(12.0 * index, [], []))
+    assert not len(initiator.hold.current)
+    assert initiator.estimated_detection_probability == pytest.approx(before, abs=0.02)
+
+
+def test_it_is_known_in_either_case_and_used_where_asked_for():
+    scans = seen(0.6, 2)
+    given, estimated = run(scans, "given"), run(scans, "estimated")
+    assert given.detection_probability == SENSOR.detection_probability
+    assert given.sensor_in_use is SENSOR
+    assert given.estimated_detection_probability == pytest.approx(0.6, abs=0.1)
+    assert estimated.sensor_in_use.detection_probability == estimated.detection_probability
+    assert isinstance(estimated, Score) and isinstance(given, Score)
+    # A miss costs less, and the threshold is that of the sensor as it is.
+    first = estimated.potential_tracks()
+    for initiator in (given, estimated):
+        initiator.process(Scan(12.0 * len(scans), [], []))
+    missed = math.log1p(-0.99 * estimated.detection_probability)
+    loss = first.score.max() - estimated.potential_tracks().score.max()
+    assert loss == pytest.approx(-missed, abs=1e-6)
+    assert estimated.threshold != given.threshold
+
+
+def test_starts_are_not_harmed_where_the_data_sheet_is_right():
+    starts = {
+        how: [run(seen(0.9, seed, 40), how).totals.confirmed for seed in range(4)]
+        for how in ("given", "estimated")
+    }
+    assert sum(starts["given"]) >= 12
+    assert abs(sum(starts["estimated"]) - sum(starts["given"])) <= 1
+
+
+def test_forgetting_all_forgets_it_and_another_data_sheet_counts_at_once():
+    initiator = run(seen(0.6, 3), "given")
+    before = initiator.estimated_detection_probability
+    sheet = replace(SENSOR, detection_probability=0.5)
+    initiator.configure(sheet, initiator.common, initiator.options)
+    assert initiator.estimated_detection_probability < before
+    initiator.reset()
+    assert initiator.estimated_detection_probability == pytest.approx(0.5)
