@@ -49,7 +49,7 @@ class SessionOptions:
         Naming the option whose value is not allowed.
     """
 
-    method: str = parameter("tsepm", "Track initiation method", choices=available_methods())
+    method: str = parameter("score", "Track initiation method", choices=available_methods())
     own_ship_source: str = parameter(
         "none",
         "Where the sensor's pose comes from: none (it does not move), odometry or tf",

@@ -18,6 +18,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+
 DEADLINE = 15.0
 """Longest wait for anything, s: far beyond what it takes, even on a busy machine."""
 
@@ -78,8 +80,14 @@ class World:
         parameters: dict[str, Any] | None = None,
         **node_options: Any,
     ) -> NodeType:
-        """Make a node with parameters, as from a file or the command line, and spin it from now."""
-        overrides = [Parameter(name, value=value) for name, value in (parameters or {}).items()]
+        """Make a node with parameters, as from a file or the command line, and spin it from now.
+
+        A track initiator has the M/N rule unless another method is given: what it confirms, and
+        when, is plain to see.
+        """
+        values = {"method": "tsepm"} if kind is TrackInitiator else {}
+        values.update(parameters or {})
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
         try:
             node = kind(context=self.context, parameter_overrides=overrides, **node_options)
         except Exception:
