@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tsepm_ros.analysis.intervals import Z_95, Estimate, mean, proportion
+from tsepm_ros.analysis.intervals import (
+    Z_95,
+    Estimate,
+    mean,
+    mean_count,
+    proportion,
+    quantile,
+    rms_ratio,
+    root_mean_square,
+)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +55,10 @@ def test_a_mean_of_one_has_no_interval_and_of_none_no_value():
     assert mean([3.0]).value == 3.0
     assert math.isnan(mean([3.0]).low)
     assert math.isnan(mean([3.0]).high)
-    assert math.isnan(mean([]).value)
+    for figure in (mean, mean_count, root_mean_square):
+        assert math.isnan(figure([]).value)
+    assert math.isnan(quantile([], 0.5).value)
+    assert math.isnan(rms_ratio([], []).value)
 
 
 def test_the_quantile_is_the_normal_s():
@@ -65,3 +77,49 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
 
 def test_an_estimate_is_written_with_its_interval():
     assert f"{Estimate(0.9157, 0.8881, 0.937):.3f}" == "0.916 (0.888 to 0.937)"
+
+
+@pytest.mark.parametrize("counts", [[0] * 40, [1] + [0] * 9, [3, 4, 5, 4, 3, 5]])
+def test_counts_that_spread_no_more_than_poisson_s_have_the_exact_interval(counts):
+    found, total, runs = mean_count(counts), sum(counts), len(counts)
+    low = stats.chi2.ppf(0.025, 2 * total) / 2 if total else 0.0
+    assert found.value == total / runs
+    assert found.low == pytest.approx(low / runs)
+    assert found.high == pytest.approx(stats.chi2.ppf(0.975, 2 * total + 2) / 2 / runs)
+
+
+def test_many_spread_counts_have_the_normal_interval():
+    counts = np.random.default_rng(4).negative_binomial(5, 0.2, 2000)
+    found, expected = mean_count(counts), mean(counts)
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high), rel=2e-3)
+
+
+def test_intervals_of_counts_ratios_and_quantiles_cover_the_truth_as_often_as_they_say():
+    # Within 3 standard errors of the share covered; Poisson's is never too short.
+    rng = np.random.default_rng(5)
+    bounds = rng.uniform(1.0, 3.0, (500, 200))
+    errors = 1.2 * bounds * np.sqrt(rng.exponential(1.0, bounds.shape))  # of a position in a plane
+    cases = [
+        (0.1, 0.05, [mean_count(values) for values in rng.poisson(0.1, (500, 50))]),
+        (1.2, 0.03, [rms_ratio(*pair) for pair in zip(errors, bounds, strict=True)]),
+        (math.log(2), 0.05, [quantile(rng.exponential(1.0, 100), 0.5) for _ in range(200)]),
+    ]
+    for truth, tolerance, estimates in cases:
+        covered = np.mean([one.low <= truth <= one.high for one in estimates])
+        assert covered == pytest.approx(0.95, abs=tolerance)
+
+
+def test_root_mean_squares_by_hand():
+    assert root_mean_square([3.0, -4.0]).value == pytest.approx(math.sqrt(12.5))
+    assert rms_ratio([3.0, -4.0], [6.0, 8.0]).value == pytest.approx(0.5)
+
+
+def test_errors_in_proportion_to_their_bounds_leave_no_doubt_about_the_ratio():
+    found = rms_ratio([2.0, 4.0, 8.0], [1.0, 2.0, 4.0])
+    assert (found.value, found.low, found.high) == pytest.approx((2.0, 2.0, 2.0))
+
+
+def test_a_quantile_is_between_values_that_it_can_be():
+    found = quantile([24.0] * 50 + [60.0] * 50, 0.95)
+    assert (found.value, found.low, found.high) == (60.0, 60.0, 60.0)
+    assert quantile(np.arange(101), 0.5).value == 50.0

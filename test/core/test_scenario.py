@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -191,3 +192,28 @@ def test_still_targets_are_drawn_with_equal_probability_per_area():
 
 def test_a_scenario_without_clutter_box_fills_the_coverage():
     assert Scenario("open").area == Scenario("open").sensor.coverage_area
+
+
+def test_values_of_a_scenario_can_be_changed():
+    changes = {"scans": 5, "sensor.clutter_density": 2e-6, "own_ship.speed": 3.0}
+    box, changed = load_scenario("box"), load_scenario("box", changes)
+    assert changed.scans == 5
+    assert changed.own_ship.speed == 3.0
+    assert changed.sensor == dataclasses.replace(box.sensor, clutter_density=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("colour", 1.0, "unknown key 'colour'"),
+        ("sensor.colour", 1.0, "sensor: unknown key 'colour'"),
+        ("sensr.azimuth_std", 1.0, "unknown key 'sensr'"),
+        ("sensor.azimuth_std", "1e-3", "sensor.azimuth_std must be a finite number"),
+        ("sensor.azimuth_std", -1.0, "azimuth_std"),
+        ("targets.speed", 1.0, "targets must be a mapping"),
+        ("scans", 0, "scenario.scans"),
+    ],
+)
+def test_a_change_is_checked_like_the_file(name, value, said):
+    with pytest.raises(ValueError, match=said):
+        load_scenario("box", {name: value})

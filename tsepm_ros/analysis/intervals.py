@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import gammaincinv
 
 Z_95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
+TAILS = (0.025, 0.975)
+RESAMPLES = 1000
+"""Resamples of a bootstrap; their seed is fixed, so that a figure is the same each time."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +24,15 @@ class Estimate:
     value: float
     low: float
     high: float
+
+    @classmethod
+    def unknown(cls) -> Estimate:
+        """No figure at all."""
+        return cls(math.nan, math.nan, math.nan)
+
+    def mapped(self, function: Callable[[float], float]) -> Estimate:
+        """An increasing function of the figure."""
+        return Estimate(function(self.value), function(self.low), function(self.high))
 
     def __format__(self, spec: str) -> str:
         """Format as ``value (low to high)``, each with `spec`."""
@@ -40,9 +54,64 @@ def mean(values: ArrayLike) -> Estimate:
     """Mean of independent values with the normal interval."""
     array = np.asarray(values, float)
     if len(array) == 0:
-        return Estimate(math.nan, math.nan, math.nan)
+        return Estimate.unknown()
     centre = float(array.mean())
     if len(array) == 1:
         return Estimate(centre, math.nan, math.nan)
     half = Z_95 * float(array.std(ddof=1)) / math.sqrt(len(array))
     return Estimate(centre, centre - half, centre + half)
+
+
+def mean_count(counts: ArrayLike) -> Estimate:
+    """Mean of independent counts with the exact Poisson interval, widened by their dispersion.
+
+    Garwood's interval ("Fiducial limits for the Poisson distribution", Biometrika 28, 1936) of the
+    sum divided by phi, times phi: the variance over the mean of the counts, at least 1. So no
+    event in r runs still leaves up to 3.7 / r per run.
+    """
+    array = np.asarray(counts, float)
+    if len(array) == 0:
+        return Estimate.unknown()
+    total, r = float(array.sum()), len(array)
+    dispersion = 1.0
+    if r > 1 and total > 0.0:
+        dispersion = max(float(array.var(ddof=1)) * r / total, 1.0)
+    events, scale = total / dispersion, dispersion / r
+    low = float(gammaincinv(events, TAILS[0])) if events > 0.0 else 0.0
+    return Estimate(total / r, scale * low, scale * float(gammaincinv(events + 1.0, TAILS[1])))
+
+
+def root(square: Estimate) -> Estimate:
+    """Root of a figure and of its interval, as far as that is not below 0."""
+    return square.mapped(lambda value: math.sqrt(max(value, 0.0)))
+
+
+def root_mean_square(values: ArrayLike) -> Estimate:
+    """Root mean square with the root of the mean square's interval."""
+    return root(mean(np.square(np.asarray(values, float))))
+
+
+def rms_ratio(errors: ArrayLike, bounds: ArrayLike) -> Estimate:
+    """Ratio of the root mean squares of errors and of their bounds, pair by pair.
+
+    Its interval is that of the logarithm, by the delta method.
+    """
+    e2, b2 = np.square(np.asarray(errors, float)), np.square(np.asarray(bounds, float))
+    if len(e2) == 0:
+        return Estimate.unknown()
+    ratio = math.sqrt(e2.mean() / b2.mean())
+    if len(e2) == 1 or not ratio > 0.0:
+        return Estimate(ratio, math.nan, math.nan)
+    deviation = np.std(e2 / e2.mean() - b2 / b2.mean(), ddof=1)
+    factor = math.exp(0.5 * Z_95 * deviation / math.sqrt(len(e2)))
+    return Estimate(ratio, ratio / factor, ratio * factor)
+
+
+def quantile(values: ArrayLike, share: float) -> Estimate:
+    """Quantile of independent values with the percentile interval of a bootstrap."""
+    array = np.asarray(values, float)
+    if len(array) == 0:
+        return Estimate.unknown()
+    rows = np.random.default_rng(0).integers(0, len(array), (RESAMPLES, len(array)))
+    low, high = np.quantile(np.quantile(array[rows], share, axis=1), TAILS)
+    return Estimate(float(np.quantile(array, share)), float(low), float(high))

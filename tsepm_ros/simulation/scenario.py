@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -166,13 +167,15 @@ def shipped_scenarios() -> list[str]:
     )
 
 
-def load_scenario(name: str) -> Scenario:
+def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenario:
     """Load a scenario by the name of a shipped one, or from a YAML file.
 
     Parameters
     ----------
     name : str
         A name from `shipped_scenarios` or a path ending in ``.yaml``.
+    changes : mapping, optional
+        Values to put in place of the file's, by key, such as ``scans`` or ``sensor.azimuth_std``.
 
     Raises
     ------
@@ -195,7 +198,20 @@ def load_scenario(name: str) -> Scenario:
     except yaml.YAMLError as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"scenario {name!r} is not valid YAML: {problem}") from None
-    return scenario_from(content, name)
+    return scenario_from(_changed(content, changes or {}, name), name)
+
+
+def _changed(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The content of a file with some values changed."""
+    content = dict(_mapping(content, f"scenario {name!r}"))
+    for full_name, value in changes.items():
+        section, separator, key = full_name.partition(".")
+        if separator:
+            values = _mapping(content.get(section, {}), section)
+            content[section] = {**values, key: value}
+        else:
+            content[full_name] = value
+    return content
 
 
 def scenario_from(content: Any, name: str = "scenario") -> Scenario:
