@@ -6,22 +6,24 @@ import argparse
 import csv
 import dataclasses
 import os
+import shlex
 import sys
 from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
-import yaml
-
-from tsepm_ros.analysis import design_report, designing
-from tsepm_ros.analysis.designing import Candidate
-from tsepm_ros.analysis.prediction import Case
-from tsepm_ros.analysis.report import text_table
-from tsepm_ros.analysis.study import StudyResult, study, summary
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.analysis.design_command import add_design_arguments, run_design
+from tsepm_ros.analysis.evaluate_command import (
+    add_evaluation_arguments,
+    add_run_arguments,
+    run_evaluation,
+    workers_of,
+)
+from tsepm_ros.analysis.figures import HEADINGS, SPECS, Figures, figures_of
+from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.report import text_table, with_progress
+from tsepm_ros.analysis.study import study
 from tsepm_ros.methods import METHODS, available_methods
-from tsepm_ros.methods.score import ScoreOptions
-from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.offline import process_recording
 from tsepm_ros.parameter_groups import (
     NODES,
@@ -33,11 +35,12 @@ from tsepm_ros.parameter_groups import (
     parse_values,
     settings_from,
 )
-from tsepm_ros.parameters import Value
 from tsepm_ros.recording import read_recording
-from tsepm_ros.sensor import SensorModel
 from tsepm_ros.session import ScanResult
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
+
+INTERRUPTED = 130
+"""What a shell takes for ended by an interrupt."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,14 +49,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 with a sentence on stderr where something given is not allowed.
+        0; 2 with a sentence on stderr where something given is not allowed; 130 if interrupted.
     """
+    arguments = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(arguments)
+    options.line = shlex.join(["tsepm", *arguments])
     try:
         options.command(options)
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
     except BrokenPipeError:  # the reader, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
@@ -79,29 +87,23 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser(
         "design", help="what a sonar and a wish lead to: thresholds, rules, what is found and when"
     )
-    one.add_argument("--interval", type=float, default=12.0, help="time between pings, s")
-    one.add_argument("--scans", type=int, default=16, help="pings to find a target in")
-    one.add_argument("--speed", type=float, help="of the targets, m/s; default half max_speed")
-    one.add_argument("--range", type=float, help="of the targets, m; default all over the coverage")
-    one.add_argument("--wanted", type=float, default=0.9, help="share of the targets to be found")
-    one.add_argument("--runs", type=_positive, default=400, help="targets simulated")
-    one.add_argument("--seed", type=int, default=1)
-    one.add_argument("--workers", type=_positive, default=os.cpu_count() or 1)
-    one.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
+    add_design_arguments(one)
     _add_parameters(one)
-    one.set_defaults(command=_design)
+    one.set_defaults(command=run_design)
 
     one = commands.add_parser("study", help="simulate a scenario many times and sum up")
     scenarios = ", ".join(shipped_scenarios())
     one.add_argument("scenario", help=f"{scenarios}, or a .yaml file")
     one.add_argument("--method", default="tsepm", choices=available_methods())
-    one.add_argument("--runs", type=_positive, default=200)
-    one.add_argument("--scans", type=_positive, help="scans of a run, if not the scenario's")
-    one.add_argument("--seed", type=int, default=1)
-    one.add_argument("--workers", type=_positive, default=os.cpu_count() or 1)
-    one.add_argument("--scheduler", help="address of a dask.distributed scheduler to run on")
+    add_run_arguments(one, runs=200)
     _add_parameters(one, "option of the method, such as min_hits:=4")
     one.set_defaults(command=_study)
+
+    one = commands.add_parser(
+        "evaluate", help="operating curves of the methods: tables and pictures from many runs"
+    )
+    add_evaluation_arguments(one)
+    one.set_defaults(command=_evaluate)
     return parser
 
 
@@ -111,13 +113,6 @@ def _add_parameters(
     parser.add_argument(
         "-p", "--parameter", action="append", default=[], metavar="NAME:=VALUE", help=text
     )
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return value
 
 
 def _methods(options: argparse.Namespace) -> None:
@@ -169,69 +164,12 @@ def write_tracks(results: Iterable[ScanResult], file: TextIO) -> None:
             )
 
 
-def _design(options: argparse.Namespace) -> None:
-    values = parse_values(options.parameter)
-    made = make_groups(TRACK_INITIATOR, values)
-    score, max_speed = made[ScoreOptions], made[CommonOptions].max_speed
-    case = Case(
-        sensor=made[SensorModel],
-        max_speed=max_speed,
-        interval=options.interval,
-        scans=options.scans,
-        target_speed=0.5 * max_speed if options.speed is None else options.speed,
-        target_range=options.range,
-    )
-    if "score.window" not in values:
-        score = dataclasses.replace(score, window=designing.score_window(case, score))
-    wish = score.false_tracks_per_hour
-    worth = designing.worth(case, score.gate_probability)
-    threshold, _ = designing.score_threshold(case, score)
-    print(design_report.case_lines(case, wish))
-    print(design_report.worth_line(worth, threshold))
-    rules = designing.rules_within(case, made[TsepmOptions], wish)
-    print("\nM/N rules of the method tsepm that keep the wish: ", end="")
-    print(f"\n{design_report.rule_table(rules)}" if rules else "none")
-    amount = {"runs": options.runs, "seed": options.seed, "workers": options.workers}
-    found = list(designing.candidates(case, score, rules, **amount))
-    print(f"\nsimulated, {options.runs} targets, seed {options.seed}; score with window", end=" ")
-    print(f"{score.window}; 95 % intervals")
-    print(design_report.candidate_table(found, case.sensor.coverage_area))
-    print(f"\n{design_report.verdict(found, options.wanted, worth)}")
-    if max(one.found.detection.high for one in found) < options.wanted:
-        amount["runs"] = min(options.runs, 100)
-        changes = designing.with_remedies(case, score, **amount)
-        print(design_report.remedy_table(list(_with_progress(changes, designing.REMEDIES))))
-    if options.write:
-        _write_parameters(options.write, values, found)
-
-
-def _write_parameters(path: str, values: dict[str, Value], found: list[Candidate]) -> None:
-    """Write what was given and what follows for the best candidate."""
-    best = max(found, key=lambda one: one.found.detection.value)
-    own = ("window",) if best.method == "score" else ("min_hits", "window")
-    chosen = {"method": best.method}
-    chosen |= {f"{best.method}.{name}": best.options[name] for name in own}
-    content = {"track_initiator": {"ros__parameters": {**values, **chosen}}}
-    try:
-        Path(path).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error}") from None
-
-
 def _study(options: argparse.Namespace) -> None:
-    scenario = load_scenario(options.scenario)
-    if options.scans:
-        scenario = dataclasses.replace(scenario, scans=options.scans)
-    results = study(
-        scenario,
-        options.method,
-        parse_values(options.parameter),
-        runs=options.runs,
-        seed=options.seed,
-        workers=options.workers,
-        scheduler=options.scheduler,
-    )
-    figures = summary(scenario, _with_progress(results, options.runs))
+    changes = {"scans": options.scans} if options.scans else {}
+    scenario = load_scenario(options.scenario, changes)
+    point = OperatingPoint(options.method, options=parse_values(options.parameter))
+    records = study(scenario, point, range(options.runs), options.seed, workers_of(options))
+    figures = figures_of(scenario, with_progress(records, options.runs))
     given = " ".join(options.parameter) or "defaults"
     print(
         f"method {options.method} ({given}), scenario {scenario.name}, {scenario.scans} scans, "
@@ -240,34 +178,29 @@ def _study(options: argparse.Namespace) -> None:
     print(study_table(figures))
 
 
-def study_table(figures: StudyResult) -> str:
+def _evaluate(options: argparse.Namespace) -> None:
+    run_evaluation(options, options.line)
+
+
+STUDY_FIGURES = (
+    "detection",
+    "false_per_run",
+    "false_density",
+    "redundant_per_run",
+    "nees",
+    "position_error",
+    "velocity_error",
+    "confirmation_time",
+)
+
+
+def study_table(figures: Figures) -> str:
     """The figures of a study as a table."""
-    rows = [
-        ("P_D", figures.detection, ".4f"),
-        ("false + misplaced per run", figures.false_per_run, ".2f"),
-        ("false + misplaced per scan and km^2", figures.false_density, ".4f"),
-        ("redundant per run", figures.redundant_per_run, ".2f"),
-        ("NEES of true starts (ideal 4)", figures.nees, ".2f"),
-        ("position error, RMS [m]", figures.position_error, ".1f"),
-        ("velocity error, RMS [m/s]", figures.velocity_error, ".2f"),
-        ("time to confirm, mean [s]", figures.confirmation_time, ".1f"),
-    ]
-    return text_table(
-        ["figure", "value", "low", "high"],
-        [
-            [name, f"{e.value:{spec}}", f"{e.low:{spec}}", f"{e.high:{spec}}"]
-            for name, e, spec in rows
-        ],
-    )
-
-
-def _with_progress(results: Iterable[Any], total: int) -> Iterable[Any]:
-    """Show a progress bar where tqdm is installed and somebody is looking."""
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        return results
-    return tqdm(results, total=total, unit="run", disable=None)
+    rows = []
+    for name in STUDY_FIGURES:
+        one: Estimate = getattr(figures, name)
+        rows.append([HEADINGS[name], *(f"{v:{SPECS[name]}}" for v in dataclasses.astuple(one))])
+    return text_table(["figure", "value", "low", "high"], rows)
 
 
 if __name__ == "__main__":

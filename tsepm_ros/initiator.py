@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -168,6 +169,9 @@ class Initiator(ABC):
 
     Options: ClassVar[type[Any]]
     """Frozen dataclass of the method's own parameters."""
+
+    operating_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {"default": {}}
+    """Options by a short label, from few to many false tracks: what an evaluation sweeps."""
 
     def __init__(self, sensor: SensorModel, common: CommonOptions, options: Any) -> None:
         self.sensor = sensor

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import sys
 
 import numpy as np
 import pytest
@@ -70,16 +71,58 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
         (["run", "/nowhere"], "detections.csv"),
         (["study", "nowhere"], "nowhere"),
         (["study", "box", "-p", "min_hats:=4"], "min_hats"),
+        (["evaluate", "nowhere"], "nowhere"),
+        (["evaluate", "-p", "min_hats:=4"], "min_hats"),
+        (["evaluate", "--method", "score", "-p", "min_hits:=4"], "min_hits"),
+        (["evaluate", "--method", "tsepm", "-p", "min_hits:=99"], "min_hits"),
+        (["evaluate", "--horizon", "17"], "horizon 17"),
+        (["evaluate", "--scene", "sensor.colour:=1.0"], "colour"),
+        (["evaluate", "--scene", "sensor.azimuth_std:=wide"], "sensor.azimuth_std"),
+        (["evaluate", "box", "box"], "box is there twice"),
         (["study", "box", "-p", "min_hits=4"], "min_hits=4"),
         (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "detections.csv"),
     ],
-    ids=["recording", "scenario", "option", "form", "first_fault_first"],
 )
-def test_what_is_not_allowed_is_refused_with_a_sentence(capsys, arguments, named):
+def test_what_is_not_allowed_is_refused_with_a_sentence(
+    capsys, tmp_path, monkeypatch, arguments, named
+):
+    monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     error = capsys.readouterr().err
     assert error.startswith("refused: ")
     assert named in error
+    assert not list(tmp_path.iterdir())  # before anything was done
+
+
+def evaluated(tmp_path, *arguments):
+    small = ["--method", "score", "--runs", "3", "--scans", "8", "--workers", "1"]
+    assert main(["evaluate", *small, "--out", str(tmp_path), *arguments]) == 0
+
+
+def test_an_evaluation_writes_tables_and_pictures_that_say_how_they_were_made(capsys, tmp_path):
+    evaluated(tmp_path, "--horizon", "6", "--seed", "3", "-p", "false_tracks_per_hour:=300.0")
+    out = capsys.readouterr().out
+    assert "scenario box, 6 scans, 3 runs, seed 3" in out
+    assert "scenario box, 8 scans, 3 runs, seed 3" in out
+    text = (tmp_path / "evaluation.md").read_text()
+    for part in ("tsepm evaluate --method score", "3 runs", "seed 3", "Scenario box", "95 %"):
+        assert part in text
+    assert "false_tracks_per_hour:=300.0" in text
+    pictures = ["box_nees.png", "box_operating_curve.png", "box_time_to_confirm.png"]
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == pictures
+
+
+def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tsepm_ros.analysis.evaluation_picture", None)
+    evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
+    assert "no pictures: they need matplotlib" in capsys.readouterr().out
+    assert (tmp_path / "evaluation.csv").exists()
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_the_scene_of_an_evaluation_can_be_changed(tmp_path):
+    evaluated(tmp_path, "--scene", "sensor.clutter_density:=2.0e-6")
+    assert "clutter 2e-06 /m^2" in (tmp_path / "evaluation.md").read_text()
 
 
 def test_columns_of_a_table_line_up():

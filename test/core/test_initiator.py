@@ -342,11 +342,12 @@ def test_memory_does_not_grow_with_the_scans():
 
 
 def test_importing_the_package_imports_no_ros_and_no_matplotlib():
-    # Every module but the nodes, what reads messages for them, and the picture.
+    # Every module but the nodes, what reads messages for them, and the pictures.
     code = """
 import importlib, pkgutil, sys
 import tsepm_ros
-without = ("tsepm_ros.nodes", "tsepm_ros.analysis.plan_position")
+pictures = ("evaluation_picture", "plan_position", "point_labels")
+without = ("tsepm_ros.nodes", *(f"tsepm_ros.analysis.{name}" for name in pictures))
 names = [
     info.name
     for info in pkgutil.walk_packages(tsepm_ros.__path__, "tsepm_ros.", onerror=print)

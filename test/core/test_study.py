@@ -4,31 +4,35 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import Counter
 
 import numpy as np
 import pytest
+from run_records import as_json
 
-from tsepm_ros.analysis.intervals import Z_95
-from tsepm_ros.analysis.study import RunResult, judge_run, placed, run, study, summary
+from tsepm_ros.analysis.figures import figures_of
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.run_records import RunRecord
+from tsepm_ros.analysis.simulated_run import placed
+from tsepm_ros.analysis.study import Workers, run, study
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.simulation import Scenario, Simulator, load_scenario
+from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.simulation.scenario import OwnShipMotion
 
-BOX = dataclasses.replace(load_scenario("box"), scans=8)
+BOX = load_scenario("box", {"scans": 8})
 RUNS = 150
+TSEPM = OperatingPoint("tsepm")
 
 
 @pytest.fixture(scope="module")
-def box() -> list[RunResult]:
+def box() -> list[RunRecord]:
     """The published method, 5/8, literal, over 8 scans of the box scene."""
-    return list(study(BOX, "tsepm", {}, runs=RUNS, seed=2018))
+    return list(study(BOX, TSEPM, range(RUNS), 2018))
 
 
 def test_p_d_in_the_box_scene_is_the_design_s(box):
     # Design, section 6: 0.916 in 500 runs. The two shares differ by chance with a standard error
     # of sqrt(0.916 * 0.084 * (1 / 150 + 1 / 500)) = 0.026; 3.3 of them are 99.9 %.
-    share = summary(BOX, box).detection.value
+    share = figures_of(BOX, box).detection.value
     error = math.sqrt(0.916 * 0.084 * (1 / RUNS + 1 / 500))
     assert abs(share - 0.916) < 3.3 * error
 
@@ -36,78 +40,29 @@ def test_p_d_in_the_box_scene_is_the_design_s(box):
 def test_false_tracks_in_the_box_scene_are_the_design_s(box):
     # Design: 21.6 per run in 500 runs, false and misplaced; one run has a standard deviation of
     # about 6.4. 3.3 standard errors of the difference, 2.0, are 99.9 %.
-    false = [one.outcomes[Outcome.FALSE] + one.outcomes[Outcome.MISPLACED] for one in box]
+    false = [one.wrong for one in box]
     error = np.std(false, ddof=1) * math.sqrt(1 / RUNS + 1 / 500)
     assert error < 0.8
     assert abs(np.mean(false) - 21.6) < 3.3 * error
 
 
 def test_run_i_has_its_own_seed_and_does_not_depend_on_the_others(box):
-    assert box[3] == run(BOX, [2018, 3], "tsepm", {})
-    assert box[3] != box[4]
-    assert list(study(BOX, "tsepm", {}, runs=3, seed=2018)) == box[:3]
-    assert list(study(BOX, "tsepm", {}, runs=3, seed=2019)) != box[:3]
+    assert as_json([run(BOX, [2018, 3], TSEPM)]) == as_json(box[3:4]) != as_json(box[4:5])
+    some = study(BOX, TSEPM, [0, 5, 2], 2018)
+    assert as_json(some) == as_json([box[0], box[5], box[2]])
+    assert as_json(study(BOX, TSEPM, range(3), 2019)) != as_json(box[:3])
 
 
 def test_two_workers_give_the_same_numbers_as_one(box):
-    assert list(study(BOX, "tsepm", {}, runs=6, seed=2018, workers=2)) == box[:6]
+    by_two = study(BOX, TSEPM, range(6), 2018, Workers(processes=2))
+    assert as_json(by_two) == as_json(box[:6])
 
 
 def test_options_reach_the_method(box):
-    squared = run(BOX, [2018, 0], "tsepm", {"pruning_reading": "squared"})
-    assert sum(squared.outcomes.values()) > sum(box[0].outcomes.values())
+    squared = run(BOX, [2018, 0], OperatingPoint("tsepm", options={"pruning_reading": "squared"}))
+    assert squared.count(*Outcome) > box[0].count(*Outcome)
     with pytest.raises(ValueError, match="colour is not an option"):
-        run(BOX, [1, 1], "tsepm", {"colour": "red"})
-
-
-def test_a_run_counts_what_is_judged():
-    judged = judge_run(BOX, [2018, 0], "tsepm", {})
-    result = run(BOX, [2018, 0], "tsepm", {})
-    assert result.targets == 1
-    assert result.outcomes == Counter(one.outcome for one in judged)
-    true = [one for one in judged if one.outcome is Outcome.TRUE]
-    assert result.nees == [one.nees for one in true]
-    assert result.confirmation_times == [one.track.stamp for one in true]
-
-
-def test_a_summary_by_hand():
-    scenario = Scenario("hand", scans=4, clutter_box=(0.0, 1000.0, 0.0, 2000.0))
-    results = [
-        RunResult(
-            2,
-            Counter({Outcome.TRUE: 2, Outcome.FALSE: 3}),
-            [3.0, 5.0],
-            [30.0, 40.0],
-            [1.0, 7.0],
-            [36.0, 48.0],
-        ),
-        RunResult(
-            2,
-            Counter({Outcome.TRUE: 1, Outcome.MISPLACED: 1, Outcome.REDUNDANT: 4}),
-            [7.0],
-            [0.0],
-            [1.0],
-            [60.0],
-        ),
-    ]
-    figures = summary(scenario, results)
-    assert figures.runs == 2
-    assert figures.detection.value == 3 / 4
-    assert figures.false_per_run.value == 2.0
-    assert figures.false_per_run.high == pytest.approx(2.0 + Z_95 * 1.0)
-    assert figures.false_density.value == pytest.approx(2.0 / (4 * 2.0))
-    assert figures.false_density.low == pytest.approx(figures.false_per_run.low / 8.0)
-    assert figures.redundant_per_run.value == 2.0
-    assert figures.nees.value == 5.0
-    assert figures.position_error.value == pytest.approx(math.sqrt(2500 / 3))
-    assert figures.velocity_error.value == pytest.approx(math.sqrt(51 / 3))
-    assert figures.confirmation_time.value == 48.0
-
-
-def test_a_study_without_any_true_track_has_no_errors_to_report():
-    figures = summary(BOX, [RunResult(1, Counter(), [], [], [], [])] * 3)
-    assert figures.detection.value == 0.0
-    assert math.isnan(figures.nees.value)
+        run(BOX, [1, 1], OperatingPoint("tsepm", options={"colour": "red"}))
 
 
 def test_simulated_echoes_are_placed_on_their_targets_whatever_the_ship_does():

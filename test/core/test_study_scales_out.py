@@ -7,12 +7,15 @@ import os
 import signal
 
 import pytest
+from run_records import as_json
 
-from tsepm_ros.analysis.study import study
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.study import Workers, study
 from tsepm_ros.simulation import load_scenario
 
-RUNS = 48
+RUNS = range(48)
 SEED = 7
+TSEPM = OperatingPoint("tsepm")
 
 
 @pytest.fixture(scope="module")
@@ -22,11 +25,11 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def expected(scenario):
-    return list(study(scenario, "tsepm", {}, runs=RUNS, seed=SEED))
+    return as_json(study(scenario, TSEPM, RUNS, SEED))
 
 
 def test_two_processes_give_the_same_numbers_as_one(scenario, expected):
-    assert list(study(scenario, "tsepm", {}, runs=RUNS, seed=SEED, workers=2)) == expected
+    assert as_json(study(scenario, TSEPM, RUNS, SEED, Workers(processes=2))) == expected
 
 
 def test_a_dead_worker_costs_nothing_but_time(scenario, expected):
@@ -39,18 +42,17 @@ def test_a_dead_worker_costs_nothing_but_time(scenario, expected):
         silence_logs=50,
     ) as cluster:
         victim = next(iter(cluster.workers.values())).pid
-        results = study(
-            scenario, "tsepm", {}, runs=RUNS, seed=SEED, scheduler=cluster.scheduler_address
-        )
+        workers = Workers(scheduler=cluster.scheduler_address)
+        results = study(scenario, TSEPM, RUNS, SEED, workers)
         found = [next(results)]
         os.kill(victim, signal.SIGKILL)
         found.extend(results)
-    assert found == expected
+    assert as_json(found) == expected
 
 
 def test_a_scheduler_that_nobody_runs_is_said(scenario, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("tsepm_ros.analysis.study.CONNECT_TIME", 0.5)
-    results = study(scenario, "tsepm", {}, runs=4, seed=SEED, scheduler="tcp://127.0.0.1:1")
+    results = study(scenario, TSEPM, range(4), SEED, Workers(scheduler="tcp://127.0.0.1:1"))
     with pytest.raises(ValueError, match=r"127\.0\.0\.1:1 cannot be reached"):
         next(results)

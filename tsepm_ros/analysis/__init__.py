@@ -1,1 +1,1 @@
-"""Judging, counting and drawing runs with known truth. The picture needs matplotlib."""
+"""Judging, counting and drawing runs with known truth. The pictures need matplotlib."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,15 @@ def text_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         for line in lines
     ]
     return "\n".join([texts[0], "-" * len(texts[0]), *texts[1:]])
+
+
+def with_progress(results: Iterable[Any], total: int) -> Iterable[Any]:
+    """Show a progress bar where tqdm is installed and somebody is looking."""
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        return results
+    return tqdm(results, total=total, unit="run", disable=None)
 
 
 def target_table(judged: Sequence[Judged], truths: Sequence[np.ndarray], scan_of: dict) -> str:

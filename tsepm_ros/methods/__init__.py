@@ -19,6 +19,12 @@ def available_methods() -> tuple[str, ...]:
     return tuple(METHODS)
 
 
+def option_names(method: str) -> frozenset[str]:
+    """Names of the options that a method takes, its own and those common to all."""
+    groups = (CommonOptions, METHODS[method].Options)
+    return frozenset(field.name for group in groups for field in dataclasses.fields(group))
+
+
 def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initiator:
     """Make a track initiator.
 
@@ -49,16 +55,15 @@ def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initi
     if not isinstance(sensor, SensorModel):
         raise TypeError(f"sensor must be a SensorModel; got {type(sensor).__name__}")
     kind = METHODS[method]
-    common = {field.name for field in dataclasses.fields(CommonOptions)}
-    own = {field.name for field in dataclasses.fields(kind.Options)}
-    unknown = sorted(set(options) - common - own)
+    known = option_names(method)
+    unknown = sorted(set(options) - known)
     if unknown:
         raise ValueError(
-            f"{unknown[0]} is not an option of method {method!r}; it has "
-            f"{', '.join(sorted(common | own))}"
+            f"{unknown[0]} is not an option of method {method!r}; it has {', '.join(sorted(known))}"
         )
+    common = {field.name for field in dataclasses.fields(CommonOptions)}
     return kind(
         sensor,
         CommonOptions(**{name: value for name, value in options.items() if name in common}),
-        kind.Options(**{name: value for name, value in options.items() if name in own}),
+        kind.Options(**{name: value for name, value in options.items() if name not in common}),
     )

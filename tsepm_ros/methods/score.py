@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -156,6 +157,12 @@ class Score(Initiator):
 
     Options = ScoreOptions
     options: ScoreOptions
+    operating_points = MappingProxyType(
+        {
+            f"{wish:g}/h": {"false_tracks_per_hour": wish}
+            for wish in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+        }
+    )
 
     def reset(self) -> None:
         """See `Initiator.reset`."""

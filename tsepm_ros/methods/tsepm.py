@@ -7,6 +7,7 @@ environment", China Ocean Eng. 32(2), 206-215, 2018.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -158,6 +159,16 @@ class Tsepm(Initiator):
 
     Options = TsepmOptions
     options: TsepmOptions
+    operating_points = MappingProxyType(
+        {
+            f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
+            for min_hits, window in ((8, 12), (8, 16), (6, 8), (4, 5), (5, 8), (3, 3), (3, 4))
+        }
+        | {
+            f"f2 {size:g}": {"evaluation": "clutter_statistic", "clutter_test_size": size}
+            for size in (0.01, 0.05, 0.2)
+        }
+    )
 
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""

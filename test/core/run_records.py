@@ -1,0 +1,31 @@
+"""Made-up records of runs for the tests."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+
+from tsepm_ros.analysis.run_records import RunRecord, ScanRecord, StartRecord
+from tsepm_ros.analysis.truth import Outcome
+
+NOTHING = ScanRecord(false=0, held=0, localisation=0.0, missed=0.0, false_held=0.0)
+
+
+def start(scan: int, outcome: Outcome = Outcome.TRUE, **more) -> StartRecord:
+    """A pure start with 12 s between scans and errors as large as their bounds."""
+    made = StartRecord(scan, 12.0 * scan, outcome, True, 30.0, 2.0, 4.0, 30.0, 2.0)
+    if not more.get("pure", True):
+        more = {"position_bound": math.nan, "velocity_bound": math.nan, **more}
+    return dataclasses.replace(made, **more)
+
+
+def run_of(*starts: StartRecord, false=(0, 0, 0, 0), targets: int = 1, **more) -> RunRecord:
+    """A run with so many false starts per scan."""
+    scans = tuple(dataclasses.replace(NOTHING, false=number, **more) for number in false)
+    return RunRecord(targets, starts, scans)
+
+
+def as_json(records: Iterable[RunRecord]) -> list[dict]:
+    """The records for comparison: in them nan is not equal to itself."""
+    return [record.as_json() for record in records]

@@ -1,0 +1,196 @@
+"""Evaluations: interrupted ones go on, and the tables say what was found."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.analysis.evaluation import Plan, evaluate
+from tsepm_ros.analysis.evaluation_report import TABLES, markdown, write_csv
+from tsepm_ros.analysis.figures import HEADINGS, figures_of
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.study import Workers, study
+from tsepm_ros.simulation import load_scenario
+
+BOX = load_scenario("box", {"scans": 7})
+SCORE = OperatingPoint("score", "300/h", {"false_tracks_per_hour": 300.0})
+TSEPM = OperatingPoint("tsepm", "3/4", {"min_hits": 3, "window": 4})
+
+
+class NearestStarter:
+    """Starts a track, without a covariance, at the detection nearest to where the target is."""
+
+    def __init__(self, min_range: float) -> None:
+        self.min_range = min_range
+        self.scan_index = -1
+
+    def process(self, scan):
+        self.scan_index += 1
+        x, y = scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth)
+        apart = np.hypot(x - 5000.0, y - 5000.0)
+        row = int(apart.argmin())
+        if apart[row] < self.min_range:
+            return []
+        state = np.array([x[row], 0.0, y[row], 0.0])
+        hits = ((self.scan_index, row),)
+        return [ConfirmedTrack(0, scan.stamp, state, np.full((4, 4), np.nan), hits, np.nan)]
+
+
+def make_toy(scenario, method, options):
+    return NearestStarter(**options)
+
+
+TOY = OperatingPoint("toy", "nearest", {"min_range": 0.0}, make_toy)
+
+
+def plan(*points, runs=4, **more) -> Plan:
+    return Plan(scenarios=[BOX], points=points or [SCORE, TSEPM], runs=runs, seed=5, **more)
+
+
+def tables(what: Plan, folder, **more) -> tuple[str, str]:
+    evaluated = evaluate(what, folder, **more)
+    file = io.StringIO()
+    write_csv(what, evaluated, file)
+    return markdown(what, evaluated, "command"), file.getvalue()
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    return tables(plan(), tmp_path_factory.mktemp("whole"))
+
+
+def lines(folder) -> dict[str, int]:
+    return {path.name: len(path.read_text().splitlines()) for path in folder.iterdir()}
+
+
+def test_an_interrupted_evaluation_goes_on_where_it_stopped(tmp_path, expected):
+    class StopError(Exception):
+        pass
+
+    def stop_after_five(runs, total):
+        assert total == 8
+        for done, one in enumerate(runs):
+            if done == 5:
+                raise StopError
+            yield one
+
+    with pytest.raises(StopError):
+        evaluate(plan(), tmp_path, progress=stop_after_five)
+    assert sorted(lines(tmp_path).values()) == [3, 5]  # with the header
+    left = []
+    found = tables(plan(), tmp_path, progress=lambda runs, total: (left.append(total), runs)[1])
+    assert left == [2]
+    assert found == expected
+
+
+def test_more_runs_add_the_missing_ones_only(tmp_path, expected):
+    evaluate(plan(runs=1), tmp_path)
+    before = {path: path.read_text() for path in tmp_path.iterdir()}
+    assert tables(plan(), tmp_path) == expected
+    for path, text in before.items():
+        assert path.read_text().startswith(text)
+        assert len(path.read_text().splitlines()) == 5
+
+
+def test_fewer_runs_than_are_there_are_the_first_ones(tmp_path, expected):
+    evaluate(plan(runs=6), tmp_path)
+    assert tables(plan(), tmp_path) == expected
+
+
+def test_a_killed_process_costs_the_run_that_it_was_writing(tmp_path, expected):
+    evaluate(plan(), tmp_path)
+    for path in tmp_path.iterdir():
+        path.write_bytes(path.read_bytes()[:-30])
+    assert tables(plan(), tmp_path) == expected
+
+
+def test_two_workers_give_the_same_tables_as_one(tmp_path, expected):
+    assert tables(plan(), tmp_path, workers=Workers(processes=2)) == expected
+
+
+def test_horizons_give_what_shorter_evaluations_give(tmp_path):
+    at_5, at_7 = evaluate(plan(horizons=[5]), tmp_path)
+    (alone,) = evaluate(
+        dataclasses.replace(plan(), scenarios=[load_scenario("box", {"scans": 5})]), tmp_path
+    )
+    assert (at_5.scans, at_7.scans) == (5, 7)
+    assert repr(at_5.figures) == repr(alone.figures)
+    assert repr(at_5.figures) != repr(at_7.figures)
+
+
+def test_figures_are_those_of_a_study_of_the_same_seed(tmp_path):
+    (found,) = evaluate(plan(TSEPM), tmp_path)
+    assert repr(found.figures[0]) == repr(figures_of(BOX, study(BOX, TSEPM, range(4), 5)))
+
+
+def test_anything_that_starts_tracks_can_be_evaluated(tmp_path):
+    (found,) = evaluate(plan(TOY, TSEPM), tmp_path, Workers(processes=2))
+    toy = found.figures[0]
+    assert toy.detection.value > 0.5  # its one hit is the target's
+    assert toy.false_per_run.value > 0.0  # but when the target was missed
+    assert toy.redundant_per_run.value > 1.0
+    for name in ("nees", "held", "gospa", "position_to_bound"):
+        assert math.isnan(getattr(toy, name).value)
+    assert not math.isnan(toy.pure_position_error.value)
+    assert {(one.method, one.other) for one in found.comparisons} == {
+        ("toy", "tsepm"),
+        ("tsepm", "toy"),
+    }
+    assert "| toy | nearest |" in markdown(plan(TOY, TSEPM), [found], "command")
+
+
+def test_a_refused_option_is_refused_before_any_run(tmp_path):
+    wrong = OperatingPoint("tsepm", "wrong", {"min_hits": 9, "window": 8})
+    with pytest.raises(ValueError, match="window must be at least min_hits"):
+        evaluate(plan(SCORE, wrong), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"horizons": [8]}, "horizon 8 is beyond the 7 scans of box"),
+        ({"scenarios": [BOX, BOX]}, "box is there twice"),
+        ({"points": [SCORE, SCORE]}, "score 300/h is there twice"),
+    ],
+    ids=["horizon", "scenario", "point"],
+)
+def test_plans_that_cannot_be_told_apart_or_done_are_refused(change, said):
+    with pytest.raises(ValueError, match=said):
+        dataclasses.replace(plan(), **change)
+
+
+def test_the_csv_has_every_figure_with_its_interval(expected):
+    rows = list(csv.DictReader(io.StringIO(expected[1])))
+    assert [(row["scenario"], row["method"], row["point"]) for row in rows] == [
+        ("box", "score", "300/h"),
+        ("box", "tsepm", "3/4"),
+    ]
+    for row in rows:
+        assert (row["scans"], row["runs"], row["seed"]) == ("7", "4", "5")
+        for name in HEADINGS:
+            value, low, high = (float(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
+            assert math.isnan(value) or math.isnan(low) or low <= value <= high
+    assert json.loads(rows[1]["options"]) == {"min_hits": 3, "window": 4}
+    assert 0.0 <= float(rows[0]["detection_low"]) < float(rows[0]["detection_high"]) <= 1.0
+
+
+def test_every_figure_stands_in_one_table():
+    names = [name for table in TABLES.values() for name in table]
+    assert sorted(names) == sorted(HEADINGS)
+
+
+def test_the_report_is_markdown_whose_tables_line_up(expected):
+    text = expected[0]
+    assert "4 runs of each point on each scenario, seed 5" in text
+    assert text.count("\n### ") == len(TABLES) + 1
+    for block in text.split("\n\n"):
+        rows = [line for line in block.splitlines() if line.startswith("|")]
+        assert len({line.count("|") for line in rows}) <= 1

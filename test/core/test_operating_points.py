@@ -1,0 +1,56 @@
+"""The sweeps of the methods."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from tsepm_ros.analysis.operating_points import operating_points
+from tsepm_ros.methods import METHODS, available_methods
+from tsepm_ros.simulation import load_scenario
+
+BOX = load_scenario("box")
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_every_method_takes_the_options_of_its_points(method):
+    points = operating_points([method])
+    assert len(points) == len(METHODS[method].operating_points) > 0
+    for point in points:
+        made = point.make(BOX)
+        assert type(made) is METHODS[method]
+        for name, value in point.options.items():
+            assert getattr(made.options, name) == value
+
+
+def test_other_processes_can_make_a_point():
+    for point in operating_points(available_methods()):
+        assert pickle.loads(pickle.dumps(point)).make(BOX).options == point.make(BOX).options
+
+
+def test_an_option_goes_to_the_methods_that_have_it():
+    points = operating_points(["tsepm", "score"], {"miss_probability": 0.01, "max_speed": 5.0})
+    for point in points:
+        assert point.options["max_speed"] == 5.0
+        assert ("miss_probability" in point.options) == (point.method == "score")
+    assert len(points) == len(operating_points(["tsepm", "score"]))
+
+
+def test_an_option_that_a_sweep_varies_replaces_it():
+    points = operating_points(["tsepm", "score"], {"min_hits": 4})
+    given = [point for point in points if point.method == "tsepm"]
+    assert [dict(point.options) for point in given] == [{"min_hits": 4}]
+    assert len(points) == 1 + len(METHODS["score"].operating_points)
+
+
+def test_an_option_that_no_method_has_is_refused():
+    with pytest.raises(ValueError, match="min_hits is not an option of score"):
+        operating_points(["score"], {"min_hits": 4})
+
+
+def test_points_know_the_code_that_they_depend_on():
+    (version,) = {point.version for point in operating_points(available_methods())}
+    release, code = version.split()
+    assert release[0].isdigit()
+    assert len(code) == 8

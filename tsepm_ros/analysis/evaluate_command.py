@@ -1,0 +1,138 @@
+"""The command `tsepm evaluate`: its arguments, and what it writes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from tsepm_ros.analysis.evaluation import Evaluated, Plan, evaluate
+from tsepm_ros.analysis.evaluation_report import markdown, short_text, write_csv
+from tsepm_ros.analysis.operating_points import OperatingPoint, operating_points
+from tsepm_ros.analysis.report import with_progress
+from tsepm_ros.analysis.study import Workers
+from tsepm_ros.methods import available_methods
+from tsepm_ros.parameter_groups import parse_values
+from tsepm_ros.simulation import load_scenario, shipped_scenarios
+
+
+def positive(text: str) -> int:
+    """An integer above 0, from the command line."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return value
+
+
+def add_run_arguments(parser: argparse.ArgumentParser, *, runs: int) -> None:
+    """Add what every command needs that does many runs."""
+    parser.add_argument("--runs", type=positive, default=runs, help=f"default {runs}")
+    parser.add_argument("--scans", type=positive, help="scans of a run, if not the scenario's")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1)
+    parser.add_argument("--scheduler", help="address of a dask.distributed scheduler to run on")
+
+
+def workers_of(options: argparse.Namespace) -> Workers:
+    """Who does the runs, from `add_run_arguments`."""
+    return Workers(processes=options.workers, scheduler=options.scheduler)
+
+
+def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of an evaluation."""
+    scenarios = ", ".join(shipped_scenarios())
+    parser.add_argument(
+        "scenario", nargs="*", default=["box"], help=f"{scenarios}, or a .yaml file; default box"
+    )
+    parser.add_argument(
+        "--method", action="append", choices=available_methods(), help="default: every method"
+    )
+    add_run_arguments(parser, runs=500)
+    parser.add_argument(
+        "--horizon",
+        type=positive,
+        action="append",
+        default=[],
+        help="figures after the first so many scans as well as after all",
+    )
+    parser.add_argument(
+        "--scene",
+        action="append",
+        default=[],
+        metavar="NAME:=VALUE",
+        help="value in place of the scenario's, such as sensor.clutter_density:=2.0e-6",
+    )
+    parser.add_argument(
+        "-p",
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="NAME:=VALUE",
+        help="option for the methods that have it; it replaces a sweep that varies it",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("build/evaluation"),
+        help="folder of the runs done so far and of what is written; default build/evaluation",
+    )
+
+
+def run_evaluation(
+    options: argparse.Namespace, command: str, more: Sequence[OperatingPoint] = ()
+) -> None:
+    """Evaluate, print a short table, and write tables and pictures.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        From `add_evaluation_arguments`.
+    command : str
+        The command as it was given, for the report.
+    more : sequence of OperatingPoint, optional
+        What is evaluated beside the package's own methods.
+
+    Raises
+    ------
+    ValueError
+        If something given is not allowed.
+    """
+    changes = parse_values(options.scene)
+    if options.scans:
+        changes["scans"] = options.scans
+    methods = dict.fromkeys(options.method or available_methods())
+    plan = Plan(
+        scenarios=[load_scenario(name, changes) for name in options.scenario],
+        points=[*operating_points(methods, parse_values(options.parameter)), *more],
+        runs=options.runs,
+        seed=options.seed,
+        horizons=options.horizon,
+    )
+    evaluated = evaluate(plan, options.out / "runs", workers_of(options), with_progress)
+    for one in evaluated:
+        print(short_text(plan, one) + "\n")
+    _write(plan, evaluated, options.out, command)
+
+
+def _write(plan: Plan, evaluated: Sequence[Evaluated], folder: Path, command: str) -> None:
+    report, table = folder / "evaluation.md", folder / "evaluation.csv"
+    report.write_text(markdown(plan, evaluated, command), encoding="utf-8")
+    with table.open("w", encoding="utf-8", newline="") as file:
+        write_csv(plan, evaluated, file)
+    written = [report, table, *_pictures(plan, evaluated, folder)]
+    print("written: " + ", ".join(map(str, written)))
+
+
+def _pictures(plan: Plan, evaluated: Sequence[Evaluated], folder: Path) -> list[Path]:
+    try:
+        from tsepm_ros.analysis.evaluation_picture import draw
+    except ImportError:
+        print("no pictures: they need matplotlib, which comes with the extra plot")
+        return []
+    caption = f"{plan.runs} runs, seed {plan.seed}; 95 % intervals"
+    return [
+        path
+        for scenario in plan.scenarios
+        for path in draw([one for one in evaluated if one.scenario is scenario], folder, caption)
+    ]

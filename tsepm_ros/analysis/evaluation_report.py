@@ -1,0 +1,204 @@
+"""What an evaluation gave, as tables: Markdown, CSV and a short one for the terminal."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, TextIO
+
+from tsepm_ros.analysis.evaluation import Evaluated, Plan
+from tsepm_ros.analysis.figures import HEADINGS, Figures
+from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.operating_curve import Comparison
+from tsepm_ros.analysis.report import text_table
+from tsepm_ros.simulation import Scenario
+
+TABLES = {
+    "Detection and false starts": (
+        "detection",
+        "false_per_run",
+        "false_density",
+        "false_per_hour",
+        "redundant_per_run",
+        "held",
+    ),
+    "Time to confirm": ("confirmation_time", "confirmation_median", "confirmation_95"),
+    "Pure starts": (
+        "pure_position_error",
+        "position_to_bound",
+        "pure_velocity_error",
+        "velocity_to_bound",
+        "pure_nees",
+    ),
+    "True starts": ("position_error", "velocity_error", "nees"),
+    "Held tracks": ("gospa", "gospa_localisation", "gospa_missed", "gospa_false"),
+}
+"""Which figures stand in which table."""
+SHORT = {
+    "detection": "P_D",
+    "false_per_run": "false/run",
+    "false_per_hour": "false/h",
+    "held": "held",
+    "confirmation_median": "median s",
+    "pure_nees": "NEES pure",
+    "nees": "NEES true",
+    "gospa": "GOSPA m",
+}
+"""Figures of the terminal's table."""
+NOTES = """\
+Every method got the same scenes: run i is seeded with (seed, i). Intervals are 95 %.
+
+- *P_D*: share of (run, target) pairs with a true start by the end: more than half of its hits \
+from the target, and within 3 sigma of the measurement error's larger axis.
+- *false + misplaced*: starts of which no target gave more than half of the hits, or that are \
+farther off. *redundant*: another true start of a target.
+- *targets held at the end*: with a held track within 3 sigma, whatever its hits.
+- *pure starts*: all hits from one target; redundant ones left out, misplaced ones not. Their \
+errors stand over the root mean square of the Cramer-Rao bounds for their own hits. A method that \
+chooses hits by how well they fit, or knows how fast targets are, may come below 1.
+- *NEES*: 4 is ideal, more is over-confident.
+- *GOSPA* of the held tracks against the truth: p = 2, alpha = 2, c = 3 sigma of the measurement \
+error's larger axis, the mean over the targets; root mean square over the scans and runs, of which \
+the three parts are parts in squares.
+"""
+FOOTING_NOTE = """\
+On the curve through a method's best points, P_D linear in the logarithm of the false + misplaced \
+starts. Beyond its end to the right it goes on level; a dash stands for what it does not reach. A \
+point without any counts half a start in all runs. Intervals: bootstrap over the runs, common to \
+all points.
+"""
+
+
+def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:
+    """The whole report.
+
+    Parameters
+    ----------
+    plan : Plan
+    evaluated : sequence of Evaluated
+    command : str
+        The command that makes it again.
+    """
+    parts = [
+        "# Evaluation of track initiation\n",
+        f"```\n{command}\n```\n",
+        f"{plan.runs} runs of each point on each scenario, seed {plan.seed}. {NOTES}",
+        _points_table(plan),
+    ]
+    for scenario in plan.scenarios:
+        parts.append(f"## Scenario {scenario.name}\n\n```\n{_scene(scenario)}\n```\n")
+        parts += [_section(one) for one in evaluated if one.scenario is scenario]
+    return "\n".join(parts)
+
+
+def _scene(scenario: Scenario) -> str:
+    """What the scenario says, without the targets' numbers."""
+    sensor = scenario.sensor
+    drawn = sum(area.count for area in scenario.areas)
+    clutter = f"clutter {sensor.clutter_density:g} /m^2 over {scenario.area / 1e6:.4g} km^2"
+    range_error = f"range error {sensor.range_std:g} m and {100 * sensor.range_std_fraction:g} %"
+    azimuth_error = f"azimuth error {math.degrees(sensor.azimuth_std):.3g} degrees"
+    return (
+        f"{scenario.scans} scans, one in {scenario.period:g} s; {clutter}\n"
+        f"{range_error}, {azimuth_error}, detection probability {sensor.detection_probability:g}\n"
+        f"targets: {len(scenario.targets)} given, {drawn} drawn in every run; "
+        f"own ship {scenario.own_ship.speed:g} m/s"
+    )
+
+
+def _points_table(plan: Plan) -> str:
+    rows = [
+        [point.method, point.label, _given(point.options), point.version] for point in plan.points
+    ]
+    return "## Points\n\n" + _table(["method", "point", "options", "version"], rows)
+
+
+def _given(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name}:={value}" for name, value in options.items()) or "defaults"
+
+
+def _section(one: Evaluated) -> str:
+    after = f"after {one.scans} scans"
+    parts = []
+    for title, names in TABLES.items():
+        header = ["method", "point", *(HEADINGS[name] for name in names)]
+        rows = [
+            [point.method, point.label, *(figures.text(name) for name in names)]
+            for point, figures in zip(one.points, one.figures, strict=True)
+        ]
+        parts.append(f"### {title}, {after}\n\n" + _table(header, rows))
+    if one.comparisons:
+        parts.append(f"### At equal footing, {after}\n\n{FOOTING_NOTE}\n" + _footing(one))
+    return "\n".join(parts)
+
+
+def _footing(one: Evaluated) -> str:
+    """The comparisons, rates per scan and km^2."""
+    unit = one.scans * one.scenario.area / 1e6
+    header = [
+        "method",
+        "point",
+        HEADINGS["false_density"],
+        "P_D",
+        "against",
+        "its P_D at that rate",
+        "gain in P_D",
+        "its rate at that P_D",
+        "times as many",
+    ]
+    return _table(header, [_footing_row(row, unit) for row in one.comparisons])
+
+
+def _footing_row(row: Comparison, unit: float) -> list[str]:
+    rate = row.other_false.mapped(lambda value: value / unit)
+    return [
+        row.method,
+        row.label,
+        f"{row.false / unit:.3g}",
+        f"{row.detection:.4f}",
+        row.other,
+        _text(row.other_detection, ".4f"),
+        _text(row.gain, "+.4f"),
+        _text(rate, ".3g"),
+        _text(row.ratio, ".3g"),
+    ]
+
+
+def _text(estimate: Estimate, spec: str) -> str:
+    return "-" if math.isnan(estimate.value) else f"{estimate:{spec}}"
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:
+    """Write a row per scenario, horizon and point, each figure with low and high."""
+    writer = csv.writer(file, lineterminator="\n")
+    names = [f"{name}{end}" for name in HEADINGS for end in ("", "_low", "_high")]
+    writer.writerow(["scenario", "scans", "runs", "seed", "method", "point", "options", *names])
+    for one in evaluated:
+        for point, figures in zip(one.points, one.figures, strict=True):
+            options = json.dumps(dict(point.options))
+            which = [one.scenario.name, one.scans, plan.runs, plan.seed]
+            writer.writerow([*which, point.method, point.label, options, *_numbers(figures)])
+
+
+def _numbers(figures: Figures) -> list[float]:
+    estimates: list[Estimate] = [getattr(figures, name) for name in HEADINGS]
+    return [number for one in estimates for number in (one.value, one.low, one.high)]
+
+
+def short_text(plan: Plan, one: Evaluated) -> str:
+    """A short table for the terminal."""
+    rows = [
+        [f"{point.method} {point.label}", *(figures.text(name, interval=False) for name in SHORT)]
+        for point, figures in zip(one.points, one.figures, strict=True)
+    ]
+    return (
+        f"scenario {one.scenario.name}, {one.scans} scans, {plan.runs} runs, seed {plan.seed}\n"
+        + text_table(["method", *SHORT.values()], rows)
+    )

@@ -1,0 +1,115 @@
+"""What is evaluated: a method at one setting, as a factory of track starters."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Protocol
+
+import tsepm_ros
+from tsepm_ros.initiator import Initiator
+from tsepm_ros.methods import METHODS, make_initiator, option_names
+from tsepm_ros.scan import Scan
+from tsepm_ros.simulation import Scenario
+from tsepm_ros.track import ConfirmedTrack
+
+
+class TrackStarter(Protocol):
+    """What can be evaluated: an `Initiator`, or anything with a `process` like it.
+
+    Of its tracks `stamp`, `state`, `covariance` (nan where there is none) and `hits` count. Where
+    it also has `hold.current`, tracks with a `state` (n, 4) at the last scan's stamp, these
+    are what an operator sees.
+    """
+
+    def process(self, scan: Scan) -> Sequence[ConfirmedTrack]:
+        """Take the next scan and return the tracks that it newly starts."""
+
+
+def make_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Initiator:
+    """Make one of the package's own methods for a scenario's sensor."""
+    return make_initiator(method, sensor=scenario.sensor, **options)
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """A method at one setting.
+
+    Attributes
+    ----------
+    method, label : str
+        Name of the method, and of the setting among those of its sweep.
+    options : mapping
+        All options given to the method.
+    factory : callable
+        Makes a `TrackStarter` from a scenario, `method` and `options`; importable by its name, so
+        that other processes can make it too.
+    version : str
+        What the results depend on besides; results of another version are not used again.
+    """
+
+    method: str
+    label: str = "default"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    factory: Callable[[Scenario, str, Mapping[str, Any]], TrackStarter] = make_method
+    version: str = ""
+
+    def make(self, scenario: Scenario) -> TrackStarter:
+        """Make what is evaluated, fresh for a run."""
+        return self.factory(scenario, self.method, self.options)
+
+
+def operating_points(
+    methods: Iterable[str], given: Mapping[str, Any] | None = None
+) -> list[OperatingPoint]:
+    """The sweeps of some methods from few to many false tracks.
+
+    Parameters
+    ----------
+    methods : iterable of str
+    given : mapping, optional
+        Options for those methods that have them. A method whose sweep varies one of them is
+        evaluated at the given value only.
+
+    Raises
+    ------
+    ValueError
+        If no method has a given option; the message names it.
+    """
+    given = given or {}
+    methods = list(methods)
+    for name in given:
+        if not any(name in option_names(method) for method in methods):
+            raise ValueError(f"{name} is not an option of {' or '.join(methods)}")
+    return [point for method in methods for point in _sweep(method, given)]
+
+
+def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
+    own = {name: value for name, value in given.items() if name in option_names(method)}
+    sweep = METHODS[method].operating_points
+    if any(name in options for options in sweep.values() for name in own):
+        sweep = {"as given": {}}
+    return [
+        OperatingPoint(method, label, {**own, **options}, version=package_version())
+        for label, options in sweep.items()
+    ]
+
+
+def package_version() -> str:
+    """Version of the package, and a digest of the modules that its tracks come from."""
+    folder = Path(tsepm_ros.__file__).parent
+    files = [
+        path for part in (".", "methods", "simulation") for path in folder.glob(f"{part}/*.py")
+    ]
+    return f"{version('tsepm_ros')} {digest(files)}"
+
+
+def digest(files: Iterable[Path]) -> str:
+    """Short digest of some files' contents."""
+    content = hashlib.sha256()
+    for path in sorted(files):
+        content.update(path.read_bytes())
+    return content.hexdigest()[:8]
