@@ -108,7 +108,11 @@ class Contender(ABC):
         """Hits of the last scan's new tracks. Not timed."""
 
     def states(self) -> FloatArray | None:
-        """States of the last scan's new tracks, (n, 4), where outputs are compared. Not timed."""
+        """States of the last scan's new tracks, (n, 4), at its time; None if unknown. Not timed."""
+        return None
+
+    def covariances(self) -> FloatArray | None:
+        """Covariances of these states, (n, 4, 4); None if it tells none. Not timed."""
         return None
 
     @abstractmethod

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from norfair import Detection, OptimizedKalmanFilterFactory, Tracker
+from norfair.tracker import TrackedObject
 
-from contenders import Contender, Hits, RawScan, Sea
+from contenders import Contender, FloatArray, Hits, RawScan, Sea
 
 VELOCITY_NOISE = 1.0  # m^2 per scan^2: near constant velocity
 
@@ -33,7 +34,7 @@ class NorfairContender(Contender):
         )
         self._scan_index = 0
         self._known: set[int] = set()
-        self._new: list[Hits] = []
+        self._new: list[TrackedObject] = []
 
     def process(self, scan: RawScan) -> int:
         """See `Contender.process`."""
@@ -44,15 +45,20 @@ class NorfairContender(Contender):
             for row in range(len(scan))
         ]
         active = self._tracker.update(detections)
-        new = [track for track in active if track.id not in self._known]
+        self._new = [track for track in active if track.id not in self._known]
         self._known = {track.id for track in active}
-        self._new = [tuple(hit.data for hit in track.past_detections) for track in new]
         self._scan_index += 1
-        return len(new)
+        return len(self._new)
 
     def hits(self) -> list[Hits]:
         """See `Contender.hits`."""
-        return self._new
+        return [tuple(hit.data for hit in track.past_detections) for track in self._new]
+
+    def states(self) -> FloatArray:
+        """See `Contender.states`; norfair's velocities are per frame."""
+        positions = np.array([track.estimate for track in self._new], float).reshape(-1, 2)
+        steps = np.array([track.estimate_velocity for track in self._new], float).reshape(-1, 2)
+        return np.stack([positions, steps / self.sea.period], axis=-1).reshape(-1, 4)
 
     def counts(self) -> dict[str, int]:
         """See `Contender.counts`."""

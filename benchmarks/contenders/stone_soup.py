@@ -23,7 +23,7 @@ import warnings
 import numpy as np
 from scipy.spatial import KDTree
 
-from contenders import Contender, Hits, RawScan, Sea
+from contenders import Contender, FloatArray, Hits, RawScan, Sea
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of optional packages that are not there
@@ -131,12 +131,12 @@ class StoneSoupContender(Contender):
             initiator=SinglePointMeasurementInitiator(prior_state=prior, updater=updater),
         )
         self._scan_index = 0
-        self._new: set[Track] = set()
+        self._new: list[Track] = []
 
     def process(self, scan: RawScan) -> int:
         """See `Contender.process`."""
         timestamp = START + datetime.timedelta(seconds=scan.stamp)
-        self._new = self._initiator.initiate(self._detections(scan, timestamp), timestamp)
+        self._new = list(self._initiator.initiate(self._detections(scan, timestamp), timestamp))
         self._scan_index += 1
         return len(self._new)
 
@@ -150,6 +150,14 @@ class StoneSoupContender(Contender):
             )
             for track in self._new
         ]
+
+    def states(self) -> FloatArray:
+        """See `Contender.states`."""
+        return np.array([track.state_vector for track in self._new], float).reshape(-1, 4)
+
+    def covariances(self) -> FloatArray:
+        """See `Contender.covariances`."""
+        return np.array([track.covar for track in self._new], float).reshape(-1, 4, 4)
 
     def counts(self) -> dict[str, int]:
         """See `Contender.counts`."""
