@@ -83,8 +83,11 @@ def test_errors_that_follow_their_bounds_are_at_the_bound():
     assert figures.velocity_to_bound.high - figures.velocity_to_bound.low < 0.12
 
 
-def test_gospa_is_the_root_mean_square_and_its_parts_add_up_in_squares():
+def test_gospa_is_averaged_over_the_scans_and_its_parts_add_up_in_squares():
     one = run_of(localisation=100.0, missed=0.0, false_held=1800.0)
+    still = RunRecord(1, (), (*one.scans[:3], NOTHING))
+    assert figures_of(SCENE, [still]).gospa_mean.value == pytest.approx(0.75 * math.sqrt(1900.0))
+    assert figures_of(SCENE, [still]).gospa.value == pytest.approx(math.sqrt(0.75 * 1900.0))
     two = run_of(localisation=0.0, missed=900.0, false_held=0.0)
     figures = figures_of(SCENE, [one, two])
     assert figures.gospa_localisation.value == pytest.approx(math.sqrt(50.0))

@@ -33,7 +33,7 @@ TABLES = {
         "pure_nees",
     ),
     "True starts": ("position_error", "velocity_error", "nees"),
-    "Held tracks": ("gospa", "gospa_localisation", "gospa_missed", "gospa_false"),
+    "Held tracks": ("gospa_mean", "gospa", "gospa_localisation", "gospa_missed", "gospa_false"),
 }
 """Which figures stand in which table."""
 SHORT = {
@@ -44,7 +44,7 @@ SHORT = {
     "confirmation_median": "median s",
     "pure_nees": "NEES pure",
     "nees": "NEES true",
-    "gospa": "GOSPA m",
+    "gospa_mean": "GOSPA m",
 }
 """Figures of the terminal's table."""
 NOTES = """\
@@ -60,8 +60,8 @@ errors stand over the root mean square of the Cramer-Rao bounds for their own hi
 chooses hits by how well they fit, or knows how fast targets are, may come below 1.
 - *NEES*: 4 is ideal, more is over-confident.
 - *GOSPA* of the held tracks against the truth: p = 2, alpha = 2, c = 3 sigma of the measurement \
-error's larger axis, the mean over the targets; root mean square over the scans and runs, of which \
-the three parts are parts in squares.
+error's larger axis, the mean over the targets; mean and root mean square over the scans and runs. \
+The squares of the three parts add up to that of the latter.
 """
 FOOTING_NOTE = """\
 On the curve through a method's best points, P_D linear in the logarithm of the false + misplaced \

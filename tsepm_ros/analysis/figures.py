@@ -37,7 +37,7 @@ class Figures:
 
     *Pure* starts are those of which every hit is one target's, redundant ones left out and
     misplaced ones not: without these the errors would be cut off at 3 sigma. GOSPA is that of the
-    held tracks, the root mean square over scans and runs; its three parts add up in squares.
+    held tracks, over scans and runs; the three parts of its root mean square add up in squares.
 
     Attributes
     ----------
@@ -59,8 +59,8 @@ class Figures:
         These over the root mean square of their Cramer-Rao bounds.
     nees, pure_nees : Estimate
         Mean over the true and over the pure starts; 4 is ideal.
-    gospa, gospa_localisation, gospa_missed, gospa_false : Estimate
-        m.
+    gospa_mean, gospa, gospa_localisation, gospa_missed, gospa_false : Estimate
+        Mean, root mean square and its parts, m.
     """
 
     runs: int
@@ -86,6 +86,7 @@ class Figures:
     velocity_to_bound: Estimate = field(metadata=_shown("velocity error / Cramer-Rao bound", ".3f"))
     nees: Estimate = field(metadata=_shown("NEES of true starts (ideal 4)", ".2f"))
     pure_nees: Estimate = field(metadata=_shown("NEES of pure starts (ideal 4)", ".2f"))
+    gospa_mean: Estimate = field(metadata=_shown("GOSPA, mean [m]", ".0f"))
     gospa: Estimate = field(metadata=_shown("GOSPA, RMS [m]", ".0f"))
     gospa_localisation: Estimate = field(metadata=_shown("of it localisation [m]", ".0f"))
     gospa_missed: Estimate = field(metadata=_shown("of it missed [m]", ".0f"))
@@ -177,13 +178,17 @@ def _errors(true: Sequence[StartRecord], pure: Sequence[StartRecord]) -> dict[st
 
 
 def _gospa(records: Sequence[RunRecord]) -> dict[str, Estimate]:
-    """Mean squares per run, (r, 3), then over the runs."""
+    """Means over the scans of each run, then over the runs."""
     parts = np.array(
         [
             [[scan.localisation, scan.missed, scan.false_held] for scan in record.scans]
             for record in records
         ]
-    ).mean(axis=1)
-    names = ["gospa", "gospa_localisation", "gospa_missed", "gospa_false"]
-    squares = np.column_stack([parts.sum(axis=1), parts])
-    return {name: root(mean(square)) for name, square in zip(names, squares.T, strict=True)}
+    )  # (run, scan, part)
+    square = parts.sum(axis=-1)
+    names = ("gospa_localisation", "gospa_missed", "gospa_false")
+    return {
+        "gospa_mean": mean(np.sqrt(square).mean(axis=1)),
+        "gospa": root(mean(square.mean(axis=1))),
+        **{name: root(mean(parts[..., k].mean(axis=1))) for k, name in enumerate(names)},
+    }
