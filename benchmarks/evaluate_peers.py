@@ -19,7 +19,7 @@ os.environ["MKL_NUM_THREADS"] = "1"
 
 from peers import PEERS, peer_points
 
-from tsepm_ros.analysis.evaluate_command import add_arguments, run_evaluation
+from tsepm_ros.analysis.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.analysis.operating_points import OperatingPoint
 
 
@@ -37,7 +37,7 @@ def installed(peers: list[str]) -> list[OperatingPoint]:
 def main() -> int:
     """Evaluate, print and write; 2 where something given is not allowed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    add_arguments(parser)
+    add_evaluation_arguments(parser)
     parser.add_argument("--peer", action="append", choices=PEERS, help="default: every peer")
     options = parser.parse_args()
     command = shlex.join(["python", "benchmarks/evaluate_peers.py", *sys.argv[1:]])

@@ -10,6 +10,8 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis import designing
+from tsepm_ros.analysis.figures import figures_of
+from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.prediction import (
     Case,
     clutter_pass_share,
@@ -18,7 +20,7 @@ from tsepm_ros.analysis.prediction import (
     targets_found,
 )
 from tsepm_ros.analysis.splitting_theory import Gating
-from tsepm_ros.analysis.study import study, summary
+from tsepm_ros.analysis.study import study
 from tsepm_ros.cli import main
 from tsepm_ros.methods.score import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
@@ -38,7 +40,8 @@ def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options
     predicted = targets_found(case, method, options, runs=150, seed=11)
     area = TargetArea(1, (0.0, 7000.0), (-0.5, 0.5), 5.0)
     scene = Scenario(name="sector", sensor=SECTOR, areas=(area,))
-    measured = summary(scene, study(scene, method, options, runs=150, seed=12)).detection
+    point = OperatingPoint(method, options=options)
+    measured = figures_of(scene, list(study(scene, point, range(150), 12))).detection
     noise = math.sqrt(2 * measured.value * (1 - measured.value) / 150)
     assert abs(predicted.detection.value - measured.value) < 0.03 + 2.6 * noise
 

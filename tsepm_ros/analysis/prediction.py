@@ -19,8 +19,9 @@ from scipy.special import chdtri
 
 from tsepm_ros import pruning
 from tsepm_ros.analysis.intervals import Estimate, mean, proportion
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
-from tsepm_ros.analysis.study import judge_run
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.conversion import convert, major_sigma, position_covariance
 from tsepm_ros.estimation import fit
@@ -137,7 +138,7 @@ def targets_found(
         Processes.
     """
     jobs = [
-        (scene, [seed, index], method, _for_patch(case, scene, options))
+        (scene, [seed, index], OperatingPoint(method, options=_for_patch(case, scene, options)))
         for index, scene in enumerate(_patches(case, runs))
     ]
     times = [time for time in _mapped(_time_found, jobs, workers) if time is not None]
@@ -319,9 +320,9 @@ def _for_patch(case: Case, scene: Scenario, options: dict[str, Any]) -> dict[str
     return {**options, "false_tracks_per_hour": wish * scene.area / case.sensor.coverage_area}
 
 
-def _time_found(job: tuple[Scenario, list[int], str, dict[str, Any]]) -> float | None:
+def _time_found(job: tuple[Scenario, list[int], OperatingPoint]) -> float | None:
     """Time of the target's true start, s."""
-    for judged in judge_run(*job):
+    for judged in simulate(*job).judged():
         if judged.outcome is Outcome.TRUE:
             return judged.track.stamp
     return None
