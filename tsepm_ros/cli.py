@@ -36,7 +36,7 @@ from tsepm_ros.parameter_groups import (
     settings_from,
 )
 from tsepm_ros.recording import read_recording
-from tsepm_ros.session import ScanResult
+from tsepm_ros.session import ScanResult, SessionOptions
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
 INTERRUPTED = 130
@@ -94,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser("study", help="simulate a scenario many times and sum up")
     scenarios = ", ".join(shipped_scenarios())
     one.add_argument("scenario", help=f"{scenarios}, or a .yaml file")
-    one.add_argument("--method", default="tsepm", choices=available_methods())
+    one.add_argument("--method", default=SessionOptions().method, choices=available_methods())
     add_run_arguments(one, runs=200)
     _add_parameters(one, "option of the method, such as min_hits:=4")
     one.set_defaults(command=_study)

@@ -42,7 +42,7 @@ def test_a_recording_gives_tracks_as_csv(capsys, recording):
     assert main(["run", recording]) == 0
     captured = capsys.readouterr()
     (row,) = csv.DictReader(io.StringIO(captured.out))
-    assert float(row["stamp"]) == 48.0
+    assert float(row["stamp"]) == 24.0
     assert float(row["state_vx"]) == pytest.approx(5.0, rel=1e-3)
     assert float(row["state_y"]) == pytest.approx(3000.0, rel=1e-3)
     assert captured.err == ""
@@ -57,6 +57,7 @@ def test_what_a_recording_loses_is_said(capsys, recording, tmp_path):
 
 def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
     arguments = ["study", "box", "--runs", "6", "--scans", "8", "--seed", "3", "--workers", "1"]
+    arguments += ["--method", "tsepm"]
     assert main([*arguments, "-p", "min_hits:=4"]) == 0
     out = capsys.readouterr().out
     for part in ("tsepm", "min_hits:=4", "box", "8 scans", "6 runs", "seed 3", "95 %"):
@@ -70,7 +71,7 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
     [
         (["run", "/nowhere"], "detections.csv"),
         (["study", "nowhere"], "nowhere"),
-        (["study", "box", "-p", "min_hats:=4"], "min_hats"),
+        (["study", "box", "--method", "tsepm", "-p", "min_hats:=4"], "min_hats"),
         (["evaluate", "nowhere"], "nowhere"),
         (["evaluate", "-p", "min_hats:=4"], "min_hats"),
         (["evaluate", "--method", "score", "-p", "min_hits:=4"], "min_hits"),

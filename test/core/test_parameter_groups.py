@@ -117,7 +117,9 @@ def test_refusals_have_the_full_name(values, sentence):
 
 
 def test_settings_have_every_group():
-    made = make_groups(TRACK_INITIATOR, {"tsepm.window": 9, "sensor.max_range": 5e3})
+    made = make_groups(
+        TRACK_INITIATOR, {"method": "tsepm", "tsepm.window": 9, "sensor.max_range": 5e3}
+    )
     settings = settings_from(made)
     assert settings.window == 9
     assert settings.sensor.max_range == 5e3

@@ -29,7 +29,7 @@ QUEUE_LENGTH = 32
 
 def settings(common: CommonOptions | None = None, rule: TsepmOptions = RULE, **options) -> Settings:
     return Settings(
-        session=SessionOptions(**options),
+        session=SessionOptions(**{"method": "tsepm", **options}),
         sensor=FIXED_RANGE_ERROR,
         common=common or CommonOptions(),
         methods={"tsepm": rule},
@@ -93,7 +93,7 @@ def simulated(seed: int = 1) -> list[Scan]:
 
 
 def test_a_session_gives_what_the_initiator_gives():
-    chosen = Settings(sensor=BOX.sensor)
+    chosen = Settings(session=SessionOptions(method="tsepm"), sensor=BOX.sensor)
     one, initiator = Session(chosen), make_initiator("tsepm", sensor=BOX.sensor)
     confirmed = 0
     for scan in simulated():
@@ -137,7 +137,11 @@ HARMLESS = {
 
 @pytest.mark.parametrize("reason", HARMLESS)
 def test_a_bad_scan_in_between_leaves_the_others_as_they_were(reason):
-    chosen = Settings(sensor=BOX.sensor, common=CommonOptions(max_detections=5000))
+    chosen = Settings(
+        session=SessionOptions(method="tsepm"),
+        sensor=BOX.sensor,
+        common=CommonOptions(max_detections=5000),
+    )
     clean, disturbed = Session(chosen), Session(chosen, Reports())
     for index, scan in enumerate(simulated()):
         clean.add_scan(arrived(scan), 0.0)

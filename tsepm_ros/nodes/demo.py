@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="tsepm_demo", description=__doc__)
     parser.add_argument("--scenario", default="four_targets", help="shipped name or .yaml file")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the simulation")
+    parser.add_argument("--seed", type=int, default=2, help="seed of the simulation")
     parser.add_argument("--recording", help="folder of a recording, in place of a scenario")
     parser.add_argument("--rate", type=float, default=60.0, help="times faster than real time")
     parser.add_argument(
