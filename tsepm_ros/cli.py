@@ -8,7 +8,7 @@ import dataclasses
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TextIO
 
 from tsepm_ros.analysis.design_command import add_design_arguments, run_design
@@ -38,6 +38,7 @@ from tsepm_ros.parameter_groups import (
 from tsepm_ros.recording import read_recording
 from tsepm_ros.session import ScanResult, SessionOptions
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
+from tsepm_ros.track import ConfirmedTrack
 
 INTERRUPTED = 130
 """What a shell takes for ended by an interrupt."""
@@ -132,20 +133,23 @@ def _run(options: argparse.Namespace) -> None:
     if recording.own_ship:
         values.setdefault("own_ship_source", "odometry")
     made = make_groups(TRACK_INITIATOR, values)
+    settings = settings_from(made)
     results, dropped = process_recording(
-        recording, settings_from(made), made[InitiatorNodeOptions].bearing_reference
+        recording, settings, made[InitiatorNodeOptions].bearing_reference
     )
-    write_tracks(results, sys.stdout)
+    write_tracks(results, sys.stdout, settings.make_initiator().reason)
     for reason, number in sorted(dropped.items()):
         print(f"dropped: {number} {reason}", file=sys.stderr)
 
 
-def write_tracks(results: Iterable[ScanResult], file: TextIO) -> None:
-    """Write the confirmed tracks of a run as CSV, a row each."""
+def write_tracks(
+    results: Iterable[ScanResult], file: TextIO, reason: Callable[[ConfirmedTrack], str]
+) -> None:
+    """Write the confirmed tracks of a run as CSV, a row each, with why each was confirmed."""
     writer = csv.writer(file, lineterminator="\n")
     covariance = [f"cov_{row}{column}" for row in range(4) for column in range(4)]
     state = ["state_x", "state_vx", "state_y", "state_vy"]
-    last = ["evaluation", "score", "hit_count", "scan_count", "age"]
+    last = ["evaluation", "score", "hit_count", "scan_count", "age", "reason"]
     writer.writerow(["stamp", "track_id", *state, *covariance, *last])
     for result in results:
         for track in result.new:
@@ -160,6 +164,7 @@ def write_tracks(results: Iterable[ScanResult], file: TextIO) -> None:
                     len(track.hits),
                     track.scan_count,
                     track.age,
+                    reason(track),
                 ]
             )
 

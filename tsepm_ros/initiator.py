@@ -18,7 +18,7 @@ from tsepm_ros.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.track import TrackArrays
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 FloatArray = NDArray[np.float64]
 
@@ -210,6 +210,10 @@ class Initiator(ABC):
 
         Their `track_id` is their place in the list.
         """
+
+    def reason(self, track: ConfirmedTrack) -> str:
+        """Why a track was confirmed, in a sentence, as the method's options are now."""
+        return f"{len(track.hits)} hits within {track.scan_count} scans"
 
     @property
     def estimated_detection_probability(self) -> float:

@@ -27,7 +27,7 @@ from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import NO_HIT, Paths, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.track import TrackArrays
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
@@ -279,6 +279,17 @@ class Score(Initiator):
     def deletion(self) -> float:
         """Log-likelihood ratio below which a hypothesis is deleted: ln of the miss probability."""
         return math.log(self.options.miss_probability)
+
+    def reason(self, track: ConfirmedTrack) -> str:
+        """Its evidence, the threshold that it passed, and the wish behind that.
+
+        See `Initiator.reason`.
+        """
+        return (
+            f"{super().reason(track)}; the evidence of all hypotheses with its newest hit is "
+            f"{track.score:.2f}, at least the threshold {track.score - track.evaluation:.2f} that "
+            f"clutter passes {self.options.false_tracks_per_hour:g} times an hour"
+        )
 
     def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits; `score` is their log-likelihood ratio.

@@ -23,7 +23,7 @@ from tsepm_ros.path_counts import PathCounts
 from tsepm_ros.paths import Paths, Rows, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.track import TrackArrays
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -239,6 +239,17 @@ class Tsepm(Initiator):
                 + (len(raw) - len(candidates))
                 + (len(kept) - len(merging)),
             ),
+        )
+
+    def reason(self, track: ConfirmedTrack) -> str:
+        """Its rule, and the evaluation with its threshold.
+
+        See `Initiator.reason`.
+        """
+        name = "f_1" if self.options.evaluation == "normalized_distance" else "f_2"
+        return (
+            f"{super().reason(track)}, by the rule {self.options.min_hits}/{self.options.window}; "
+            f"{name} is {track.evaluation:.2f}, at most the threshold {self._threshold:.2f}"
         )
 
     def potential_tracks(self) -> TrackArrays:
