@@ -77,7 +77,7 @@ def run_design(options: argparse.Namespace) -> None:
     if rules:
         print(rule_table(rules))
     amount = {"runs": options.runs, "seed": options.seed, "workers": options.workers}
-    found = list(designing.candidates(case, score, rules, **amount))
+    found = list(designing.candidates(case, score, made[TsepmOptions], rules, **amount))
     print(
         f"\nsimulated, {options.runs} targets, seed {options.seed}; score with window "
         f"{score.window}; 95 % intervals"

@@ -185,7 +185,14 @@ def _rule_within(
 
 
 def candidates(
-    case: Case, score: ScoreOptions, rules: list[Rule], *, runs: int, seed: int, workers: int
+    case: Case,
+    score: ScoreOptions,
+    tsepm: TsepmOptions,
+    rules: list[Rule],
+    *,
+    runs: int,
+    seed: int,
+    workers: int,
 ) -> Iterator[Candidate]:
     """The method `score` and the best M/N rule, each run on targets and on clutter.
 
@@ -193,6 +200,8 @@ def candidates(
     ----------
     case : Case
     score : ScoreOptions
+    tsepm : TsepmOptions
+        But for the rule.
     rules : list of Rule
         That keep the wish; the one that finds most is run.
     runs : int
@@ -206,7 +215,8 @@ def candidates(
     ]
     if rules:
         best = max(rules, key=lambda rule: rule.in_time)
-        options = {**common, "min_hits": best.min_hits, "window": best.window}
+        rule = {"min_hits": best.min_hits, "window": best.window}
+        options = {**common, **dataclasses.asdict(tsepm), **rule}
         name = f"tsepm {best.min_hits}/{best.window}"
         chosen.append((name, "tsepm", options, best.false_per_hour))
     scans = max(int(CLUTTER_SCANS * min(USUAL_DETECTIONS / case.detections_per_scan, 4.0)), 40)
