@@ -50,7 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 2 with a sentence on stderr where something given is not allowed; 130 if interrupted.
+        0; 2 with a sentence on stderr where something given is not allowed; 1 where a file cannot
+        be read or written; 130 if interrupted.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(arguments)
@@ -65,6 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     except BrokenPipeError:  # the reader, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        print(f"failed: {error}", file=sys.stderr)
+        return 1
     return 0
 
 

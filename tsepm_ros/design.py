@@ -14,6 +14,7 @@ likelihood ratios summed over all starts, of which a target makes one at each of
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -109,7 +110,6 @@ def score_plan(
     process_noise: float,
     deletion: float,
     min_hits: int,
-    scans: int = 0,
 ) -> ScorePlan:
     """Follow the evidence for targets drawn as the method assumes them.
 
@@ -124,25 +124,61 @@ def score_plan(
         Scans.
     gate_probability, process_noise, deletion, min_hits
         As in the method.
-    scans : int, optional
-        Scans through which a target is followed, if more than the window.
 
     Returns
     -------
     ScorePlan
     """
-    scans = max(scans, window)
+    (plan,) = score_plans(
+        sensor,
+        max_speed=max_speed,
+        interval=interval,
+        windows=(window,),
+        scans=window,
+        gate_probability=gate_probability,
+        process_noise=process_noise,
+        deletion=deletion,
+        min_hits=min_hits,
+    )
+    return plan
+
+
+def score_plans(
+    sensor: SensorModel,
+    *,
+    max_speed: float,
+    interval: float,
+    windows: Sequence[int],
+    scans: int,
+    gate_probability: float,
+    process_noise: float,
+    deletion: float,
+    min_hits: int,
+) -> list[ScorePlan]:
+    """The plans of several windows, from the same targets.
+
+    Parameters
+    ----------
+    windows : sequence of int
+    scans : int
+        Scans through which the targets are followed, at least the longest window.
+    sensor, max_speed, interval, gate_probability, process_noise, deletion, min_hits
+        See `score_plan`.
+    """
     targets = _draw_targets(sensor, max_speed, interval, scans, process_noise)
-    evidences = np.full((PATHS, scans), -np.inf)
+    evidences = np.full((len(windows), PATHS, scans), -np.inf)
     for first in range(scans):
         score = _scores(
             targets, first, sensor, max_speed, interval, gate_probability, process_noise, deletion
         )
-        score[:, first + window :] = -np.inf
-        evidences = np.logaddexp(evidences, score)
+        for evidence_of_window, window in zip(evidences, windows, strict=True):
+            part = slice(first, min(first + window, scans))
+            np.logaddexp(
+                evidence_of_window[:, part], score[:, part], out=evidence_of_window[:, part]
+            )
     enough = np.cumsum(targets.detected, axis=1) >= min_hits
     tested = np.where(targets.detected & enough, evidences, -np.inf)
-    return _plan(tested, window)
+    return [_plan(one, window) for one, window in zip(tested, windows, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -139,6 +140,9 @@ class PlayerNodeOptions:
         check_group(self)
 
 
+EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
+"""A number with an exponent, with or without its point."""
+
 Groups = tuple[tuple[str, type[Any]], ...]
 
 TRACK_INITIATOR: Groups = (
@@ -206,10 +210,18 @@ def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
         if not separator or not name:
             raise ValueError(f"a parameter is given as NAME:=VALUE; got {assignment!r}")
         try:
-            values[name] = yaml.safe_load(value)
+            values[name] = _typed(value)
         except yaml.YAMLError:
             raise ValueError(f"{name}: {value!r} is not a value") from None
     return values
+
+
+def _typed(text: str) -> Value:
+    """A value as in YAML; but 1e-9, to YAML 1.1 a text, is a number."""
+    if EXPONENT.fullmatch(text.strip()):
+        return float(text)
+    value: Value = yaml.safe_load(text)
+    return value
 
 
 def settings_from(made: Mapping[type[Any], Any]) -> Settings:

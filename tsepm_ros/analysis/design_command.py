@@ -64,53 +64,74 @@ def run_design(options: argparse.Namespace) -> None:
         If something given is not allowed.
     """
     values = parse_values(options.parameter)
+    _check(options, values)
     made = make_groups(TRACK_INITIATOR, values)
-    case = _case(options, made[SensorModel], made[CommonOptions].max_speed)
-    score = made[ScoreOptions]
+    case = _case(options, made[SensorModel], made[CommonOptions])
+    score, tsepm = made[ScoreOptions], made[TsepmOptions]
+    wish = score.false_tracks_per_hour
+    print(case_lines(case, wish), flush=True)
     if "score.window" not in values:
         score = dataclasses.replace(score, window=designing.score_window(case, score))
-    worth = designing.worth(case, score.gate_probability)
-    print(case_lines(case, score.false_tracks_per_hour))
-    print(worth_line(worth, designing.score_threshold(case, score)[0]))
-    rules = designing.rules_within(case, made[TsepmOptions], score.false_tracks_per_hour)
-    print("\nM/N rules of the method tsepm that keep the wish:", "" if rules else "none")
+    [(threshold, _)] = designing.score_thresholds(case, score, [score.window])
+    print(worth_line(designing.worth(case, score.gate_probability), threshold), flush=True)
+    rules = designing.rules_within(case, tsepm, wish)
+    print("\nM/N rules of the method tsepm that keep the wish:" + ("" if rules else " none"))
     if rules:
-        print(rule_table(rules))
-    amount = {"runs": options.runs, "seed": options.seed, "workers": options.workers}
-    found = list(designing.candidates(case, score, made[TsepmOptions], rules, **amount))
+        print(rule_table(rules), flush=True)
+    simulation = {
+        "runs": options.runs,
+        "seed": options.seed,
+        "workers": options.workers,
+        "progress": with_progress,
+    }
+    found = list(designing.candidates(case, score, tsepm, rules, **simulation))
+    hours = designing.clutter_scans(case, wish) / case.scans_per_hour
     print(
-        f"\nsimulated, {options.runs} targets, seed {options.seed}; score with window "
-        f"{score.window}; 95 % intervals"
+        f"\nsimulated: {options.runs} targets, {hours:.1f} h of clutter alone, seed "
+        f"{options.seed}; score with window {score.window}; 95 % intervals"
     )
     print(candidate_table(found, case.sensor.coverage_area))
-    print(f"\n{verdict(found, options.wanted, worth)}", flush=True)
+    print(f"\n{verdict(found, options.wanted, wish)}", flush=True)
     if max(one.found.detection.high for one in found) < options.wanted:
-        amount["runs"] = min(options.runs, REMEDY_RUNS)
-        changes = designing.with_remedies(case, score, **amount)
-        print(remedy_table(list(with_progress(changes, designing.REMEDIES))))
+        simulation["runs"] = min(options.runs, REMEDY_RUNS)
+        changed = designing.with_remedies(
+            case, score, given_window="score.window" in values, **simulation
+        )
+        print(remedy_table(list(changed)))
     if options.write:
-        _write_parameters(options.write, values, found)
+        _write_parameters(options, values, found)
 
 
-def _case(options: argparse.Namespace, sensor: SensorModel, max_speed: float) -> Case:
+def _check(options: argparse.Namespace, values: dict[str, Value]) -> None:
+    """Refuse what would only be noticed at the end."""
+    if "method" in values:
+        raise ValueError("method follows from the design; leave it out")
+    if not 0.0 < options.wanted < 1.0:
+        raise ValueError(f"wanted must be between 0 and 1; got {options.wanted!r}")
+    if options.write and not Path(options.write).absolute().parent.is_dir():
+        raise ValueError(f"write: there is no folder for {options.write}")
+
+
+def _case(options: argparse.Namespace, sensor: SensorModel, common: CommonOptions) -> Case:
     return Case(
         sensor=sensor,
-        max_speed=max_speed,
+        common=common,
         interval=options.interval,
         scans=options.scans,
-        target_speed=0.5 * max_speed if options.speed is None else options.speed,
+        target_speed=0.5 * common.max_speed if options.speed is None else options.speed,
         target_range=options.range,
     )
 
 
-def _write_parameters(path: str, values: dict[str, Value], found: list[Candidate]) -> None:
-    """Write what was given and what follows for the best candidate."""
+def _write_parameters(
+    options: argparse.Namespace, values: dict[str, Value], found: list[Candidate]
+) -> None:
+    """Write what was given, the wish, and what follows for the best candidate."""
     best = max(found, key=lambda one: one.found.detection.value)
-    own = ("window",) if best.method == "score" else ("min_hits", "window")
-    chosen = {"method": best.method}
+    own = ("window", "false_tracks_per_hour") if best.method == "score" else ("min_hits", "window")
+    chosen: dict[str, Value] = {"method": best.method, "max_speed": best.options["max_speed"]}
     chosen |= {f"{best.method}.{name}": best.options[name] for name in own}
     content = {"track_initiator": {"ros__parameters": {**values, **chosen}}}
-    try:
-        Path(path).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error}") from None
+    text = f"# {options.line}\n{yaml.safe_dump(content, sort_keys=False)}"
+    Path(options.write).write_text(text, encoding="utf-8")
+    print(f"written: {options.write}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,19 +23,25 @@ from tsepm_ros.analysis.prediction import (
 from tsepm_ros.analysis.rules import confirmed_by, rule_detection_probability
 from tsepm_ros.analysis.splitting_theory import Gating, expected_counts
 from tsepm_ros.conversion import position_covariance
-from tsepm_ros.evidence import miss_gain
+from tsepm_ros.evidence import LARGEST_DETECTION_PROBABILITY, miss_gain
 from tsepm_ros.methods.score import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.splitting import gate_factor
 
 WINDOWS = (8, 12, 16, 24, 32, 48, 64)
 RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
 WORTH_A_LONGER_WINDOW = 0.01
 """Share of the targets that a longer window must find beyond the shorter."""
-REMEDIES = 7
-"""Changes that `with_remedies` tries."""
-CLUTTER_SCANS = 400
-"""Scans of clutter alone that are simulated, at the usual number of detections."""
-USUAL_DETECTIONS = 250.0
+SIMULATED_RULES = 2
+PINGS = 100_000
+"""Simulated pings for the worth of one."""
+CLUTTER_DETECTIONS = 200_000.0
+"""False detections that are simulated without a target, at most."""
+LEAST_DETECTIONS = 20.0
+"""A scan costs as much as one with so many, at least."""
+ENOUGH_FALSE = 10.0
+"""False tracks that tell a rate."""
+FEWEST_CLUTTER_SCANS = 40
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A method with its parameters, and what it was measured to do.
+    """A method with its parameters, and what it was simulated to do.
 
     Attributes
     ----------
@@ -71,31 +77,35 @@ class Candidate:
     method : str
     options : dict
         For `make_initiator`.
-    false_predicted : float
-        Per hour, over the whole coverage.
+    false_bound : float
+        Wish that the threshold keeps, or upper estimate of the rule, per hour over the coverage.
     found : Found
-    false_measured : Estimate
+    false_simulated : Estimate
         Per hour.
     """
 
     name: str
     method: str
     options: dict[str, Any]
-    false_predicted: float
+    false_bound: float
     found: Found
-    false_measured: Estimate
+    false_simulated: Estimate
+
+    def keeps(self, false_per_hour: float) -> bool:
+        """Whether what was simulated does not speak against it."""
+        return self.false_simulated.low <= false_per_hour
 
 
 @dataclass(frozen=True)
 class Worth:
-    """What a ping tells about a target that is well known, in log-likelihood.
+    """What a ping tells about a target whose place is known, in log-likelihood.
 
     Attributes
     ----------
     hit, miss : float
-        Mean gain of a detection, and of none.
+        Mean gain of the target's own detection, and of none.
     scan : float
-        Mean gain of a ping.
+        Mean gain of a ping, over all that may be the target's detection: never below 0.
     """
 
     hit: float
@@ -104,50 +114,62 @@ class Worth:
 
 
 def worth(case: Case, gate_probability: float) -> Worth:
-    """The most that a ping can tell, on average, at the median distance.
+    """The most that a ping can tell, on average, at the typical distance.
 
-    ``ln(p_d / (lambda 2 pi sqrt|R|)) - 1`` for a hit, R the error at the target's place: the
-    innovation's covariance is never smaller, and d^2 / 2 has the mean 1.
+    For a ping ``E[ln(1 - p_d P_G + (p_d / lambda) sum_j N(z_j; x, R))]`` over the target's
+    detection and the clutter in its gate, R the error at the target's place: the innovation's
+    covariance is never smaller. For a hit alone ``ln(p_d / (lambda 2 pi sqrt|R|)) - 1``, d^2 / 2
+    having the mean 1.
     """
-    sensor = case.sensor
-    range_ = case.target_range or math.sqrt(0.5 * (sensor.min_range**2 + sensor.max_range**2))
+    sensor, range_ = case.sensor, case.typical_range
     error = position_covariance(range_, 0.0, sensor.range_variance(range_), sensor.azimuth_std)
-    density = 1.0 / (2.0 * math.pi * math.sqrt(float(np.linalg.det(error))))
-    probability = sensor.detection_probability
-    hit = math.log(probability * density / sensor.clutter_density) - 1.0
-    miss = float(miss_gain(np.array([probability]), gate_probability)[0])
-    return Worth(hit, miss, probability * hit + (1.0 - probability) * miss)
+    size = 2.0 * math.pi * math.sqrt(float(np.linalg.det(error)))  # 1 / N(0)
+    probability = min(sensor.detection_probability, LARGEST_DETECTION_PROBABILITY)
+    missed = float(miss_gain(np.array([probability]), gate_probability)[0])
+    rng = np.random.default_rng(1)
+    edge = 0.5 * gate_factor(gate_probability) ** 2  # d^2 / 2 is uniform in a gate of clutter
+    clutter = rng.poisson(edge * size * sensor.clutter_density, PINGS)
+    owner = np.repeat(np.arange(PINGS), clutter)
+    likelihood = np.bincount(owner, np.exp(-edge * rng.random(len(owner))), minlength=PINGS)
+    own = rng.exponential(1.0, PINGS)
+    seen = (rng.random(PINGS) < probability) & (own <= edge)
+    likelihood += np.where(seen, np.exp(-own), 0.0)
+    scale = probability / (sensor.clutter_density * size)
+    mean = float(np.log(math.exp(missed) + scale * likelihood).mean())
+    return Worth(hit=math.log(scale) - 1.0, miss=missed, scan=max(mean, 0.0))
 
 
-def score_threshold(case: Case, options: ScoreOptions) -> tuple[float, float]:
-    """Threshold of the method `score` in this clutter, and the share of targets that passes it.
+def score_thresholds(
+    case: Case, options: ScoreOptions, windows: Sequence[int]
+) -> list[tuple[float, float]]:
+    """For each window the threshold of `score`, and the share of targets that passes it.
 
     The share is that within the case's scans, without clutter.
     """
-    window = min(options.window, case.scans)
-    plan = design.score_plan(
+    plans = design.score_plans(
         case.sensor,
         max_speed=case.max_speed,
         interval=design.rounded(case.interval),
-        window=window,
+        windows=windows,
+        scans=max(case.scans, *windows),
         gate_probability=options.gate_probability,
         process_noise=options.process_noise,
         deletion=math.log(options.miss_probability),
         min_hits=MIN_HITS,
-        scans=case.scans,
     )
-    threshold = plan.threshold(min(options.false_tracks_per_hour / case.starts_per_hour, 1.0))
-    return threshold, float(plan.passed(threshold)[-1])
+    share = min(options.false_tracks_per_hour / case.starts_per_hour, 1.0)
+    thresholds = [plan.threshold(share) for plan in plans]
+    return [
+        (threshold, float(plan.passed(threshold)[case.scans - 1]))
+        for plan, threshold in zip(plans, thresholds, strict=True)
+    ]
 
 
 def score_window(case: Case, options: ScoreOptions) -> int:
     """The shortest window beyond which hardly more targets are found."""
     windows = [window for window in WINDOWS if window <= max(case.scans, WINDOWS[0])]
-    shares = [
-        score_threshold(case, dataclasses.replace(options, window=window))[1] for window in windows
-    ]
-    enough = np.array(shares) >= max(shares) - WORTH_A_LONGER_WINDOW
-    return windows[int(np.argmax(enough))]
+    shares = np.array([share for _, share in score_thresholds(case, options, windows)])
+    return windows[int(np.argmax(shares >= shares.max() - WORTH_A_LONGER_WINDOW))]
 
 
 def rules_within(case: Case, options: TsepmOptions, false_per_hour: float) -> list[Rule]:
@@ -184,17 +206,21 @@ def _rule_within(
     return None
 
 
+def clutter_scans(case: Case, false_per_hour: float) -> int:
+    """Scans of clutter alone to simulate: enough to tell the wish, as far as the work allows."""
+    affordable = CLUTTER_DETECTIONS / max(case.detections_per_scan, LEAST_DETECTIONS)
+    enough = ENOUGH_FALSE / false_per_hour * case.scans_per_hour
+    return int(max(min(enough, affordable), FEWEST_CLUTTER_SCANS))
+
+
 def candidates(
     case: Case,
     score: ScoreOptions,
     tsepm: TsepmOptions,
     rules: list[Rule],
-    *,
-    runs: int,
-    seed: int,
-    workers: int,
+    **simulation: Any,
 ) -> Iterator[Candidate]:
-    """The method `score` and the best M/N rule, each run on targets and on clutter.
+    """The method `score` and the most promising M/N rules, each run on targets and on clutter.
 
     Parameters
     ----------
@@ -203,32 +229,26 @@ def candidates(
     tsepm : TsepmOptions
         But for the rule.
     rules : list of Rule
-        That keep the wish; the one that finds most is run.
-    runs : int
-        Targets.
-    seed, workers : int
+        That keep the wish.
+    **simulation
+        `runs`, `seed`, `workers` and `progress`, see `targets_found`.
     """
-    common = {"max_speed": case.max_speed}
-    wanted = score.false_tracks_per_hour
-    chosen: list[tuple[str, str, dict[str, Any], float]] = [
-        ("score", "score", {**common, **dataclasses.asdict(score)}, wanted)
-    ]
-    if rules:
-        best = max(rules, key=lambda rule: rule.in_time)
-        rule = {"min_hits": best.min_hits, "window": best.window}
-        options = {**common, **dataclasses.asdict(tsepm), **rule}
-        name = f"tsepm {best.min_hits}/{best.window}"
-        chosen.append((name, "tsepm", options, best.false_per_hour))
-    scans = max(int(CLUTTER_SCANS * min(USUAL_DETECTIONS / case.detections_per_scan, 4.0)), 40)
-    for name, method, options, predicted in chosen:
-        yield Candidate(
-            name,
-            method,
-            options,
-            predicted,
-            targets_found(case, method, options, runs=runs, seed=seed, workers=workers),
-            false_tracks_per_hour(case, method, options, scans=scans, seed=seed, workers=workers),
+    common = dataclasses.asdict(case.common)
+    wish = score.false_tracks_per_hour
+    chosen = [("score", "score", dataclasses.asdict(score), wish)]
+    for rule in sorted(rules, key=lambda rule: -rule.in_time)[:SIMULATED_RULES]:
+        changes = {"min_hits": rule.min_hits, "window": rule.window}
+        name = f"tsepm {rule.min_hits}/{rule.window}"
+        chosen.append(
+            (name, "tsepm", {**dataclasses.asdict(tsepm), **changes}, rule.false_per_hour)
         )
+    alone = {name: value for name, value in simulation.items() if name != "runs"}
+    scans = clutter_scans(case, wish)
+    for name, method, own, bound in chosen:
+        options = {**common, **own}
+        found = targets_found(case, method, options, **simulation)
+        false = false_tracks_per_hour(case, method, options, scans=scans, **alone)
+        yield Candidate(name, method, options, bound, found, false)
 
 
 def remedies(case: Case) -> list[tuple[str, Case]]:
@@ -254,13 +274,25 @@ def remedies(case: Case) -> list[tuple[str, Case]]:
 
 
 def with_remedies(
-    case: Case, score: ScoreOptions, *, runs: int, seed: int, workers: int
+    case: Case, score: ScoreOptions, *, given_window: bool, **simulation: Any
 ) -> Iterator[tuple[str, Estimate]]:
-    """What the method `score` would find with each change, and with a larger wish."""
+    """What the method `score` finds as it is, with each change, and with a larger wish.
+
+    Parameters
+    ----------
+    case : Case
+    score : ScoreOptions
+    given_window : bool
+        Whether its window stays.
+    **simulation
+        As in `candidates`.
+    """
     more = dataclasses.replace(score, false_tracks_per_hour=10.0 * score.false_tracks_per_hour)
-    for text, changed in (*remedies(case), ("ten times as many false tracks", case)):
-        options = more if changed is case else score
-        window = score_window(changed, options)
-        given = {**dataclasses.asdict(options), "window": window, "max_speed": case.max_speed}
-        found = targets_found(changed, "score", given, runs=runs, seed=seed, workers=workers)
+    cases = [("as it is", case, score)]
+    cases += [(text, changed, score) for text, changed in remedies(case)]
+    cases.append(("ten times as many false tracks", case, more))
+    for text, changed, options in cases:
+        window = score.window if given_window else score_window(changed, options)
+        given = {**dataclasses.asdict(case.common), **dataclasses.asdict(options)}
+        found = targets_found(changed, "score", {**given, "window": window}, **simulation)
         yield text, found.detection

@@ -8,17 +8,16 @@ over the whole coverage.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from tsepm_ros import pruning
-from tsepm_ros.analysis.intervals import Estimate, mean, proportion
+from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
@@ -26,6 +25,7 @@ from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.conversion import convert, major_sigma, position_covariance
 from tsepm_ros.estimation import fit
 from tsepm_ros.evaluation import clutter_statistic, normalized_distance
+from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.scan import Scan
@@ -34,15 +34,22 @@ from tsepm_ros.simulation import Scenario, Simulator
 
 FloatArray = NDArray[np.float64]
 
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-"""Turns from one heading to the next: any number of them is spread evenly."""
 PATCH_SIGMAS = 4.0
 PATHS = 10_000
 FEWEST_PASSES = 3.0
 """Passes of the simulated paths below which a share is not trusted."""
-SEGMENTS = 8
+SEGMENTS = 16
 """Runs into which the time without a target is divided."""
+PLACEMENT_TRIES = 1000
 SECONDS_PER_HOUR = 3600.0
+
+Progress = Callable[[Iterable[Any], int], Iterable[Any]]
+"""Shows how many of a number are done, as they are taken."""
+
+
+def silent(items: Iterable[Any], number: int) -> Iterable[Any]:
+    """Show nothing."""
+    return items
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +59,8 @@ class Case:
     Attributes
     ----------
     sensor : SensorModel
-    max_speed : float
-        v_max, m/s.
+    common : CommonOptions
+        With v_max.
     interval : float
         Time between pings, s.
     scans : int
@@ -62,30 +69,50 @@ class Case:
         m/s.
     target_range : float, optional
         Distance of the targets half-way, m; if not given they are spread over the coverage.
+
+    Raises
+    ------
+    ValueError
+        Naming what is not allowed.
     """
 
     sensor: SensorModel
-    max_speed: float = 10.0
+    common: CommonOptions = field(default_factory=CommonOptions)
     interval: float = 12.0
     scans: int = 16
     target_speed: float = 5.0
     target_range: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("interval", "target_speed"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0) or (name == "interval" and value == 0.0):
-                raise ValueError(f"{name} must be finite and above 0; got {value!r}")
+        sensor, speed = self.sensor, self.target_speed
+        if not (math.isfinite(self.interval) and self.interval > 0.0):
+            raise ValueError(f"interval must be finite and above 0; got {self.interval!r}")
+        if not 0.0 <= speed <= self.max_speed:
+            raise ValueError(
+                f"speed must be from 0 to max_speed = {self.max_speed:g}; got {speed!r}"
+            )
         if self.scans < 3:
             raise ValueError(f"scans must be at least 3; got {self.scans}")
-        sensor = self.sensor
+        nearest, farthest = sensor.min_range, sensor.max_range
         if self.target_range is not None and not (
-            sensor.min_range <= self.target_range <= sensor.max_range
+            nearest <= self.target_range <= farthest and self.target_range > 0.0
         ):
             raise ValueError(
-                f"range must be within the coverage, {sensor.min_range:g} to "
-                f"{sensor.max_range:g} m; got {self.target_range!r}"
+                f"range must be above 0 and within the coverage, {nearest:g} to {farthest:g} m; "
+                f"got {self.target_range!r}"
             )
+
+    @property
+    def max_speed(self) -> float:
+        """v_max, m/s."""
+        return self.common.max_speed
+
+    @property
+    def typical_range(self) -> float:
+        """The targets' distance, or the one beyond which half of the coverage lies, m."""
+        if self.target_range is not None:
+            return self.target_range
+        return math.sqrt(0.5 * (self.sensor.min_range**2 + self.sensor.max_range**2))
 
     @property
     def scans_per_hour(self) -> float:
@@ -123,9 +150,18 @@ class Found:
 
 
 def targets_found(
-    case: Case, method: str, options: dict[str, Any], *, runs: int, seed: int, workers: int = 1
+    case: Case,
+    method: str,
+    options: dict[str, Any],
+    *,
+    runs: int,
+    seed: int,
+    workers: int = 1,
+    progress: Progress = silent,
 ) -> Found:
     """Simulate targets, each in its patch of clutter, and run the method on them.
+
+    Target i and its clutter depend on (seed, i) only.
 
     Parameters
     ----------
@@ -136,12 +172,20 @@ def targets_found(
     runs, seed : int
     workers : int
         Processes.
+    progress : callable, optional
+
+    Raises
+    ------
+    ValueError
+        If no target stays in the coverage so long.
     """
-    jobs = [
-        (scene, [seed, index], OperatingPoint(method, options=_for_patch(case, scene, options)))
-        for index, scene in enumerate(_patches(case, runs))
-    ]
-    times = [time for time in _mapped(_time_found, jobs, workers) if time is not None]
+    jobs = []
+    for index in range(runs):
+        scene = _patch(case, np.random.default_rng([seed, index]))
+        point = OperatingPoint(method, options=_for_patch(case, scene, options))
+        jobs.append((scene, [seed, index], point))
+    done = progress(_mapped(_time_found, jobs, workers), runs)
+    times = [time for time in done if time is not None]
     return Found(
         detection=proportion(len(times), runs),
         confirmation_time=mean(times),
@@ -150,7 +194,14 @@ def targets_found(
 
 
 def false_tracks_per_hour(
-    case: Case, method: str, options: dict[str, Any], *, scans: int, seed: int, workers: int = 1
+    case: Case,
+    method: str,
+    options: dict[str, Any],
+    *,
+    scans: int,
+    seed: int,
+    workers: int = 1,
+    progress: Progress = silent,
 ) -> Estimate:
     """Run the method on clutter alone and count what it confirms.
 
@@ -165,22 +216,15 @@ def false_tracks_per_hour(
     seed : int
     workers : int
         Processes.
-
-    Returns
-    -------
-    Estimate
-        With the interval of a Poisson count.
+    progress : callable, optional
     """
     part = math.ceil(scans / SEGMENTS)
     scene = Scenario(
         name="clutter", scans=case.scans + part, period=case.interval, sensor=case.sensor
     )
     jobs = [(scene, [seed, index], method, options, case.scans) for index in range(SEGMENTS)]
-    number = sum(_mapped(_count_false, jobs, workers))
-    hours = SEGMENTS * part / case.scans_per_hour
-    low = 0.5 * chdtri(2 * number, 0.975) if number else 0.0
-    high = 0.5 * chdtri(2 * number + 2, 0.025)
-    return Estimate(number / hours, float(low) / hours, float(high) / hours)
+    counts = list(progress(_mapped(_count_false, jobs, workers), SEGMENTS))
+    return mean_count(counts).mapped(lambda count: count * case.scans_per_hour / part)
 
 
 def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
@@ -221,6 +265,9 @@ def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
 def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> float:
     """Share of a target's tracks, all hits its own, that pass the method's evaluation (Step 6).
 
+    Of targets that are detected with p_d in each scan, those whose detections fall into the gates
+    of the ones before and that have M hits within N scans.
+
     Parameters
     ----------
     gating : Gating
@@ -229,15 +276,38 @@ def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> fl
         The target's, m/s.
     """
     rng = np.random.default_rng(2)
-    sensor = gating.sensor
-    ranges, scans = _drawn_paths(rng, sensor, options)
+    sensor, shape = gating.sensor, (PATHS, options.window)
+    ranges = np.sqrt(rng.uniform(sensor.min_range**2, sensor.max_range**2, PATHS))
     heading = rng.uniform(-math.pi, math.pi, (PATHS, 1))
-    way = speed * gating.interval * scans
+    way = speed * gating.interval * np.arange(options.window)
     x, y = ranges[:, None] + way * np.cos(heading), way * np.sin(heading)
     true_range = np.hypot(x, y)
-    range_ = true_range + rng.standard_normal(x.shape) * np.sqrt(sensor.range_variance(true_range))
-    azimuth = np.arctan2(y, x) + rng.standard_normal(x.shape) * sensor.azimuth_std
-    return float(_passing(gating, options, scans, np.abs(range_), azimuth).mean())
+    range_ = true_range + rng.standard_normal(shape) * np.sqrt(sensor.range_variance(true_range))
+    range_ = np.abs(range_)
+    azimuth = np.arctan2(y, x) + rng.standard_normal(shape) * sensor.azimuth_std
+    hit = rng.random(shape) < sensor.detection_probability
+    hit[:, 0] = True
+    _gate(hit, range_, azimuth, gating)
+    count = np.cumsum(hit, axis=1)
+    hit &= count <= options.min_hits
+    reached = count[:, -1] >= options.min_hits
+    if not reached.any():
+        return 0.0
+    scans = np.nonzero(hit[reached])[1].reshape(-1, options.min_hits)
+    taken = [np.take_along_axis(part[reached], scans, axis=1) for part in (range_, azimuth)]
+    return float(_passing(gating, options, scans, *taken).mean())
+
+
+def _gate(hit: NDArray[np.bool_], range_: FloatArray, azimuth: FloatArray, gating: Gating) -> None:
+    """Leave out, in place, the hits (n, N) beyond the gate of the hit before (Eq. 4)."""
+    x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
+    rows = np.arange(len(hit))
+    last = np.zeros(len(hit), np.int64)
+    for scan in range(1, hit.shape[1]):
+        distance = np.hypot(x[:, scan] - x[rows, last], y[:, scan] - y[rows, last])
+        reach = gating.max_speed * gating.interval * (scan - last)
+        hit[:, scan] &= distance <= reach + error_radius(gating, range_[rows, last])
+        last[hit[:, scan]] = scan
 
 
 def _drawn_paths(
@@ -272,44 +342,55 @@ def _passing(
     return pruning.keep(figure, threshold)
 
 
-def _patches(case: Case, runs: int) -> Iterator[Scenario]:
-    """A scene for each run: a target half-way through at one of evenly spread distances."""
+def _patch(case: Case, rng: np.random.Generator) -> Scenario:
+    """A scene with a target that stays in the coverage, anywhere, and the clutter around its way.
+
+    Raises
+    ------
+    ValueError
+        If none was found.
+    """
     sensor = case.sensor
-    travel = case.target_speed * (case.scans - 1) * case.interval
-    nearest = min(sensor.min_range + 0.5 * travel, 0.5 * (sensor.min_range + sensor.max_range))
-    farthest = max(sensor.max_range - 0.5 * travel, 0.5 * (sensor.min_range + sensor.max_range))
-    middle = 0.5 * (sensor.azimuth_min + sensor.azimuth_min + sensor.sector_width)
-    order = np.random.default_rng(0).permutation(runs)
-    for index in range(runs):
-        share = (order[index] + 0.5) / runs
-        range_ = case.target_range or math.sqrt(nearest**2 + share * (farthest**2 - nearest**2))
-        heading = 2.0 * math.pi * GOLDEN * index
+    times = case.interval * (np.arange(case.scans) - 0.5 * (case.scans - 1))
+    for _ in range(PLACEMENT_TRIES):
+        share, bearing, turn = rng.random(3)
+        azimuth = sensor.azimuth_min + bearing * sensor.sector_width
+        range_ = math.sqrt(sensor.min_range**2 * (1.0 - share) + sensor.max_range**2 * share)
+        if case.target_range is not None:
+            range_ = case.target_range
+        centre = range_ * np.array([math.cos(azimuth), math.sin(azimuth)])
+        heading = 2.0 * math.pi * turn
         velocity = case.target_speed * np.array([math.cos(heading), math.sin(heading)])
-        centre = range_ * np.array([math.cos(middle), math.sin(middle)])
-        begin = centre - 0.5 * travel / max(case.target_speed, 1e-9) * velocity
-        half = _patch_size(case, range_, travel)
-        yield Scenario(
-            name="patch",
-            scans=case.scans,
-            period=case.interval,
-            sensor=sensor,
-            targets=(np.array([begin[0], velocity[0], begin[1], velocity[1]]),),
-            clutter_box=(
-                centre[0] - half,
-                centre[0] + half,
-                centre[1] - half,
-                centre[1] + half,
-            ),
-        )
+        x, y = (centre + times[:, None] * velocity).T
+        if sensor.covers(np.hypot(x, y), np.arctan2(y, x)).all():
+            half = _patch_size(case, range_)
+            return Scenario(
+                name="patch",
+                scans=case.scans,
+                period=case.interval,
+                sensor=sensor,
+                targets=(np.array([x[0], velocity[0], y[0], velocity[1]]),),
+                clutter_box=(
+                    centre[0] - half,
+                    centre[0] + half,
+                    centre[1] - half,
+                    centre[1] + half,
+                ),
+            )
+    raise ValueError(
+        f"no target of {case.target_speed:g} m/s was found that stays in the coverage for "
+        f"{case.scans} pings"
+    )
 
 
-def _patch_size(case: Case, range_: float, travel: float) -> float:
+def _patch_size(case: Case, range_: float) -> float:
     """Half the side of a patch, m: the target's way, its errors, and what clutter paths reach."""
     covariance = position_covariance(
         range_, 0.0, case.sensor.range_variance(range_), case.sensor.azimuth_std
     )
+    way = 0.5 * case.target_speed * (case.scans - 1) * case.interval
     reach = case.max_speed * case.interval * math.sqrt(case.scans)
-    return 0.5 * travel + PATCH_SIGMAS * float(major_sigma(covariance)) + reach
+    return way + PATCH_SIGMAS * float(major_sigma(covariance)) + reach
 
 
 def _for_patch(case: Case, scene: Scenario, options: dict[str, Any]) -> dict[str, Any]:
