@@ -1,16 +1,21 @@
-"""Clutter density, estimated from scan to scan on a polar grid that adapts.
+"""Clutter density, estimated from scan to scan in windows of many sizes.
 
-The grid is that of Environment 2018's clutter zones, in levels: the whole coverage is one cell, and
-each cell is divided into four of equal area, by range and azimuth. A cell's density is estimated
-from its own detections and from the density of the cell around it, which counts as much as a fixed
-number of detections: where there is little clutter the cells are in effect large, where there is
-much they are small.
+Detections are counted on a polar grid, as in Environment 2018's clutter zones; its rings widen with
+range, as the errors of a sonar do. From coarse to fine, the density of a cell is moved as little as
+the counts of the windows around it demand (Lepski, "On a problem of adaptive estimation in Gaussian
+white noise", Theory Probab. Appl. 35(3), 1991). Of all windows of a size that hold the cell the
+densest counts, as in a greatest-of CFAR (Hansen, "Constant false alarm rate processing in search
+radars", IEE Radar, 1973): where clutter ends, a window across the border would tell a density too
+low exactly where the detections are, and each hit of a false track would count for too much.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.sensor import SensorModel
@@ -18,22 +23,30 @@ from tsepm_ros.sensor import SensorModel
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-LEVELS = 5
-"""Levels of the grid: 4^(LEVELS - 1) cells on the finest."""
+CELL = 1.0 / 24.0
+"""Width of a cell, rad, and its depth as a fraction of its range."""
+INNER_RANGE = 100.0
+"""Range within which cells get no smaller, m."""
+SMALLEST_WINDOW = 4
+"""Cells along a side of the smallest window; each next one is twice as wide."""
 MEMORY = 50
 """Scans that count: older ones fade."""
-SURROUNDINGS_COUNT = 5.0
-"""Detections that the density of the cell around counts for."""
 DATA_SHEET_COUNT = 1.0
 """Detections that the density of the data sheet counts for, in the whole coverage."""
+DEVIATIONS = 1.5
+"""Standard deviations of a window's count within which the density found so far stays."""
+TARGET_COUNT = 3.0
+"""Detections in a window that may be a new target's and do not yet tell of clutter."""
 
 
 class ClutterMap:
     """Estimates the clutter density over the coverage.
 
-    With N detections of clutter in n scans (both fading), area A and the density lambda_0 of the
-    cell around, worth w detections: ``lambda = (w + N) / (w / lambda_0 + n A)``, the mean of a
-    gamma distribution after Poisson counts.
+    It begins with that of the whole coverage, ``(w + N) / (w / lambda_0 + n A)`` for N detections
+    of clutter in n scans (both fading), area A and the data sheet's lambda_0, worth w detections.
+    Each size of window then bounds it by ``[low(N - t), high(N)] / (n A)``, with t detections for a
+    target that is not known yet, and the score interval of a Poisson mean,
+    ``N + c^2 / 2 -+ c sqrt(N + c^2 / 4)``.
 
     Parameters
     ----------
@@ -44,8 +57,14 @@ class ClutterMap:
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
         self._scans = 0.0
-        self._counts = [np.zeros((2**level, 2**level)) for level in range(LEVELS)]
-        self._density = self._estimate()
+        columns = max(round(sensor.sector_width / CELL), 1)
+        self._width = sensor.sector_width / columns
+        inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
+        rings = math.ceil(math.log(sensor.max_range / inner) / CELL)
+        edges = np.geomspace(inner, sensor.max_range, rings + 1)
+        self._edges = edges if inner == sensor.min_range else np.append(sensor.min_range, edges)
+        self._counts = np.zeros((len(self._edges) - 1, columns))
+        self._density: FloatArray | None = None
 
     def at(self, range: FloatArray, azimuth: FloatArray) -> FloatArray:
         """Density at positions in the sensor's frame, (n,), 1/m^2.
@@ -55,8 +74,9 @@ class ClutterMap:
         range, azimuth : (n,) ndarray
             m, rad. Outside the coverage the nearest cell counts.
         """
-        row, column = self._cells(range, azimuth)
-        return self._density[row, column]
+        if self._density is None:
+            self._density = self._estimate()
+        return np.asarray(self._density[self._cells(range, azimuth)])
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Take a scan's detections.
@@ -70,31 +90,82 @@ class ClutterMap:
         """
         keep = 1.0 - 1.0 / MEMORY
         self._scans = keep * self._scans + 1.0
-        row, column = self._cells(range, azimuth)
-        for level, counts in enumerate(self._counts):
-            shift = LEVELS - 1 - level
-            counts *= keep
-            np.add.at(counts, (row >> shift, column >> shift), weight)
-        self._density = self._estimate()
+        self._counts *= keep
+        np.add.at(self._counts, self._cells(range, azimuth), weight)
+        self._density = None
+
+    def withdraw(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
+        """Take back weight of the last scan's detections: counted from the next update on."""
+        np.subtract.at(self._counts, self._cells(range, azimuth), weight)
+        np.maximum(self._counts, 0.0, out=self._counts)
 
     def _cells(self, range: FloatArray, azimuth: FloatArray) -> tuple[IntArray, IntArray]:
-        """Row (by range) and column (by azimuth) of the finest cells."""
-        sensor, size = self._sensor, 2 ** (LEVELS - 1)
-        nearest, farthest = sensor.min_range**2, sensor.max_range**2
-        ring = (np.square(range) - nearest) / (farthest - nearest)
-        turned = np.remainder(azimuth - sensor.azimuth_min, 2.0 * np.pi) / sensor.sector_width
-        row, column = (
-            np.clip(part * size, 0, size - 1).astype(np.int64) for part in (ring, turned)
-        )
+        """Row (by range) and column (by azimuth)."""
+        rows, columns = self._counts.shape
+        turned = np.remainder(azimuth - self._sensor.azimuth_min, 2.0 * np.pi)
+        row = np.clip(np.searchsorted(self._edges, range, side="right") - 1, 0, rows - 1)
+        column = np.clip(turned / self._width, 0, columns - 1).astype(np.int64)
         return row, column
 
     def _estimate(self) -> FloatArray:
-        """Density of each of the finest cells, 1/m^2."""
-        density = np.full((1, 1), max(self._sensor.clutter_density, LEAST_DENSITY))
+        """Density of each cell, 1/m^2."""
+        shape, area = self._counts.shape, self._sensor.coverage_area
         worth = DATA_SHEET_COUNT
-        for level, counts in enumerate(self._counts):
-            area = self._sensor.coverage_area / 4**level
-            around = density.repeat(2 if level else 1, axis=0).repeat(2 if level else 1, axis=1)
-            density = (worth + counts) / (worth / around + self._scans * area)
-            worth = SURROUNDINGS_COUNT
-        return np.maximum(density, LEAST_DENSITY)
+        given = max(self._sensor.clutter_density, LEAST_DENSITY)
+        found = (worth + self._counts.sum()) / (worth / given + self._scans * area)
+        density = np.full(shape, found)
+        if not self._scans:
+            return density
+        # Sums over all cells before, so that a window costs the same whatever its size.
+        sums = np.zeros((shape[0] + 1, shape[1]))
+        np.cumsum(self._counts, axis=0, out=sums[1:])
+        doublings = max(math.ceil(math.log2(max(shape) / SMALLEST_WINDOW)), 0)
+        for doubling in reversed(range(doublings + 1)):
+            side = SMALLEST_WINDOW * 2**doubling
+            height, width = min(side, shape[0]), min(side, shape[1])
+            rings = 0.5 * self._width * (self._edges[height:] ** 2 - self._edges[:-height] ** 2)
+            exposure = self._scans * width * rings[:, None]
+            count = self._along_azimuth(sums[height:] - sums[:-height], width)
+            low = _bound(np.maximum(count - TARGET_COUNT, 0.0), -DEVIATIONS) / exposure
+            high = _bound(count, DEVIATIONS) / exposure
+            density = np.clip(
+                density,
+                self._densest_around(low, height, width),
+                self._densest_around(high, height, width),
+            )
+        return np.asarray(np.maximum(density, LEAST_DENSITY))
+
+    def _goes_round(self, width: int) -> bool:
+        """Whether windows of a width go on past the end of the azimuths."""
+        return self._sensor.sector_width >= 2.0 * np.pi and width < self._counts.shape[1]
+
+    def _along_azimuth(self, sums: FloatArray, width: int) -> FloatArray:
+        """Sums over each run of `width` columns."""
+        if self._goes_round(width):
+            sums = np.pad(sums, ((0, 0), (0, width - 1)), mode="wrap")
+        total = np.pad(np.cumsum(sums, axis=1), ((0, 0), (1, 0)))
+        # Never below 0 by rounding.
+        return np.maximum(total[:, width:] - total[:, :-width], 0.0)
+
+    def _densest_around(self, values: FloatArray, height: int, width: int) -> FloatArray:
+        """The largest value of the windows that hold each cell."""
+        around = np.pad(values, ((height - 1, height - 1), (0, 0)), constant_values=-np.inf)
+        if self._goes_round(width):
+            around = np.pad(around, ((0, 0), (width - 1, 0)), mode="wrap")
+        else:
+            around = np.pad(around, ((0, 0), (width - 1, width - 1)), constant_values=-np.inf)
+        for axis, size in enumerate((height, width)):
+            around = maximum_filter1d(around, size, axis=axis, mode="nearest")
+        rows, columns = self._counts.shape
+        largest: FloatArray = around[height // 2 :, width // 2 :][:rows, :columns]
+        return largest
+
+
+def _bound(count: FloatArray, deviations: float) -> FloatArray:
+    """Bound of a Poisson mean whose count is so many standard deviations away.
+
+    The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).
+    """
+    half = deviations**2 / 2.0
+    bound: FloatArray = count + half + deviations * np.sqrt(count + half / 2.0)
+    return bound

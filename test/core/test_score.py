@@ -451,3 +451,25 @@ def test_an_unknown_clutter_density_is_learned_within_ten_scans():
     for given in (1e-7, 1e-5):
         # 80 false tracks are expected: a ratio of 1.5 is 2.7 standard errors of it.
         assert known / 1.5 < rate(given) < known * 1.5
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density(factor):
+    # The box of 6 by 6 km in 12 km; 58 false tracks are expected with the density known.
+    def confirmed(given: float, clutter_is: str) -> int:
+        rng = np.random.default_rng(13)
+        total = 0
+        for _ in range(6):
+            initiator = score(
+                SensorModel(max_range=12000.0, clutter_density=given),
+                false_tracks_per_hour=100.0,
+                clutter=clutter_is,
+            )
+            for index in range(50):
+                x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
+                tracks = initiator.process(Scan(12.0 * index, np.hypot(x, y), np.arctan2(y, x)))
+                total += len(tracks) if index >= 10 else 0
+        return total
+
+    # A true ratio of 1.4 stays below 2 with 97 %; cells that straddle the border gave 2.8.
+    assert confirmed(factor * 1e-6, "estimated") < 2.0 * confirmed(1e-6, "given")

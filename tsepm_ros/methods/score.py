@@ -43,6 +43,8 @@ LEAST_SPREAD = 0.1
 """Time from the first hit to the last, in scan intervals, that tells a velocity at all."""
 NEGLIGIBLE = 0.01
 """Hypotheses this much less likely than the best do not count in the state."""
+TARGET_ODDS = 0.01
+"""Odds that a detection without history is a target's: what the clutter map takes a start for."""
 SECONDS_PER_HOUR = 3600.0
 BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
@@ -92,7 +94,7 @@ class ScoreOptions:
     clutter: str = parameter(
         "given",
         "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
-        "polar grid, for clutter that reaches to the borders of the sensor's coverage",
+        "polar grid, also where clutter ends or changes within the sensor's coverage",
         choices=("given", "estimated"),
     )
     estimator: str = parameter(
@@ -201,14 +203,18 @@ class Score(Initiator):
         detections = self._receive(scan)
         ids = self._window.append(detections)
         clutter = self._clutter_density(detections)
-        self._clutter_map.update(*self._polar, clutter / (clutter + self._explained))
+        clutter_share = clutter / (clutter + self._explained)
+        self._clutter_map.update(*self._polar, clutter_share)
         density = self._clutter_density(detections)
         clutter = density + self._explained
         self._observe(len(scan), interval)
         predicted = self._predict(interval)
         children, cut_children = self._split(predicted, detections, ids, clutter)
         started = self._start(detections, ids, density / clutter)
-        tracks, rest = self._confirm(Hypotheses.joined(children, started), ids)
+        updated = Hypotheses.joined(children, started)
+        target = self._target_share(updated, ids)
+        self._clutter_map.withdraw(*self._polar, clutter_share * target)
+        tracks, rest = self._confirm(updated, ids)
         missed = self._miss(predicted).without(self._taken)
         kept = self._prune(Hypotheses.joined(rest, missed))
         self._hypotheses, cut = self._limit(kept)
@@ -445,6 +451,14 @@ class Score(Initiator):
         return Hypotheses(
             path.hits, path.hit_count, path.first_scan, state, covariance, np.log(clutter_share)
         )
+
+    def _target_share(self, updated: Hypotheses, ids: IntArray) -> FloatArray:
+        """Probability that each detection is that of a target not confirmed yet, (n,)."""
+        first = ids[0] if len(ids) else 0
+        odds = evidence.summed(updated.score, updated.last_hit - first, len(ids))
+        odds += math.log(TARGET_ODDS)
+        share: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
+        return share
 
     def _confirm(self, updated: Hypotheses, ids: IntArray) -> tuple[TrackArrays, Hypotheses]:
         """Confirm a track where the evidence of a detection reaches the threshold.
