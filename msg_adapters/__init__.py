@@ -4,11 +4,18 @@ All knowledge of message layouts is here, one module per message family; nothing
 classes of messages are imported where one is built, so reading needs no ROS at all.
 """
 
+from msg_adapters import (  # noqa: F401 - each registers its types
+    laser_scan_detections,
+    marine_acoustic_detections,
+    radar_detections,
+    vision_detections,
+)
 from msg_adapters.detections import (
     DetectionMessage,
     message_class,
     read_detections,
     supported_types,
+    write_detections,
 )
 from msg_adapters.diagnostics import diagnostics
 from msg_adapters.errors import MessageError
@@ -61,4 +68,5 @@ __all__ = [
     "truth_markers",
     "truth_tracks",
     "write_cloud",
+    "write_detections",
 ]

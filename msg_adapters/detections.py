@@ -2,18 +2,23 @@
 
 An adapter is a function of a message and :class:`ReadingOptions` that returns a
 :class:`DetectionMessage`. Each message family has its own module, which registers its adapter under
-the message's type name::
+the message's type name, and a writer that makes such a message, for simulations::
 
     @register("sensor_msgs/msg/LaserScan")
     def read_laser_scan(scan, options): ...
+
+    @register_writer("sensor_msgs/msg/LaserScan")
+    def write_laser_scan(header, range, azimuth, sound_speed): ...
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from itertools import chain
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +26,17 @@ from numpy.typing import NDArray
 from msg_adapters.errors import MessageError
 from tsepm_ros.scan import LARGEST, SMALLEST
 
+if TYPE_CHECKING:
+    from std_msgs.msg import Header
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BEARING_REFERENCES = ("bow", "north")
 """What a `bearing` may be measured from, clockwise."""
+
+SOUND_SPEED = 1500.0
+"""Speed of sound where nobody says, m/s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +58,22 @@ class DetectionMessage:
         Standard deviations, m and rad, finite and above 0, where the message has them.
     time_offset : (n,) ndarray or None
         Time after the stamp for which each position is valid, s, finite, where the message says.
+    transmit_offset : (n,) ndarray or None
+        Time after the stamp at which each detection's ping left, s, finite; None: at the stamp.
     features : dict of str to (n,) ndarray
         Further measurements by the names of `tsepm_ros.Scan`; their values may be nan or infinite.
     north_referenced : bool
         The azimuth comes from true bearings: it is measured in the axes of the fixed ENU frame,
         counter-clockwise from east, and the own ship's heading must not be applied to it.
+    forward_axis : {"x", "z"}
+        The axis of the sensor's frame that the azimuth counts from.
     dropped : dict of str to int
         How many detections of the message were left out, by reason.
     index : (n,) ndarray of int
         Index of each detection in the message.
+    assumptions : tuple of str
+        Sentences that say what was taken to be so because the message does not say it. The same
+        ones for every message of a driver.
     """
 
     stamp_ns: int
@@ -65,10 +83,13 @@ class DetectionMessage:
     range_std: FloatArray | None = None
     azimuth_std: FloatArray | None = None
     time_offset: FloatArray | None = None
+    transmit_offset: FloatArray | None = None
     features: dict[str, FloatArray] = field(default_factory=dict)
     north_referenced: bool = False
+    forward_axis: str = "x"
     dropped: dict[str, int] = field(default_factory=dict)
     index: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    assumptions: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of good detections."""
@@ -83,6 +104,8 @@ class ReadingOptions:
     ----------
     bearing_reference : {"bow", "north"}
         What a field `bearing` is measured from, clockwise.
+    sound_speed : float
+        m/s, where a message that has a place for it does not give it.
 
     Raises
     ------
@@ -91,6 +114,7 @@ class ReadingOptions:
     """
 
     bearing_reference: str = "bow"
+    sound_speed: float = SOUND_SPEED
 
     def __post_init__(self) -> None:
         if self.bearing_reference not in BEARING_REFERENCES:
@@ -98,11 +122,16 @@ class ReadingOptions:
                 f"bearing_reference must be one of {', '.join(BEARING_REFERENCES)}; "
                 f"got {self.bearing_reference!r}"
             )
+        if not 0.0 < self.sound_speed < math.inf:
+            raise ValueError(f"sound_speed must be above 0 and finite; got {self.sound_speed!r}")
 
 
 Adapter = Callable[[Any, ReadingOptions], DetectionMessage]
 
+Writer = Callable[["Header", FloatArray, FloatArray, float], Any]
+
 _adapters: dict[str, Adapter] = {}
+_writers: dict[str, Writer] = {}
 
 
 def register(type_name: str) -> Callable[[Adapter], Adapter]:
@@ -121,12 +150,24 @@ def register(type_name: str) -> Callable[[Adapter], Adapter]:
     return decorate
 
 
+def register_writer(type_name: str) -> Callable[[Writer], Writer]:
+    """Register the decorated function as what `write_detections` calls for a message type."""
+
+    def decorate(writer: Writer) -> Writer:
+        _writers[type_name] = writer
+        return writer
+
+    return decorate
+
+
 def supported_types() -> tuple[str, ...]:
     """Return the names of the message types that `read_detections` takes, sorted."""
     return tuple(sorted(_adapters))
 
 
-def read_detections(message: Any, *, bearing_reference: str = "bow") -> DetectionMessage:
+def read_detections(
+    message: Any, *, bearing_reference: str = "bow", sound_speed: float = SOUND_SPEED
+) -> DetectionMessage:
     """Read a detection message of any supported type.
 
     Single bad detections are left out and counted; an unusable message is an error.
@@ -139,6 +180,8 @@ def read_detections(message: Any, *, bearing_reference: str = "bow") -> Detectio
     bearing_reference : {"bow", "north"}, optional
         What a field `bearing` is measured from, clockwise. An azimuth is always counter-clockwise
         from the sensor's x axis.
+    sound_speed : float, optional
+        m/s, for messages that have a place for it and do not give it.
 
     Returns
     -------
@@ -149,10 +192,52 @@ def read_detections(message: Any, *, bearing_reference: str = "bow") -> Detectio
     MessageError
         If the type is not supported or the message is malformed.
     ValueError
-        If `bearing_reference` is not one of its values.
+        If an option is not one of its values.
     """
-    options = ReadingOptions(bearing_reference)
-    return _adapter(_type_name(message))(message, options)
+    options = ReadingOptions(bearing_reference, sound_speed)
+    name = _type_name(message)
+    adapter = _adapter(name)
+    try:
+        return adapter(message, options)
+    except AttributeError as error:  # the installed package has another version of the type
+        raise MessageError(
+            "missing_field", f"this {name} has not the fields of the type that is known: {error}"
+        ) from error
+
+
+def write_detections(
+    type_name: str, header: Header, *, range: FloatArray, azimuth: FloatArray, sound_speed: float
+) -> Any:
+    """Make a message of any supported type, as a sonar's driver would.
+
+    What a type cannot say is left out: see the writer of its module.
+
+    Parameters
+    ----------
+    type_name : str
+        One of `supported_types`.
+    header : std_msgs.msg.Header
+        Stamp of the scan and the sensor's frame.
+    range : (n,) ndarray
+        m.
+    azimuth : (n,) ndarray
+        rad, counter-clockwise from ahead.
+    sound_speed : float
+        m/s; 0: the echoes arrive at once.
+
+    Returns
+    -------
+    ROS message
+
+    Raises
+    ------
+    MessageError
+        If the type is not supported, or its package is not installed.
+    ValueError
+        If the type cannot carry echoes that arrive at once.
+    """
+    message_class(type_name)
+    return _writers[type_name](header, range, azimuth, sound_speed)
 
 
 def message_class(type_name: str) -> type:
@@ -197,6 +282,62 @@ def _adapter(type_name: str) -> Adapter:
         ) from None
 
 
+def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:
+    """Values of an array that a message need not give, one for each of its n detections.
+
+    Parameters
+    ----------
+    name : str
+        Name of the field.
+    values : (0,), (1,) or (n,) or (0, k), (1, k) or (n, k) array_like
+        None given, one for all, or one each.
+    n : int
+        Number of detections.
+
+    Returns
+    -------
+    (n,) or (n, k) ndarray or None
+        None if no values are given.
+
+    Raises
+    ------
+    MessageError
+        If there are more or fewer.
+    """
+    array = np.asarray(values, np.float64)
+    if len(array) == 0:
+        return None
+    if len(array) not in (1, n):
+        raise MessageError("wrong_length", f"{name} has {len(array)} values for {n} detections")
+    return np.broadcast_to(array, (n, *array.shape[1:]))
+
+
+def intensity_feature(
+    values: Sequence[float], n: int
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """The feature `intensity` of n detections; they are good without it, too.
+
+    Parameters
+    ----------
+    values : (0,), (1,) or (n,) array_like
+        As for `fitted`.
+    n : int
+        Number of detections.
+
+    Returns
+    -------
+    features : dict of str to (n,) ndarray
+        Empty where no values are given, or another number of them.
+    assumptions : tuple of str
+        Says so where it is another number.
+    """
+    try:
+        found = fitted("intensities", values, n)
+    except MessageError:
+        return {}, ("intensities are not as many as detections: they are not used",)
+    return ({} if found is None else {"intensity": found}), ()
+
+
 def azimuth_of_bearing(bearing: FloatArray, reference: str) -> FloatArray:
     """Return the azimuth from the bow, or from east for bearings from north."""
     return np.pi / 2 - bearing if reference == "north" else -bearing
@@ -211,16 +352,21 @@ def good_detections(
     range_std: FloatArray | None = None,
     azimuth_std: FloatArray | None = None,
     time_offset: FloatArray | None = None,
+    transmit_offset: FloatArray | None = None,
     features: Mapping[str, FloatArray] | None = None,
     north_referenced: bool = False,
+    forward_axis: str = "x",
+    faults: Mapping[str, BoolArray] | None = None,
+    nothing: BoolArray | None = None,
+    assumptions: tuple[str, ...] = (),
 ) -> DetectionMessage:
     """Leave out the bad detections of a message and count them: every adapter's last step.
 
     The reasons are ``range_not_finite``, ``range_not_positive``, ``azimuth_not_finite``,
     ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
-    ``time_offset_not_finite``, and ``<field>_too_large`` and ``<field>_too_small`` for what is
-    beyond `tsepm_ros.scan.LARGEST` or below `tsepm_ros.scan.SMALLEST`. A detection counts once,
-    under the first that applies.
+    ``time_offset_not_finite`` and ``transmit_offset_not_finite``, and ``<field>_too_large`` and
+    ``<field>_too_small`` for what is beyond `tsepm_ros.scan.LARGEST` or below
+    `tsepm_ros.scan.SMALLEST`. A detection counts once, under the first that applies.
 
     Parameters
     ----------
@@ -228,23 +374,32 @@ def good_detections(
         Stamp of the message, ns.
     frame_id : str
         Its frame.
-    range, azimuth, range_std, azimuth_std, time_offset, features, north_referenced
+    range, azimuth, range_std, azimuth_std, time_offset, transmit_offset, features
         As in :class:`DetectionMessage`, (n,) each, with any values.
+    north_referenced, forward_axis, assumptions
+        As in :class:`DetectionMessage`.
+    faults : mapping of str to (n,) ndarray of bool, optional
+        The adapter's own reasons and those they apply to; they come before the others.
+    nothing : (n,) ndarray of bool, optional
+        Places of the message that say that nothing was detected: left out without a count.
 
     Returns
     -------
     DetectionMessage
     """
-    kept = np.ones(len(range), bool)
+    kept = np.ones(len(range), bool) if nothing is None else ~nothing
     dropped: dict[str, int] = {}
-    for reason, bad in _faults(range, azimuth, range_std, azimuth_std, time_offset):
+    common = _faults(range, azimuth, range_std, azimuth_std, time_offset, transmit_offset)
+    for reason, bad in chain((faults or {}).items(), common):
         count = int(np.count_nonzero(bad & kept))
         if count:
             dropped[reason] = count
             kept &= ~bad
 
+    whole = bool(kept.all())
+
     def good(values: FloatArray) -> FloatArray:
-        return values[kept] if dropped else values
+        return values if whole else values[kept]
 
     def good_or_none(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else good(values)
@@ -257,10 +412,13 @@ def good_detections(
         range_std=good_or_none(range_std),
         azimuth_std=good_or_none(azimuth_std),
         time_offset=good_or_none(time_offset),
+        transmit_offset=good_or_none(transmit_offset),
         features={name: good(values) for name, values in (features or {}).items()},
         north_referenced=north_referenced,
+        forward_axis=forward_axis,
         dropped=dropped,
         index=np.flatnonzero(kept),
+        assumptions=assumptions,
     )
 
 
@@ -270,6 +428,7 @@ def _faults(
     range_std: FloatArray | None,
     azimuth_std: FloatArray | None,
     time_offset: FloatArray | None,
+    transmit_offset: FloatArray | None,
 ) -> Iterator[tuple[str, BoolArray]]:
     """Yield each reason to leave detections out, with those that it applies to."""
     yield "range_not_finite", ~np.isfinite(range)
@@ -282,6 +441,7 @@ def _faults(
             yield f"{name}_not_positive", ~(np.isfinite(deviation) & (deviation > 0))
             yield f"{name}_too_small", deviation < SMALLEST[name]
             yield f"{name}_too_large", deviation > LARGEST[name]
-    if time_offset is not None:
-        yield "time_offset_not_finite", ~np.isfinite(time_offset)
-        yield "time_offset_too_large", np.abs(time_offset) > LARGEST["time_offset"]
+    for name, offset in (("time_offset", time_offset), ("transmit_offset", transmit_offset)):
+        if offset is not None:
+            yield f"{name}_not_finite", ~np.isfinite(offset)
+            yield f"{name}_too_large", np.abs(offset) > LARGEST["time_offset"]

@@ -9,9 +9,10 @@ class MessageError(ValueError):
     Parameters
     ----------
     reason : str
-        What is wrong in one word, for counting. Every adapter may raise ``unknown_type`` and
-        ``package_not_installed``; clouds ``missing_field``, ``duplicate_field``,
-        ``wrong_datatype``, ``wrong_count``, ``bad_offset``, ``bad_row_step`` and ``short_data``;
+        What is wrong in one word, for counting. Every adapter may raise ``unknown_type``,
+        ``package_not_installed`` and ``missing_field``; messages of arrays ``wrong_length``;
+        clouds ``duplicate_field``, ``wrong_datatype``, ``wrong_count``, ``bad_offset``,
+        ``bad_row_step`` and ``short_data``;
         clouds of tracks ``bad_id`` too;
         odometry ``not_finite``, ``zero_quaternion``, ``undefined_heading`` and
         ``bad_covariance``.

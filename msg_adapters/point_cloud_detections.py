@@ -4,7 +4,7 @@ The position is taken from the first of these that the cloud has:
 
 1. `range` (m) and `azimuth` (rad, counter-clockwise from the sensor's x axis);
 2. `range` and `bearing` (rad, clockwise from the bow or from north);
-3. `x` and `y` (m, sensor frame).
+3. `x` and `y` (m, sensor frame), which make the horizontal range whatever `z` is.
 
 Optional: `range_std`, `azimuth_std`, `time_offset`, `intensity`, `range_width`, `azimuth_width`,
 `range_rate`. Each field is FLOAT32 or FLOAT64; `intensity`, which has no unit, may be an integer.
@@ -23,6 +23,7 @@ from msg_adapters.detections import (
     azimuth_of_bearing,
     good_detections,
     register,
+    register_writer,
 )
 from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import read_fields, write_cloud
@@ -79,7 +80,9 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMe
         azimuth=azimuth,
         features={name: values[name] for name in FEATURE_FIELDS if name in values},
         north_referenced="bearing" in position and options.bearing_reference == "north",
-        **{name: values.get(name) for name in ERROR_FIELDS},
+        range_std=values.get("range_std"),
+        azimuth_std=values.get("azimuth_std"),
+        time_offset=values.get("time_offset"),
     )
 
 
@@ -163,6 +166,15 @@ def detections_cloud(
     if reference == "bow":
         return write_cloud(header, _with_xyz(fields, azimuth_of_bearing(fields["bearing"], "bow")))
     return write_cloud(header, _points(fields, ()))
+
+
+@register_writer("sensor_msgs/msg/PointCloud2")
+def write_point_cloud(
+    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+) -> PointCloud2:
+    """Write everything, the times in `time_offset`."""
+    times = range / sound_speed if sound_speed > 0.0 else None
+    return detections_cloud(header, range=range, azimuth=azimuth, time_offset=times)
 
 
 def _with_xyz(fields: dict[str, FloatArray], azimuth: FloatArray) -> NDArray[np.void]:

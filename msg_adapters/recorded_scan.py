@@ -37,14 +37,17 @@ def read_recorded_scan(
     """
     reference = ReadingOptions(bearing_reference).bearing_reference
     fields = dict(scan.fields)
-    bearing = fields.pop("bearing", None)
+    bearing = fields.get("bearing")
     if bearing is not None:
         fields["azimuth"] = azimuth_of_bearing(bearing, reference)
-    features = {name: fields.pop(name) for name in FEATURES if name in fields}
     return good_detections(
         seconds_to_ns(scan.time),
         frame_id,
-        features=features,
+        range=fields["range"],
+        azimuth=fields["azimuth"],
+        range_std=fields.get("range_std"),
+        azimuth_std=fields.get("azimuth_std"),
+        time_offset=fields.get("time_offset"),
+        features={name: fields[name] for name in FEATURES if name in fields},
         north_referenced=bearing is not None and reference == "north",
-        **fields,
     )

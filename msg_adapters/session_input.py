@@ -31,6 +31,8 @@ def sensor_scan(detections: DetectionMessage) -> SensorScan:
         ),
         frame_id=detections.frame_id,
         north_referenced=detections.north_referenced,
+        transmit_offset=detections.transmit_offset,
+        forward_axis=detections.forward_axis,
         stamp_ns=detections.stamp_ns,
     )
 

@@ -102,6 +102,15 @@ def test_x_and_y_become_range_and_azimuth(code):
     np.testing.assert_allclose(found.azimuth, [math.atan2(4, 3), math.pi, -math.pi / 2], rtol=1e-15)
 
 
+@pytest.mark.parametrize("z", [-50.0, 1e30, math.nan, math.inf])
+@pytest.mark.filterwarnings("error")
+def test_the_horizontal_place_does_not_depend_on_z(z):
+    fields = [(name, "f") for name in ("x", "y", "z", "intensity")]
+    found = read_detections(raw_cloud(fields, [(3.0, 4.0, z, 7.0)]))
+    assert (found.range[0], found.azimuth[0]) == (5.0, math.atan2(4.0, 3.0))
+    assert (found.features["intensity"][0], found.dropped) == (7.0, {})
+
+
 VALUES = {"range": 100.0, "azimuth": 0.5, "bearing": 0.25, "x": 30.0, "y": 40.0}
 
 

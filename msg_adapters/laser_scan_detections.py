@@ -1,0 +1,100 @@
+"""Detections in sensor_msgs/LaserScan: at most one for each ray of a fan.
+
+Ray i looks at `angle_min` + i * `angle_increment`, counter-clockwise from the frame's x axis, and
+is measured i * `time_increment` after the stamp. As REP-117 has it, a range of +inf is a ray on
+which nothing was detected, -inf one whose object was too near to measure, nan an erroneous one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.detections import (
+    DetectionMessage,
+    ReadingOptions,
+    good_detections,
+    intensity_feature,
+    register,
+    register_writer,
+)
+from msg_adapters.stamps import time_to_ns
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import LaserScan
+    from std_msgs.msg import Header
+
+FloatArray = NDArray[np.float64]
+
+RAYS = 36_000
+"""Rays all round in a written scan: far finer than a sonar's bearings."""
+
+
+@register("sensor_msgs/msg/LaserScan")
+def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> DetectionMessage:
+    """Read the detections of a scan.
+
+    Beside the reasons of `good_detections` a ray may be dropped for ``range_below_min`` (also
+    -inf) and ``range_above_max``; one on which nothing was detected is not a drop.
+
+    Parameters
+    ----------
+    scan : sensor_msgs.msg.LaserScan
+        `intensities` become a feature where they are as many as the ranges.
+    options : ReadingOptions
+
+    Returns
+    -------
+    DetectionMessage
+    """
+    range = np.asarray(scan.ranges, np.float64)
+    rays = np.arange(len(range))
+    features, assumptions = intensity_feature(scan.intensities, len(range))
+    with np.errstate(invalid="ignore"):  # 0 * inf ends as azimuth_not_finite
+        azimuth = scan.angle_min + rays * scan.angle_increment
+        times = rays * scan.time_increment if scan.time_increment else None
+    return good_detections(
+        time_to_ns(scan.header.stamp),
+        scan.header.frame_id,
+        range=range,
+        azimuth=azimuth,
+        # Light needs no time: a ray leaves when it arrives.
+        time_offset=times,
+        transmit_offset=times,
+        features=features,
+        nothing=range == np.inf,
+        faults={
+            "range_below_min": range < scan.range_min,
+            "range_above_max": range > scan.range_max,
+        },
+        assumptions=assumptions,
+    )
+
+
+@register_writer("sensor_msgs/msg/LaserScan")
+def write_laser_scan(
+    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+) -> LaserScan:
+    """Write each detection on the nearest of `RAYS` rays that is free, as if measured at the stamp.
+
+    The travel times have no place in the message.
+    """
+    from sensor_msgs.msg import LaserScan
+
+    increment = 2 * np.pi / RAYS
+    order = np.argsort(azimuth)
+    rays = np.round((azimuth[order] + np.pi) / increment).astype(np.int64)
+    places = np.arange(len(rays))
+    rays = np.maximum.accumulate(rays - places) + places  # the next one where it is taken
+    ranges = np.full(max(RAYS, rays.max(initial=0) + 1), np.inf, np.float32)
+    ranges[rays] = range[order]
+    return LaserScan(
+        header=header,
+        angle_min=-np.pi,
+        angle_max=-np.pi + (len(ranges) - 1) * increment,
+        angle_increment=increment,
+        range_max=float(range.max(initial=0.0)) * (1 + 1e-6),
+        ranges=ranges,
+    )

@@ -1,0 +1,231 @@
+"""Detections in marine_acoustic_msgs/SonarDetections and SonarRanges.
+
+The frame of both has z out of the sonar's face, x up and y to starboard. An array is not reported
+where it is empty, constant where it has one value, and else has one value per beam.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.detections import (
+    BoolArray,
+    DetectionMessage,
+    ReadingOptions,
+    fitted,
+    good_detections,
+    intensity_feature,
+    register,
+    register_writer,
+)
+from msg_adapters.errors import MessageError
+from msg_adapters.stamps import time_to_ns
+
+if TYPE_CHECKING:
+    from marine_acoustic_msgs.msg import SonarDetections, SonarRanges
+    from std_msgs.msg import Header
+
+FloatArray = NDArray[np.float64]
+
+SLOWEST_SOUND, FASTEST_SOUND = 100.0, 10_000.0
+"""Sound speeds that are taken for one, m/s; the definition's word for unknown is 0."""
+
+_STEEPEST = float(np.float32(np.pi / 2))  # the float32 is a little more than the angle
+_ROUNDING = 1e-6  # of a squared sine whose angle came as a float32
+
+
+@register("marine_acoustic_msgs/msg/SonarDetections")
+def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> DetectionMessage:
+    """Read the detections of a multibeam sonar's travel times.
+
+    Beside the reasons of `good_detections` a beam may be dropped for ``flagged_bad`` and for
+    ``direction_undefined``: angles that are not finite, beyond 90 degrees, or of no direction
+    together. The transmit angle is 0 where it is not reported.
+
+    Parameters
+    ----------
+    message : marine_acoustic_msgs.msg.SonarDetections
+        The range is half of the travel time times the sound speed.
+    options : ReadingOptions
+        Its sound speed counts where the message has none.
+
+    Returns
+    -------
+    DetectionMessage
+        Horizontal ranges, and azimuths from ahead to port.
+
+    Raises
+    ------
+    MessageError
+        If travel times or receive angles are missing, or an array does not fit them.
+    """
+    n = _number_of_beams(
+        two_way_travel_times=message.two_way_travel_times, rx_angles=message.rx_angles
+    )
+    travel = _each("two_way_travel_times", message.two_way_travel_times, n)
+    rx = _each("rx_angles", message.rx_angles, n)
+    tx = _each("tx_angles", message.tx_angles, n)
+    with np.errstate(invalid="ignore"):
+        up, starboard = np.sin(tx), np.sin(rx)
+        ahead = 1.0 - up**2 - starboard**2
+        undefined = ~((ahead >= -_ROUNDING) & (abs(rx) <= _STEEPEST) & (abs(tx) <= _STEEPEST))
+        direction = np.stack([up, starboard, np.sqrt(np.maximum(ahead, 0.0))], axis=1)
+    speed, assumptions = _sound_speed("SonarDetections", message, options)
+    return _detections(
+        message,
+        slant_range=0.5 * speed * travel,
+        half_travel_time=0.5 * travel,
+        delay=_each("tx_delays", message.tx_delays, n),
+        direction=direction,
+        undefined=undefined,
+        assumptions=assumptions,
+    )
+
+
+@register("marine_acoustic_msgs/msg/SonarRanges")
+def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> DetectionMessage:
+    """Read the detections of a sonar's ranges along beams.
+
+    Beside the reasons of `good_detections` a beam may be dropped for ``flagged_bad`` and for
+    ``direction_undefined``: a vector that is zero or not finite.
+
+    Parameters
+    ----------
+    message : marine_acoustic_msgs.msg.SonarRanges
+        Its vectors need not be of unit length.
+    options : ReadingOptions
+        Its sound speed, from which the times of the echoes follow, counts where the message has
+        none.
+
+    Returns
+    -------
+    DetectionMessage
+        Horizontal ranges, and azimuths from ahead to port.
+
+    Raises
+    ------
+    MessageError
+        If ranges or vectors are missing, or an array does not fit them.
+    """
+    n = _number_of_beams(ranges=message.ranges, beam_unit_vec=message.beam_unit_vec)
+    slant_range = _each("ranges", message.ranges, n)
+    vectors = [(vector.x, vector.y, vector.z) for vector in message.beam_unit_vec]
+    beam = _each("beam_unit_vec", vectors, n).reshape(n, 3)
+    with np.errstate(all="ignore"):
+        largest = np.abs(beam).max(axis=1, initial=0.0, keepdims=True)  # whose square may overflow
+        direction = beam / largest
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    speed, assumptions = _sound_speed("SonarRanges", message, options)
+    return _detections(
+        message,
+        slant_range=slant_range,
+        half_travel_time=slant_range / speed,
+        delay=_each("transmit_delays", message.transmit_delays, n),
+        direction=direction,
+        undefined=~np.isfinite(direction).all(axis=1),
+        assumptions=assumptions,
+    )
+
+
+def _number_of_beams(**arrays: Any) -> int:
+    """Return the number of beams of the arrays that give ranges and directions."""
+    lengths = {name: len(values) for name, values in arrays.items()}
+    if any(lengths.values()):
+        for name, length in lengths.items():
+            if not length:
+                raise MessageError("missing_field", f"{name} is empty, so its beams have no place")
+    return max(lengths.values())
+
+
+def _each(name: str, values: Any, n: int) -> FloatArray:
+    """Return one value per beam; zeros where none is reported."""
+    found = fitted(name, values, n)
+    return np.zeros(n) if found is None else found
+
+
+def _sound_speed(name: str, message: Any, options: ReadingOptions) -> tuple[float, tuple[str, ...]]:
+    """Return the sound speed, m/s, and what was assumed for it."""
+    speed = float(message.ping_info.sound_speed)
+    if SLOWEST_SOUND <= speed <= FASTEST_SOUND:
+        return speed, ()
+    return options.sound_speed, (
+        f"{name} does not give the sound speed: it is taken to be {options.sound_speed:g} m/s, "
+        "the parameter sound_speed",
+    )
+
+
+def _detections(
+    message: Any,
+    *,
+    slant_range: FloatArray,
+    half_travel_time: FloatArray,
+    delay: FloatArray,
+    direction: FloatArray,
+    undefined: BoolArray,
+    assumptions: tuple[str, ...],
+) -> DetectionMessage:
+    """Return the detections of beams: m, s, s after the stamp, unit vectors (n, 3)."""
+    n = len(slant_range)
+    flags = _each("flags", [flag.flag for flag in message.flags], n)
+    features, more = intensity_feature(message.intensities, n)
+    _, starboard, ahead = direction.T
+    with np.errstate(invalid="ignore"):  # ends as range_not_finite or direction_undefined
+        horizontal_range = slant_range * np.hypot(starboard, ahead)
+        azimuth = np.arctan2(-starboard, ahead)
+    return good_detections(
+        time_to_ns(message.header.stamp),
+        message.header.frame_id,
+        range=horizontal_range,
+        azimuth=azimuth,
+        time_offset=delay + half_travel_time,
+        transmit_offset=delay,
+        features=features,
+        forward_axis="z",
+        faults={"flagged_bad": flags != 0, "direction_undefined": undefined},
+        assumptions=(*assumptions, *more),
+    )
+
+
+@register_writer("marine_acoustic_msgs/msg/SonarDetections")
+def write_sonar_detections(
+    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+) -> SonarDetections:
+    """Write the detections ahead; what is abeam and behind has no place in the message."""
+    from marine_acoustic_msgs.msg import SonarDetections
+
+    _check_sound_speed(sound_speed)
+    ahead = np.cos(azimuth) > 0.0
+    message = SonarDetections()
+    message.header = header
+    message.ping_info.sound_speed = sound_speed
+    message.two_way_travel_times = (2.0 * range[ahead] / sound_speed).tolist()
+    message.rx_angles = (-np.arctan2(np.sin(azimuth), np.cos(azimuth))[ahead]).tolist()
+    return message
+
+
+@register_writer("marine_acoustic_msgs/msg/SonarRanges")
+def write_sonar_ranges(
+    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+) -> SonarRanges:
+    """Write the detections as beams in the horizontal plane."""
+    from geometry_msgs.msg import Vector3
+    from marine_acoustic_msgs.msg import SonarRanges
+
+    _check_sound_speed(sound_speed)
+    message = SonarRanges()
+    message.header = header
+    message.ping_info.sound_speed = sound_speed
+    message.ranges = range.tolist()
+    message.beam_unit_vec = [
+        Vector3(y=-math.sin(angle), z=math.cos(angle)) for angle in azimuth.tolist()
+    ]
+    return message
+
+
+def _check_sound_speed(sound_speed: float) -> None:
+    if sound_speed <= 0.0:
+        raise ValueError("sound_speed of the scenario must be above 0: the messages carry times")

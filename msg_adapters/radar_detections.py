@@ -1,0 +1,86 @@
+"""Detections in radar_msgs/RadarScan.
+
+A return has a slant range, an azimuth counter-clockwise from the frame's x axis, an elevation above
+its x-y plane, and a Doppler velocity. The definition leaves the sign of that open; here, as usual
+with radars, it is positive where the range grows, which is the sign of `range_rate`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.detections import (
+    DetectionMessage,
+    ReadingOptions,
+    good_detections,
+    register,
+    register_writer,
+)
+from msg_adapters.stamps import time_to_ns
+
+if TYPE_CHECKING:
+    from radar_msgs.msg import RadarScan
+    from std_msgs.msg import Header
+
+FloatArray = NDArray[np.float64]
+
+
+@register("radar_msgs/msg/RadarScan")
+def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessage:
+    """Read the returns of a scan.
+
+    Beside the reasons of `good_detections` a return may be dropped for ``elevation_not_finite``.
+
+    Parameters
+    ----------
+    scan : radar_msgs.msg.RadarScan
+        The amplitude becomes the feature `intensity`, the Doppler velocity `range_rate` (m/s,
+        along the line of sight, against the moving radar).
+    options : ReadingOptions
+
+    Returns
+    -------
+    DetectionMessage
+        Horizontal ranges.
+    """
+    rows = [
+        (one.range, one.azimuth, one.elevation, one.doppler_velocity, one.amplitude)
+        for one in scan.returns
+    ]
+    slant_range, azimuth, elevation, doppler, amplitude = (
+        np.array(rows, np.float64).reshape(-1, 5).T
+    )
+    with np.errstate(invalid="ignore"):  # ends as elevation_not_finite
+        horizontal_range = slant_range * np.cos(elevation)
+    return good_detections(
+        time_to_ns(scan.header.stamp),
+        scan.header.frame_id,
+        range=horizontal_range,
+        azimuth=azimuth,
+        features={"intensity": amplitude, "range_rate": doppler},
+        faults={"elevation_not_finite": ~np.isfinite(elevation)},
+    )
+
+
+@register_writer("radar_msgs/msg/RadarScan")
+def write_radar_scan(
+    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+) -> RadarScan:
+    """Write the detections as returns in the horizontal plane, without Doppler and amplitude.
+
+    The travel times have no place in the message.
+    """
+    from radar_msgs.msg import RadarReturn, RadarScan
+
+    scan = RadarScan()
+    scan.header = header
+    for distance, angle in zip(range.tolist(), azimuth.tolist(), strict=True):
+        one = RadarReturn()
+        one.range, one.azimuth = distance, angle
+        one.doppler_velocity = one.amplitude = math.nan
+        scan.returns.append(one)
+    return scan

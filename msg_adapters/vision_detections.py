@@ -1,0 +1,158 @@
+"""Detections in vision_msgs/Detection3DArray.
+
+A detection is where the centre of its bounding box is or, where the box is not filled in (centre
+and size are zero), the pose of its result with the highest score. The frame has x ahead and y to
+port; as REP-103 has it, one whose name ends in `_optical` (or `_optical_frame`) has z ahead and x
+to starboard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.detections import (
+    BoolArray,
+    DetectionMessage,
+    ReadingOptions,
+    good_detections,
+    register,
+    register_writer,
+)
+from msg_adapters.stamps import NANOSECONDS_PER_SECOND, time_to_ns
+
+if TYPE_CHECKING:
+    from std_msgs.msg import Header
+    from vision_msgs.msg import Detection3D, Detection3DArray
+
+FloatArray = NDArray[np.float64]
+
+OPTICAL = ("_optical", "_optical_frame")
+"""Endings of the names of frames with z ahead."""
+
+
+@register("vision_msgs/msg/Detection3DArray")
+def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> DetectionMessage:
+    """Read the detections of an array.
+
+    Beside the reasons of `good_detections` one may be dropped for ``other_frame``, which its own
+    header names, and ``no_position``: neither a box nor a result.
+
+    Parameters
+    ----------
+    array : vision_msgs.msg.Detection3DArray
+        The score of the best result becomes the feature `intensity`. Its covariance gives the
+        deviations in range and azimuth, where every detection has one that is not all zero. A
+        detection whose own header has a stamp was made at that time.
+    options : ReadingOptions
+
+    Returns
+    -------
+    DetectionMessage
+        Horizontal ranges.
+    """
+    detections, frame = array.detections, array.header.frame_id
+    optical = frame.endswith(OPTICAL)
+    best = [max(one.results, key=_score, default=None) for one in detections]
+    position = _rows([_position(*both) for both in zip(detections, best, strict=True)], 3)
+    ahead, port = (position[:, 2], -position[:, 0]) if optical else position[:, :2].T
+    range_std, azimuth_std = _deviations(best, ahead, port, optical)
+    stamp_ns = time_to_ns(array.header.stamp)
+    times = np.array([_time_after(stamp_ns, one) for one in detections])
+    with np.errstate(over="ignore"):  # ends as range_not_finite
+        range = np.hypot(ahead, port)
+    return good_detections(
+        stamp_ns,
+        frame,
+        range=range,
+        azimuth=np.arctan2(port, ahead),
+        range_std=range_std,
+        azimuth_std=azimuth_std,
+        # Seen at once: nothing travels.
+        time_offset=times if times.any() else None,
+        transmit_offset=times if times.any() else None,
+        features={"intensity": np.array([np.nan if one is None else _score(one) for one in best])},
+        forward_axis="z" if optical else "x",
+        faults={
+            "other_frame": _each(detections, lambda one: one.header.frame_id not in ("", frame)),
+            "no_position": _each(detections, lambda one: not (_has_box(one) or one.results)),
+        },
+    )
+
+
+def _each(detections: Any, holds: Callable[[Any], bool]) -> BoolArray:
+    return np.array([holds(one) for one in detections], bool)
+
+
+def _rows(rows: list[Any], width: int) -> FloatArray:
+    return np.array(rows, np.float64).reshape(-1, width)
+
+
+def _score(result: Any) -> float:
+    """Return the score of a result; the least where it is nan."""
+    score = float(result.hypothesis.score)
+    return score if score == score else -np.inf
+
+
+def _has_box(detection: Detection3D) -> bool:
+    center, size = detection.bbox.center.position, detection.bbox.size
+    return any(value != 0.0 for at in (center, size) for value in (at.x, at.y, at.z))
+
+
+def _position(detection: Detection3D, best: Any) -> tuple[float, float, float]:
+    """Return x, y, z, m; zeros where there is nothing."""
+    at = detection.bbox.center.position
+    if best is not None and not _has_box(detection):
+        at = best.pose.pose.position
+    return at.x, at.y, at.z
+
+
+def _time_after(stamp_ns: int, detection: Detection3D) -> float:
+    """Return the time after the array's stamp, s; 0 where the detection has none of its own."""
+    own = time_to_ns(detection.header.stamp)
+    return (own - stamp_ns) / NANOSECONDS_PER_SECOND if own else 0.0
+
+
+def _deviations(
+    best: list[Any], ahead: FloatArray, port: FloatArray, optical: bool
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Return the standard deviations in range (m) and azimuth (rad), if every result has them."""
+    if not best or None in best:
+        return None, None
+    covariance = _rows([result.pose.covariance for result in best], 36).reshape(-1, 6, 6)
+    axes = (2, 0) if optical else (0, 1)
+    plane = covariance[:, axes, :][:, :, axes]
+    if not plane.any(axis=(1, 2)).all():
+        return None, None
+    if optical:
+        plane = plane * [[1.0, -1.0], [-1.0, 1.0]]  # to port, not to starboard
+    with np.errstate(all="ignore"):  # ends as range_std_not_positive or azimuth_std_not_positive
+        range = np.hypot(ahead, port)
+        along = np.stack([ahead, port], axis=1) / range[:, None]
+        across = along[:, ::-1] * [-1.0, 1.0]
+        variances = [np.einsum("ni,nij,nj->n", axis, plane, axis) for axis in (along, across)]
+        return np.sqrt(variances[0]), np.sqrt(variances[1]) / range
+
+
+@register_writer("vision_msgs/msg/Detection3DArray")
+def write_detection_array(
+    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+) -> Detection3DArray:
+    """Write the detections as boxes of no size in the horizontal plane, seen at the stamp.
+
+    The travel times have no place in the message.
+    """
+    from vision_msgs.msg import Detection3D, Detection3DArray
+
+    array = Detection3DArray()
+    array.header = header
+    for x, y in zip(range * np.cos(azimuth), range * np.sin(azimuth), strict=True):
+        one = Detection3D()
+        one.header = header
+        center = one.bbox.center.position
+        center.x, center.y = float(x), float(y)
+        array.detections.append(one)
+    return array

@@ -1,0 +1,218 @@
+"""Every supported type: from messages to confirmed tracks, written and read back, and spoilt."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import foreign_messages
+import numpy as np
+import pytest
+from driver_messages import MAKERS, echoes_of
+from geometry_msgs.msg import Point, Pose, Vector3
+
+from msg_adapters import (
+    MessageError,
+    make_header,
+    message_class,
+    read_detections,
+    sensor_scan,
+    supported_types,
+    write_detections,
+)
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.session import Session, SessionOptions, Settings
+
+START = 1_700_000_000
+PERIOD = 12
+PINGS = 12
+
+EVERY_TYPE = pytest.mark.parametrize("type_name", list(MAKERS))
+METHODS = pytest.mark.parametrize("method", ["tsepm", "score"])
+
+
+@pytest.fixture
+def _installed(monkeypatch):
+    foreign_messages.install(monkeypatch)
+
+
+def header_at(seconds: float, frame_id: str = "sonar") -> Any:
+    return make_header(round(seconds * 1e9), frame_id)
+
+
+def test_every_supported_type_is_tested_here():
+    assert set(MAKERS) == set(supported_types())
+
+
+@METHODS
+@EVERY_TYPE
+def test_messages_give_the_tracks_of_the_core_on_the_same_numbers(type_name, method):
+    # Both compute in float64 from the same numbers, float32 where the message has them: what
+    # differs is the order of operations. 1e-9 of a state is micrometres.
+    session = Session(Settings(SessionOptions(method=method)))
+    core = make_initiator(method, sensor=SensorModel())
+    confirmed = 0
+    for index in range(PINGS):
+        stamp = START + PERIOD * index
+        message, numbers = MAKERS[type_name](header_at(stamp), echoes_of(index))
+        detections = read_detections(message)
+        assert (detections.dropped, detections.assumptions) == ({}, ())
+        session.add_scan(sensor_scan(detections), 0.0)
+        [result] = session.process()
+        expected = core.process(Scan(stamp=stamp, **numbers))
+        assert [track.hits for track in result.new] == [track.hits for track in expected]
+        for one, other in zip(result.new, expected, strict=True):
+            np.testing.assert_allclose(one.state, other.state, rtol=1e-9, atol=1e-9)
+            scale = np.linalg.norm(other.covariance)
+            np.testing.assert_allclose(one.covariance, other.covariance, rtol=0, atol=1e-9 * scale)
+        confirmed += len(expected)
+    assert confirmed >= 2, "the scene must confirm tracks, or nothing was compared"
+    assert session.dropped == {}
+
+
+@EVERY_TYPE
+@pytest.mark.usefixtures("_installed")
+def test_a_written_message_is_read_back(type_name):
+    echoes = echoes_of(3, clutter=200)
+    range_, azimuth = np.array([(echo.range, echo.azimuth) for echo in echoes]).T
+    message = write_detections(
+        type_name, header_at(START), range=range_, azimuth=azimuth, sound_speed=1480.0
+    )
+    assert type(message) is message_class(type_name)
+    found = read_detections(message)
+    assert (found.stamp_ns, found.frame_id, found.dropped) == (START * 10**9, "sonar", {})
+    order, expected = np.argsort(found.azimuth), np.argsort(azimuth)
+    fineness = 2e-3 if type_name.endswith("LaserScan") else 1e-6  # rays are 0.01 degrees apart
+    np.testing.assert_allclose(found.azimuth[order], azimuth[expected], atol=fineness)
+    np.testing.assert_allclose(np.sort(found.range), np.sort(range_), rtol=1e-6)
+    if found.time_offset is not None:
+        np.testing.assert_allclose(found.time_offset, found.range / 1480.0, rtol=1e-6)
+
+
+@pytest.mark.usefixtures("_installed")
+@EVERY_TYPE
+def test_a_written_message_may_have_no_detections(type_name):
+    nothing = np.zeros(0)
+    message = write_detections(
+        type_name, header_at(START), range=nothing, azimuth=nothing, sound_speed=1500.0
+    )
+    assert len(read_detections(message)) == 0
+
+
+@pytest.mark.usefixtures("_installed")
+@pytest.mark.parametrize("name", ["SonarDetections", "SonarRanges"])
+def test_sonar_messages_cannot_be_written_without_a_sound_speed(name):
+    with pytest.raises(ValueError, match="sound_speed"):
+        write_detections(
+            f"marine_acoustic_msgs/msg/{name}",
+            header_at(START),
+            range=np.ones(1),
+            azimuth=np.ones(1),
+            sound_speed=0.0,
+        )
+
+
+@pytest.mark.usefixtures("_installed")
+def test_travel_times_are_written_for_what_is_ahead_only():
+    message = write_detections(
+        "marine_acoustic_msgs/msg/SonarDetections",
+        header_at(START),
+        range=np.array([100.0, 200.0, 300.0]),
+        azimuth=np.array([0.5, 3.0, -0.5 + 2 * math.pi]),
+        sound_speed=1500.0,
+    )
+    found = read_detections(message)
+    np.testing.assert_allclose(found.azimuth, [0.5, -0.5], atol=1e-6)
+
+
+def test_detections_on_one_ray_are_written_beside_each_other():
+    message = write_detections(
+        "sensor_msgs/msg/LaserScan",
+        header_at(START),
+        range=np.array([100.0, 200.0, 300.0]),
+        azimuth=np.array([0.5, 0.5, math.pi]),
+        sound_speed=0.0,
+    )
+    found = read_detections(message)
+    np.testing.assert_array_equal(np.sort(found.range), [100.0, 200.0, 300.0])
+
+
+@pytest.mark.parametrize("type_name", [name for name in MAKERS if "sensor_msgs" not in name])
+def test_a_package_that_is_not_installed_is_named(type_name):
+    package = type_name.partition("/")[0]
+    with pytest.raises(MessageError, match=f"needs the package '{package}'") as error:
+        message_class(type_name)
+    assert error.value.reason == "package_not_installed"
+    nothing = np.zeros(0)
+    with pytest.raises(MessageError, match=package):
+        write_detections(
+            type_name, header_at(START), range=nothing, azimuth=nothing, sound_speed=1500.0
+        )
+
+
+def test_a_type_that_has_changed_is_refused_by_the_name_of_its_field():
+    radar = foreign_messages.RadarScan(header=header_at(START), returns=[Point()])
+    with pytest.raises(MessageError, match=r"radar_msgs/msg/RadarScan .*'range'") as error:
+        read_detections(radar)
+    assert error.value.reason == "missing_field"
+
+
+NASTY = (math.nan, math.inf, -math.inf, 0.0, -1.0, 1e-45, 3e38, -3e38, 1.6, 1e8)
+
+
+def spoil(value: Any, rng: np.random.Generator, largest: float) -> Any:
+    """A value of the same type with nasty numbers in it and of another length."""
+    if isinstance(value, float):
+        return rng.choice([*NASTY, largest]) if rng.random() < 0.2 else value
+    if isinstance(value, int | str):
+        return value
+    if hasattr(value, "typecode") or isinstance(value, list):
+        items = [spoil(item, rng, largest) for item in value]
+        if rng.random() < 0.3:
+            items = items[: rng.choice([0, 1, len(items) // 2])]
+        return items
+    return value
+
+
+DOUBLES = (Point, Pose, Vector3)
+
+
+def spoil_message(message: Any, rng: np.random.Generator) -> None:
+    """Spoil every field of a message and of the messages in it, in place."""
+    fields = getattr(message, "__slots__", ())
+    largest = 1e308 if isinstance(message, DOUBLES) else 3e38
+    for name in (field.lstrip("_") for field in fields if field != "_check_fields"):
+        value = getattr(message, name)
+        if hasattr(value, "__slots__") and not hasattr(value, "typecode"):
+            spoil_message(value, rng)
+        elif isinstance(value, list) and value and hasattr(value[0], "__slots__"):
+            for item in value:
+                spoil_message(item, rng)
+            setattr(message, name, spoil(value, rng, largest))
+        elif name not in ("covariance", "data", "fields"):
+            setattr(message, name, spoil(value, rng, largest))
+
+
+@EVERY_TYPE
+@pytest.mark.filterwarnings("error")
+def test_nothing_that_arrives_is_worse_than_refused(type_name):
+    rng = np.random.default_rng(5)
+    outcomes = set()
+    for trial in range(150):
+        message, _ = MAKERS[type_name](header_at(START), echoes_of(trial))
+        if type_name.endswith("PointCloud2"):
+            data = np.frombuffer(message.data, np.float32).copy()
+            data[rng.random(len(data)) < 0.1] = rng.choice(NASTY)
+            message.data = data.tobytes()[: rng.choice([len(data) * 4, len(data)])]
+        else:
+            spoil_message(message, rng)
+        try:
+            found = read_detections(message)
+        except MessageError as error:
+            outcomes.add(error.reason)
+            continue
+        sensor_scan(found)  # is a scan that the core takes
+        outcomes |= found.dropped.keys()
+        outcomes |= {"good"} if len(found) else set()
+    assert len(outcomes) > 3, outcomes
+    assert "good" in outcomes

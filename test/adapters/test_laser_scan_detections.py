@@ -1,0 +1,112 @@
+"""Detections in LaserScan, as its definition and REP-117 have them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import LaserScan
+
+from msg_adapters import read_detections
+
+NAN, INF = math.nan, math.inf
+
+
+def fan(ranges, **more):
+    """A scan of 10 m to 100 m from -1 rad, 0.5 rad apart: exact in float32."""
+    fields = {"angle_min": -1.0, "angle_increment": 0.5, "range_min": 10.0, "range_max": 100.0}
+    scan = LaserScan(ranges=ranges, **{**fields, **more})
+    scan.header.frame_id = "sonar"
+    scan.header.stamp.sec, scan.header.stamp.nanosec = 1_700_000_000, 123_456_789
+    return scan
+
+
+def test_rays_are_counted_from_angle_min_counter_clockwise(over_the_wire):
+    found = read_detections(over_the_wire(fan([20.0, 30.0, 40.0])))
+    assert (found.stamp_ns, found.frame_id) == (1_700_000_000_123_456_789, "sonar")
+    np.testing.assert_array_equal(found.range, [20.0, 30.0, 40.0])
+    np.testing.assert_array_equal(found.azimuth, [-1.0, -0.5, 0.0])
+    assert found.time_offset is found.transmit_offset is None
+    assert (found.features, found.dropped, found.forward_axis) == ({}, {}, "x")
+
+
+def test_a_fan_may_turn_clockwise():
+    found = read_detections(fan([20.0, 30.0], angle_increment=-0.25))
+    np.testing.assert_array_equal(found.azimuth, [-1.0, -1.25])
+
+
+def test_the_angle_does_not_drift_along_the_rays():
+    scan = fan(np.full(3600, 50.0, np.float32), angle_min=-math.pi, angle_increment=math.pi / 1800)
+    found = read_detections(scan)
+    assert found.azimuth[-1] == scan.angle_min + 3599 * scan.angle_increment
+
+
+def test_a_ray_on_which_nothing_is_detected_is_no_drop():
+    found = read_detections(fan([INF, 20.0, INF]))
+    assert found.dropped == {}
+    np.testing.assert_array_equal(found.range, [20.0])
+    np.testing.assert_array_equal(found.azimuth, [-0.5])
+    np.testing.assert_array_equal(found.index, [1])
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        pytest.param(NAN, "range_not_finite", id="erroneous"),
+        pytest.param(-INF, "range_below_min", id="too_near"),
+        pytest.param(9.5, "range_below_min", id="below"),
+        pytest.param(0.0, "range_below_min", id="zero"),
+        pytest.param(100.5, "range_above_max", id="above"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_a_bad_ray_is_dropped_and_counted_and_the_rest_kept(value, reason):
+    found = read_detections(fan([20.0, value, 40.0, INF], intensities=[1.0, 2.0, 3.0, 4.0]))
+    assert found.dropped == {reason: 1}
+    np.testing.assert_array_equal(found.range, [20.0, 40.0])
+    np.testing.assert_array_equal(found.features["intensity"], [1.0, 3.0])
+    np.testing.assert_array_equal(found.index, [0, 2])
+
+
+def test_the_limits_themselves_are_good():
+    assert len(read_detections(fan([10.0, 100.0]))) == 2
+
+
+def test_every_ray_has_its_own_time():
+    found = read_detections(fan([20.0, INF, 40.0], time_increment=0.125))
+    np.testing.assert_array_equal(found.time_offset, [0.0, 0.25])
+    np.testing.assert_array_equal(found.transmit_offset, found.time_offset)
+
+
+def test_intensities_of_another_number_are_not_used_and_said():
+    found = read_detections(fan([20.0, 30.0, 40.0], intensities=[1.0, 2.0]))
+    assert len(found) == 3
+    assert found.features == {}
+    assert found.assumptions == ("intensities are not as many as detections: they are not used",)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("angle_min", NAN, "azimuth_not_finite"),
+        ("angle_increment", INF, "azimuth_not_finite"),
+        ("time_increment", NAN, "time_offset_not_finite"),
+        ("time_increment", 3e38, "time_offset_too_large"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_a_bad_fan_is_counted_by_ray(name, value, reason):
+    found = read_detections(fan([20.0, 30.0], **{name: value}))
+    assert found.dropped[reason] >= 1
+    assert len(found) + sum(found.dropped.values()) == 2
+
+
+def test_limits_that_are_no_numbers_leave_nothing_out():
+    assert len(read_detections(fan([20.0, 3000.0], range_min=NAN, range_max=NAN))) == 2
+
+
+@pytest.mark.parametrize("ranges", [[], [INF, INF]], ids=["no_rays", "nothing_there"])
+def test_a_scan_without_detections_is_good(ranges):
+    found = read_detections(fan(ranges))
+    assert (len(found), found.dropped) == (0, {})

@@ -1,0 +1,113 @@
+"""Stand-ins for messages whose packages are not on PyPI, with exactly the fields of their files.
+
+Like rclpy's, they have no other attributes, and their `float32[]` are arrays of that type.
+"""
+
+from __future__ import annotations
+
+import array
+import sys
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Pose, PoseWithCovariance, Vector3
+from std_msgs.msg import Header
+
+FLOAT32_ARRAY = object()
+
+
+def message_type(type_name: str, **fields: Callable[[], Any] | object) -> type:
+    """Make a message class of fields and what makes their defaults."""
+
+    def __init__(self: Any, **values: Any) -> None:  # noqa: N807
+        for name, default in fields.items():
+            made = [] if default is FLOAT32_ARRAY else default()  # type: ignore[operator]
+            setattr(self, name, values.pop(name, made))
+        assert not values, f"{type_name} has no fields {sorted(values)}"
+
+    def __setattr__(self: Any, name: str, value: Any) -> None:  # noqa: N807
+        if fields.get(name) is FLOAT32_ARRAY:
+            value = array.array("f", value)
+        object.__setattr__(self, name, value)
+
+    package, name = type_name.split("/msg/")
+    members = {
+        "__slots__": tuple(fields),
+        "__init__": __init__,
+        "__setattr__": __setattr__,
+        "__module__": f"{package}.msg._{name.lower()}",
+    }
+    return type(name, (), members)
+
+
+PingInfo = message_type(
+    "marine_acoustic_msgs/msg/PingInfo",
+    frequency=float,
+    sound_speed=float,
+    tx_beamwidths=FLOAT32_ARRAY,
+    rx_beamwidths=FLOAT32_ARRAY,
+)
+DetectionFlag = message_type("marine_acoustic_msgs/msg/DetectionFlag", flag=int)
+SonarDetections = message_type(
+    "marine_acoustic_msgs/msg/SonarDetections",
+    header=Header,
+    ping_info=PingInfo,
+    flags=list,
+    two_way_travel_times=FLOAT32_ARRAY,
+    tx_delays=FLOAT32_ARRAY,
+    intensities=FLOAT32_ARRAY,
+    tx_angles=FLOAT32_ARRAY,
+    rx_angles=FLOAT32_ARRAY,
+)
+SonarRanges = message_type(
+    "marine_acoustic_msgs/msg/SonarRanges",
+    header=Header,
+    ping_info=PingInfo,
+    flags=list,
+    transmit_delays=FLOAT32_ARRAY,
+    intensities=FLOAT32_ARRAY,
+    beam_unit_vec=list,
+    ranges=FLOAT32_ARRAY,
+)
+RadarReturn = message_type(
+    "radar_msgs/msg/RadarReturn",
+    range=float,
+    azimuth=float,
+    elevation=float,
+    doppler_velocity=float,
+    amplitude=float,
+)
+RadarScan = message_type("radar_msgs/msg/RadarScan", header=Header, returns=list)
+ObjectHypothesis = message_type("vision_msgs/msg/ObjectHypothesis", class_id=str, score=float)
+ObjectHypothesisWithPose = message_type(
+    "vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=ObjectHypothesis, pose=PoseWithCovariance
+)
+BoundingBox3D = message_type("vision_msgs/msg/BoundingBox3D", center=Pose, size=Vector3)
+Detection3D = message_type(
+    "vision_msgs/msg/Detection3D", header=Header, results=list, bbox=BoundingBox3D, id=str
+)
+Detection3DArray = message_type("vision_msgs/msg/Detection3DArray", header=Header, detections=list)
+
+PACKAGES: dict[str, tuple[type, ...]] = {
+    "marine_acoustic_msgs": (PingInfo, DetectionFlag, SonarDetections, SonarRanges),
+    "radar_msgs": (RadarReturn, RadarScan),
+    "vision_msgs": (
+        ObjectHypothesis,
+        ObjectHypothesisWithPose,
+        BoundingBox3D,
+        Detection3D,
+        Detection3DArray,
+    ),
+}
+
+
+def install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the packages importable for a test."""
+    for package, classes in PACKAGES.items():
+        module = ModuleType(f"{package}.msg")
+        for one in classes:
+            setattr(module, one.__name__, one)
+        monkeypatch.setitem(sys.modules, package, ModuleType(package))
+        monkeypatch.setitem(sys.modules, f"{package}.msg", module)
