@@ -23,6 +23,13 @@ class InitiatorNodeOptions:
     detections_type: str = parameter(
         "auto", "Message type of the detections; auto: that of the publisher", read_only=True
     )
+    sound_speed: float = parameter(
+        1500.0,
+        "Sound speed, for sonar messages that do not give it",
+        unit="m/s",
+        minimum=100.0,
+        maximum=10_000.0,
+    )
     detections_reliability: str = parameter(
         "auto",
         "Reliability of the subscription; auto: what the publisher offers",
@@ -55,6 +62,9 @@ class SimulatorNodeOptions:
 
     scenario: str = parameter(
         "four_targets", "Name of a shipped scenario, or path of a .yaml file", read_only=True
+    )
+    detections_type: str = parameter(
+        "sensor_msgs/msg/PointCloud2", "Message type of the detections", read_only=True
     )
     seed: int = parameter(1, "Seed; the same one gives the same scans", minimum=0, read_only=True)
     rate_factor: float = parameter(

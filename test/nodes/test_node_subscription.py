@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from boat import Boat, named
 from expectation import assert_same, confirmed
 from rclpy.node import Node
@@ -73,9 +72,6 @@ def test_a_driver_of_another_type_than_the_one_given_is_named(world):
     assert POINT_CLOUD in line
 
 
-@pytest.mark.xfail(
-    strict=True, reason="nobody looks at the graph where type and reliability are both given"
-)
 def test_a_driver_of_another_type_is_named_where_type_and_reliability_are_given(world):
     given = {"detections_type": POINT_CLOUD, "detections_reliability": "reliable"}
     with World(world.domain) as elsewhere:

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from msg_adapters import message_class, supported_types
+from msg_adapters import MessageError, message_class, supported_types
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 
@@ -57,18 +57,18 @@ class DetectionsSubscription:
         self._depth = depth
         self._callback = callback
         self._subscription: OfferedSubscription | None = None
-        self._unknown_types: set[str] = set()
+        self._refused_types: set[str] = set()
         self._type_name = type_name
         self._look: Any = None
         if type_name != "auto":
             try:
                 message_class(type_name)
-            except (ValueError, ImportError) as error:
+            except MessageError as error:
                 raise ParameterError(f"detections_type: {error}") from None
         if type_name != "auto" and reliability != "auto":
             self._subscribe(type_name, _RELIABILITY[reliability])
-            return
-        node.get_logger().info(f"waiting for a publisher of {node.resolve_topic_name(TOPIC)}")
+        else:
+            node.get_logger().info(f"waiting for a publisher of {node.resolve_topic_name(TOPIC)}")
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._look = node.create_timer(LOOK_PERIOD, self._look_for_publisher, clock=steady)
         self._look_for_publisher()
@@ -82,26 +82,32 @@ class DetectionsSubscription:
         for publisher in self._node.get_publishers_info_by_topic(TOPIC):
             if self._is_wanted(publisher):
                 self._node.destroy_timer(self._look)
+                if self.connected:
+                    return
                 reliability = _RELIABILITY.get(self._reliability, publisher.qos_profile.reliability)
                 self._subscribe(publisher.topic_type, reliability)
                 return
 
     def _is_wanted(self, publisher: TopicEndpointInfo) -> bool:
         found = publisher.topic_type
-        if self._type_name == "auto" and found in supported_types():
-            return True
-        if self._type_name == found:
-            return True
-        if found not in self._unknown_types:
-            self._unknown_types.add(found)
-            wanted = self._type_name
-            if wanted == "auto":
-                wanted = "one of " + ", ".join(supported_types())
-            self._node.get_logger().error(
-                f"{self._node.resolve_topic_name(TOPIC)} is published as {found}, which this node "
-                f"does not read; it reads {wanted}"
-            )
-        return False
+        fault = self._fault(found)
+        if fault and found not in self._refused_types:
+            self._refused_types.add(found)
+            topic = self._node.resolve_topic_name(TOPIC)
+            self._node.get_logger().error(f"{topic} is published as {found}, {fault}")
+        return not fault
+
+    def _fault(self, found: str) -> str:
+        """Why a type is not read; empty if it is."""
+        wanted = supported_types() if self._type_name == "auto" else (self._type_name,)
+        if found not in wanted:
+            one_of = "one of " if len(wanted) > 1 else ""
+            return f"which this node does not read; it reads {one_of}{', '.join(wanted)}"
+        try:
+            message_class(found)
+        except MessageError as error:
+            return f"but {error}"
+        return ""
 
     def _subscribe(self, type_name: str, reliability: ReliabilityPolicy) -> None:
         if reliability != ReliabilityPolicy.BEST_EFFORT:

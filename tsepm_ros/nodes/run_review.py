@@ -73,14 +73,18 @@ def replay(recorder: RunRecorder, parameters: Sequence[str]) -> tuple[list[ScanR
     """
     values = {"own_ship_source": "odometry", **parse_values(parameters)}
     made = make_groups(TRACK_INITIATOR, values)
-    reference = made[InitiatorNodeOptions].bearing_reference
+    options = made[InitiatorNodeOptions]
     session = Session(settings_from(made))
     for message in recorder.own_ship:
         sample = read_own_ship(message)
         session.add_own_ship(pose_sample(sample), sample.frame_id)
     results: list[ScanResult] = []
     for message in sorted(recorder.detections, key=lambda m: time_to_ns(m.header.stamp)):
-        detections = read_detections(message, bearing_reference=reference)
+        detections = read_detections(
+            message,
+            bearing_reference=options.bearing_reference,
+            sound_speed=options.sound_speed,
+        )
         session.add_scan(sensor_scan(detections), now=0.0)
         results.extend(session.process())
     return results, session

@@ -8,25 +8,30 @@ from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import (
+    MessageError,
     OwnShipSample,
-    detections_cloud,
     make_header,
+    message_class,
     odometry_message,
     seconds_to_ns,
     track_cloud,
     truth_markers,
     truth_tracks,
+    write_detections,
 )
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event, Playback
 from tsepm_ros.nodes.running import run
 from tsepm_ros.parameter_groups import SONAR_SIMULATOR, SimulatorNodeOptions
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
+
+FloatArray = NDArray[np.float64]
 
 
 class SonarSimulator(Node):
@@ -39,13 +44,18 @@ class SonarSimulator(Node):
         try:
             self._scenario = load_scenario(options.scenario)
             Simulator(self._scenario, options.seed)  # targets that cannot be drawn are found now
+            self._detections_of(0, np.zeros(0), np.zeros(0))
+        except MessageError as error:
+            raise ParameterError(f"detections_type: {error}") from None
         except ValueError as error:
             raise ParameterError(str(error)) from None
         self._start = options.start_stamp
         if self._start < 0:
             self._start = self.get_clock().now().nanoseconds * 1e-9
 
-        self._detections = self.create_publisher(PointCloud2, "detections", PUBLISHER_DEPTH)
+        self._detections = self.create_publisher(
+            message_class(options.detections_type), "detections", PUBLISHER_DEPTH
+        )
         self._own_ship = self.create_publisher(Odometry, "own_ship/odometry", PUBLISHER_DEPTH)
         self._truth = self.create_publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
         self._truth_markers = self.create_publisher(MarkerArray, "ground_truth/markers", 10)
@@ -101,15 +111,17 @@ class SonarSimulator(Node):
         header = make_header(stamp_ns, self._options.fixed_frame)
         self._truth.publish(track_cloud(header, truth))
         self._truth_markers.publish(truth_markers(header, truth))
-        self._detections.publish(
-            detections_cloud(
-                make_header(stamp_ns, self._options.sensor_frame),
-                range=scan.range,
-                azimuth=scan.azimuth,
-                time_offset=scan.time_offset,
-            )
-        )
+        self._detections.publish(self._detections_of(stamp_ns, scan.range, scan.azimuth))
         self.get_logger().info(f"scan {index} of {number}: {len(scan)} detections")
+
+    def _detections_of(self, stamp_ns: int, range: FloatArray, azimuth: FloatArray) -> Any:
+        return write_detections(
+            self._options.detections_type,
+            make_header(stamp_ns, self._options.sensor_frame),
+            range=range,
+            azimuth=azimuth,
+            sound_speed=self._scenario.sound_speed,
+        )
 
 
 def main(args: Sequence[str] | None = None) -> int:

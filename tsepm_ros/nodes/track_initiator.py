@@ -82,6 +82,7 @@ class TrackInitiator(Node):
                 "none: the tracks are then in an east-north frame, not in the sensor's"
             )
         self._warned: dict[str, float] = {}
+        self._assumed: set[str] = set()
         self._latency = Latency()
 
         self._tracks = self.create_publisher(PointCloud2, "tracks", 100)
@@ -121,14 +122,22 @@ class TrackInitiator(Node):
 
     def _on_detections(self, message: Any) -> None:
         entered = time.perf_counter()
-        reference = self._given.made[InitiatorNodeOptions].bearing_reference
+        options = self._given.made[InitiatorNodeOptions]
         try:
-            detections = read_detections(message, bearing_reference=reference)
+            detections = read_detections(
+                message,
+                bearing_reference=options.bearing_reference,
+                sound_speed=options.sound_speed,
+            )
         except MessageError as error:
             self._session.drop(error.reason, f"detections dropped: {error}")
             return
         for reason, number in detections.dropped.items():
             self._session.drop(reason, f"{number} detections dropped: {reason}", number)
+        for assumption in detections.assumptions:
+            if assumption not in self._assumed:
+                self._assumed.add(assumption)
+                self.get_logger().warning(assumption)
         self._session.add_scan(sensor_scan(detections), self._now())
         self._process(entered)
 

@@ -1,0 +1,185 @@
+"""Drivers of other types than PointCloud2: found, read, or refused by name."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from boat import named
+from driver_messages import MAKERS, Echo, echoes_of
+from expectation import assert_same, initiator
+from foreign_messages import PingInfo, SonarDetections
+from rclpy.node import Node
+from ros_world import ERROR, RELIABLE, WARN, World
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import LaserScan, PointCloud2
+from sonar_driver import START_NS
+
+from msg_adapters import MessageError, make_header, read_detections, sensor_scan
+from tsepm_ros import Scan
+from tsepm_ros.nodes import detections_subscription
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.sonar_simulator import SonarSimulator
+from tsepm_ros.nodes.tf_own_ship import TfOwnShip
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.session import Session, SessionOptions, Settings
+
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
+SONAR_DETECTIONS = "marine_acoustic_msgs/msg/SonarDetections"
+PERIOD_NS = 12 * 10**9
+PINGS = 12
+
+
+def header(index: int) -> Any:
+    return make_header(START_NS + PERIOD_NS * index, "sonar")
+
+
+@pytest.mark.parametrize("given", ["auto", LASER_SCAN])
+def test_a_laser_scan_is_found_and_gives_the_tracks_of_the_core(world, given):
+    driver = world.add(Node("lidar", context=world.context))
+    publisher = driver.create_publisher(LaserScan, "detections", RELIABLE)
+    world.make(TrackInitiator, named({"detections_type": given}))
+    tracks = world.listen(PointCloud2, "tracks")
+    world.until_logged("subscribed to /detections as sensor_msgs/msg/LaserScan, reliable")
+    world.until(publisher.get_subscription_count, "the node to subscribe")
+    world.until_connected()
+    core, expected = initiator(), []
+    for index in range(PINGS):
+        message, numbers = MAKERS[LASER_SCAN](header(index), echoes_of(index))
+        publisher.publish(message)
+        expected.append(core.process(Scan(stamp=START_NS / 1e9 + 12 * index, **numbers)))
+    world.until(lambda: len(tracks) == PINGS, "tracks")
+    assert_same(tracks, expected)
+    assert world.dropped() == {}
+
+
+@pytest.mark.parametrize("name", [SONAR_DETECTIONS, "vision_msgs/msg/Detection3DArray"])
+@pytest.mark.parametrize("kind", [TrackInitiator, SonarSimulator])
+def test_a_type_whose_package_is_missing_is_refused_with_its_name(world, kind, name):
+    with pytest.raises(ParameterError, match=f"needs the package '{name.partition('/')[0]}'"):
+        world.make(kind, {"detections_type": name})
+
+
+@pytest.mark.parametrize("kind", [TrackInitiator, SonarSimulator])
+def test_an_unknown_type_is_refused_with_those_that_are_known(world, kind):
+    with pytest.raises(ParameterError) as error:
+        world.make(kind, {"detections_type": "sensor_msgs/msg/Image"})
+    assert all(name in str(error.value) for name in MAKERS)
+
+
+def test_a_driver_whose_package_is_missing_here_is_named_and_another_still_found(
+    world, monkeypatch
+):
+    def missing(name: str) -> type:
+        if name == LASER_SCAN:
+            raise MessageError("package_not_installed", f"{name!r} needs the package 'lasers'")
+        return PointCloud2
+
+    monkeypatch.setattr(detections_subscription, "message_class", missing)
+    with World(world.domain) as elsewhere:
+        lidar = elsewhere.add(Node("lidar", context=elsewhere.context))
+        lidar.create_publisher(LaserScan, "detections", 10)
+        world.make(TrackInitiator, named({}))
+        world.until_logged(LASER_SCAN, "needs the package 'lasers'", level=ERROR)
+        driver = world.add(Node("driver", context=world.context))
+        publisher = driver.create_publisher(PointCloud2, "detections", RELIABLE)
+        world.until(publisher.get_subscription_count, "the node to subscribe")
+    assert len(world.logged(ERROR)) == 1
+
+
+def test_a_sound_speed_that_is_not_given_is_the_parameter_s_and_said_once(world):
+    node = world.make(TrackInitiator, named({"sound_speed": 1450.0}))
+    tracks = world.listen(PointCloud2, "tracks")
+    world.until_connected()
+    core, expected = initiator(), []
+    for index in range(PINGS):
+        message, numbers = MAKERS[SONAR_DETECTIONS](header(index), echoes_of(index))
+        message.ping_info = PingInfo()
+        node._on_detections(message)  # its package is not there to publish with
+        numbers["range"] = (np.array(numbers["range"]) * 1450.0 / 1500.0).tolist()
+        expected.append(core.process(Scan(stamp=START_NS / 1e9 + 12 * index, **numbers)))
+    world.until(lambda: len(tracks) == PINGS, "tracks")
+    assert_same(tracks, expected)
+    world.until_logged("does not give the sound speed", "1450 m/s", level=WARN)
+    assert len(world.logged(WARN)) == 1
+    assert world.dropped() == {}
+
+
+def test_an_unusable_message_is_counted_and_the_next_is_read(world):
+    node = world.make(TrackInitiator, named({}))
+    tracks = world.listen(PointCloud2, "tracks")
+    world.until_connected()
+    bad = SonarDetections(header=header(0), two_way_travel_times=[1.0] * 3, rx_angles=[0.0] * 2)
+    node._on_detections(bad)
+    world.until_logged("rx_angles has 2 values for 3 detections", level=WARN)
+    message, _ = MAKERS[SONAR_DETECTIONS](header(1), echoes_of(1))
+    message.rx_angles[0] = math.nan
+    node._on_detections(message)
+    world.until(lambda: len(tracks) == 1, "the good message's scan")
+    assert world.dropped() == {"wrong_length": 1, "direction_undefined": 1}
+
+
+def test_a_sonar_frame_with_z_ahead_is_turned_by_that_axis():
+    heading = 0.7
+    # The frame's axes x up, y to starboard and z ahead, as columns, on a ship with this heading.
+    up, starboard = [0.0, 0.0, 1.0], [math.sin(heading), -math.cos(heading), 0.0]
+    ahead = [math.cos(heading), math.sin(heading), 0.0]
+    session = Session(
+        Settings(SessionOptions(method="tsepm", own_ship_source="tf", fixed_frame="map"))
+    )
+    rotation = quaternion(np.array([up, starboard, ahead]).T)
+    session.look_up = TfOwnShip(None, session, Standing(rotation)).look_up
+    message, _ = MAKERS[SONAR_DETECTIONS](header(0), [Echo(3000.0, 0.25)])
+    session.add_scan(sensor_scan(read_detections(message)), 0.0)
+    [result] = session.process(0.0)
+    np.testing.assert_allclose(result.scan.sensor_pose, [[10.0, 20.0, heading]], atol=1e-9)
+
+
+def test_a_forward_axis_that_points_up_places_nothing():
+    session = Session(
+        Settings(SessionOptions(method="tsepm", own_ship_source="tf", fixed_frame="map"))
+    )
+    level = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    TfOwnShip(None, session, Standing(level)).look_up("sonar", 10.0, 11.0, "z")
+    assert session.own_ship_stamp is None
+    assert set(session.dropped) == {"own_ship_invalid"}
+
+
+class Standing:
+    """A stand-in for tf2_ros.Buffer: a frame that does not move."""
+
+    def __init__(self, rotation: SimpleNamespace) -> None:
+        self.rotation = rotation
+
+    def can_transform(self, *_: Any) -> bool:
+        return True
+
+    def lookup_transform(self, *_: Any) -> Any:
+        translation = SimpleNamespace(x=10.0, y=20.0, z=0.0)
+        return SimpleNamespace(
+            transform=SimpleNamespace(translation=translation, rotation=self.rotation)
+        )
+
+
+def quaternion(matrix: np.ndarray) -> SimpleNamespace:
+    x, y, z, w = Rotation.from_matrix(matrix).as_quat()
+    return SimpleNamespace(x=x, y=y, z=z, w=w)
+
+
+def test_the_simulator_as_a_laser_scan_gives_tracks(world):
+    simulator = {
+        "detections_type": LASER_SCAN,
+        "scenario": "box",
+        "rate_factor": 1e5,
+        "settling_time": 0.2,
+    }
+    world.make(TrackInitiator, named({}))
+    tracks = world.listen(PointCloud2, "tracks")
+    made = world.make(SonarSimulator, simulator)
+    world.until(made.finished.done, "the end")
+    world.until(lambda: len(tracks) >= 8, "tracks")
+    assert sum(message.width for message in tracks) >= 1
+    assert world.dropped() == {}
