@@ -195,14 +195,16 @@ def echo_poses(
     time_offset: FloatArray | None,
     azimuth: FloatArray,
     *,
+    transmit_offset: FloatArray | None = None,
     heading: bool = True,
 ) -> FloatArray:
     """Sensor poses that place echoes received by a moving, turning sensor.
 
-    An echo leaves at t0 = stamp and arrives at t1 = stamp + 2 time_offset. Its azimuth was measured
-    against the heading at t1, its range r is the mean of both legs. With u the line of sight, the
-    leg back is ``r - u.(s(t1) - s(t0)) / 2`` to first order, so the target is at distance r along u
-    from ``s(t1) - u u.(s(t1) - s(t0)) / 2``, with the yaw at t1.
+    An echo leaves at t0 = stamp + transmit_offset and arrives at t1, and its position is valid
+    halfway, at stamp + time_offset. Its azimuth was measured against the heading at t1, its range
+    r is the mean of both legs. With u the line of sight, the leg back is
+    ``r - u.(s(t1) - s(t0)) / 2`` to first order, so the target is at distance r along u from
+    ``s(t1) - u u.(s(t1) - s(t0)) / 2``, with the yaw at t1.
 
     Parameters
     ----------
@@ -214,6 +216,8 @@ def echo_poses(
         Time after `stamp` for which each position is valid, s; None: 0 for all.
     azimuth : (n,) ndarray
         rad, sensor frame.
+    transmit_offset : (n,) ndarray, optional
+        Time after `stamp` at which each ping left, s; 0 if not given.
     heading : bool, optional
         False where the azimuths count from the fixed frame's x axis already: the yaw is then 0.
 
@@ -223,11 +227,12 @@ def echo_poses(
         One pose for the scan where there are no time offsets, else one per detection.
     """
     turned = 1.0 if heading else 0.0
-    sent = poses_at(np.array([stamp]))[0] * [1.0, 1.0, turned]
+    delay = np.zeros(1) if transmit_offset is None else transmit_offset
     if time_offset is None or not time_offset.any():
-        return sent
-    poses = poses_at(stamp + 2.0 * time_offset) * [1.0, 1.0, turned]
+        return poses_at(np.array([stamp]))[0] * [1.0, 1.0, turned]
+    sent = poses_at(stamp + delay)
+    poses = poses_at(stamp + 2.0 * time_offset - delay) * [1.0, 1.0, turned]
     sight = np.stack([np.cos(azimuth + poses[:, 2]), np.sin(azimuth + poses[:, 2])], axis=1)
-    moved = ((poses[:, :2] - sent[:2]) * sight).sum(axis=1, keepdims=True)
+    moved = ((poses[:, :2] - sent[:, :2]) * sight).sum(axis=1, keepdims=True)
     poses[:, :2] -= 0.5 * moved * sight
     return poses

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros.holding import Tracker
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
@@ -164,12 +165,18 @@ class SensorScan:
         The azimuths count from the fixed frame's x axis (east), not from the sensor's.
     stamp_ns : int
         The stamp as received, ns: a date in seconds does not fit a float64 to the last digit.
+    transmit_offset : (n,) ndarray or None
+        Time after the stamp at which each detection's ping left, s; None: at the stamp.
+    forward_axis : {"x", "z"}
+        The axis of the sensor's frame that the azimuths count from.
     """
 
     scan: Scan
     frame_id: str
     north_referenced: bool = False
     stamp_ns: int = 0
+    transmit_offset: NDArray[np.float64] | None = None
+    forward_axis: str = "x"
 
 
 @dataclass(frozen=True)
@@ -213,12 +220,14 @@ class ScanResult:
     core_seconds: float
 
 
-def _echo_span(scan: Scan) -> tuple[float, float]:
+def _echo_span(arrived: SensorScan) -> tuple[float, float]:
     """Time from the transmit to the last echo's arrival, s, for which poses are needed."""
+    scan = arrived.scan
     if scan.time_offset is None or not len(scan):
         return scan.stamp, scan.stamp
-    offsets = 2.0 * scan.time_offset
-    return scan.stamp + min(float(offsets.min()), 0.0), scan.stamp + max(float(offsets.max()), 0.0)
+    sent = np.zeros(1) if arrived.transmit_offset is None else arrived.transmit_offset
+    times = np.concatenate([[0.0], sent, 2.0 * scan.time_offset - sent])
+    return scan.stamp + float(times.min()), scan.stamp + float(times.max())
 
 
 def _waited(since: Now, now: Now) -> float:
@@ -250,8 +259,9 @@ class Session:
     dropped : Counter
         Drops by reason since the start or the last reset.
     look_up : callable or None
-        Called as ``look_up(sensor frame, first, last)`` for the span of time (s) of a scan that is
-        to be placed, to give its poses by `add_own_ship`; None where they come by themselves.
+        Called as ``look_up(sensor frame, first, last, forward axis)`` for the span of time (s) of a
+        scan that is to be placed, to give its poses, whose yaw is that axis's, by `add_own_ship`;
+        None where they come by themselves.
     """
 
     def __init__(
@@ -266,7 +276,7 @@ class Session:
         self._settings = settings
         self.initiator = settings.make_initiator()
         self.dropped: Counter[str] = Counter()
-        self.look_up: Callable[[str, float, float], None] | None = None
+        self.look_up: Callable[[str, float, float, str], None] | None = None
         options = settings.session
         self._order = ScanOrder(settings.window, options.restart_jump, options.max_gap)
         self._poses = PoseHistory(
@@ -499,9 +509,9 @@ class Session:
             return False
         if not self._moves:
             return scan
-        first, last = _echo_span(scan)
+        first, last = _echo_span(arrived)
         if self.look_up is not None:
-            self.look_up(arrived.frame_id, first, last)
+            self.look_up(arrived.frame_id, first, last, arrived.forward_axis)
         coverage = self._poses.coverage(first, last)
         timed_out = waited >= self._settings.session.own_ship_timeout
         if coverage is Coverage.NOT_YET and not timed_out:
@@ -528,7 +538,12 @@ class Session:
         return dataclasses.replace(
             scan,
             sensor_pose=echo_poses(
-                self._poses.poses, scan.stamp, scan.time_offset, scan.azimuth, heading=heading
+                self._poses.poses,
+                scan.stamp,
+                scan.time_offset,
+                scan.azimuth,
+                transmit_offset=arrived.transmit_offset,
+                heading=heading,
             ),
             sensor_pose_covariance=covariance,
         )

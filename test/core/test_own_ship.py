@@ -303,6 +303,20 @@ def test_the_pose_is_asked_for_at_the_times_of_sending_and_arrival():
     assert asked == [[100.0], [102.0, 106.0]]
 
 
+def test_an_echo_may_be_sent_after_the_stamp():
+    asked = []
+
+    def poses_at(times):
+        asked.append(times.tolist())
+        return np.stack([times, np.zeros(len(times)), np.zeros(len(times))], axis=1)
+
+    delay = np.array([0.5, 2.0])
+    offset = np.array([1.5, 2.0])
+    found = echo_poses(poses_at, 100.0, offset, np.zeros(2), transmit_offset=delay)
+    assert asked == [[100.5, 102.0], [102.5, 102.0]]  # what is sent when it arrives is seen at once
+    np.testing.assert_allclose(found, [[101.5, 0.0, 0.0], [102.0, 0.0, 0.0]])
+
+
 def test_north_referenced_azimuths_leave_the_heading_out():
     def poses_at(times):
         return np.stack([2.0 * times, np.zeros(len(times)), np.full(len(times), 1.2)], axis=1)

@@ -203,7 +203,20 @@ def test_a_scan_waits_for_the_pose_of_its_last_echo():
     assert list(one.process(0.0)) == []
     sail(one, 40.0)
     assert len(list(one.process(0.0))) == 1
-    assert needed == [("sonar", 30.0, 40.0)] * 2
+    assert needed == [("sonar", 30.0, 40.0, "x")] * 2
+
+
+def test_a_scan_whose_echoes_are_sent_later_waits_for_and_uses_the_poses_of_then():
+    one = moving()
+    needed = []
+    one.look_up = lambda *span: needed.append(span[1:3])
+    scan = Scan(30.0, [100.0, 100.0], [-0.5, -0.5], time_offset=[4.0, 8.0])
+    one.add_scan(arrived(scan, transmit_offset=np.array([4.0, 7.0])), 0.0)
+    sail(one, 0.0, 100.0)
+    (result,) = one.process(0.0)
+    assert needed == [(30.0, 39.0)]
+    expected = [[68.0, 10.0, 0.5], [76.0, 10.0, 0.5]]
+    np.testing.assert_allclose(result.scan.sensor_pose, expected, atol=1e-9)
 
 
 def test_the_pose_covariance_goes_with_the_scan():

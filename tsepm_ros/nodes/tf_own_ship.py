@@ -18,6 +18,8 @@ CACHE_TIME = 120.0
 """Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""
 SAMPLE_PERIOD = 0.5
 """Time between the poses looked up over a scan's echoes, s."""
+SMALLEST_COSINE = 1e-6
+"""Of the forward axis's elevation; below, its yaw is noise."""
 
 
 class TfOwnShip:
@@ -53,8 +55,11 @@ class TfOwnShip:
             self._listener = tf2_ros.TransformListener(buffer, node)
         self._buffer = buffer
 
-    def look_up(self, frame: str, first: float, last: float) -> None:
-        """Give the session the poses of a frame from `first` to `last` (s), as far as tf knows."""
+    def look_up(self, frame: str, first: float, last: float, forward_axis: str) -> None:
+        """Give the session the poses of a frame from `first` to `last` (s), as far as tf knows.
+
+        The yaw is that of the frame's axis `forward_axis`, "x" or "z".
+        """
         steps = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
         for stamp in np.linspace(first, last, steps + 1).tolist():
             newest = self._session.own_ship_stamp
@@ -64,10 +69,15 @@ class TfOwnShip:
             if not self._buffer.can_transform(self._fixed_frame, frame, at):
                 return
             transform = self._buffer.lookup_transform(self._fixed_frame, frame, at).transform
-            self._session.add_own_ship(_sample(stamp, transform), self._fixed_frame)
+            self._session.add_own_ship(_sample(stamp, transform, forward_axis), self._fixed_frame)
 
 
-def _sample(stamp: float, transform: Any) -> PoseSample:
+def _sample(stamp: float, transform: Any, forward_axis: str) -> PoseSample:
     q = transform.rotation
-    yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
+    if forward_axis == "z":
+        east, north = 2 * (q.x * q.z + q.w * q.y), 2 * (q.y * q.z - q.w * q.x)
+    else:
+        east, north = 1 - 2 * (q.y * q.y + q.z * q.z), 2 * (q.w * q.z + q.x * q.y)
+    # An axis that points straight up or down has no yaw: the session refuses and counts nan.
+    yaw = math.atan2(north, east) if math.hypot(east, north) > SMALLEST_COSINE else math.nan
     return PoseSample(stamp, transform.translation.x, transform.translation.y, yaw)
