@@ -236,15 +236,15 @@ class TrackHold:
         self._end(~self._repeated())
         return clutter * np.expm1(np.minimum(factors, LARGEST_FACTOR))
 
-    def add(self, tracks: TrackArrays, existence: float) -> None:
-        """Hold newly confirmed tracks whose targets exist with a probability."""
+    def add(self, tracks: TrackArrays, existence: float | FloatArray) -> None:
+        """Hold newly confirmed tracks whose targets exist with a probability, one or (n,)."""
         if not len(tracks):
             return
         self._tracks = self._tracks.joined(tracks)
         self._motion = self._motion.joined(Motion.of(tracks.state, tracks.covariance))
         self._seen = np.concatenate([self._seen, np.ones(len(tracks))])
         self._undecided = np.concatenate([self._undecided, np.zeros(len(tracks))])
-        self._existence = np.concatenate([self._existence, np.full(len(tracks), existence)])
+        self._existence = np.concatenate([self._existence, np.broadcast_to(existence, len(tracks))])
         self._last_taken = np.concatenate([self._last_taken, tracks.stamp])
         self._agreed = np.concatenate([self._agreed, np.zeros(len(tracks), np.int64)])
         self._waiting_since = np.concatenate([self._waiting_since, tracks.stamp])

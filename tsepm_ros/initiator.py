@@ -23,7 +23,7 @@ from tsepm_ros.track import ConfirmedTrack, TrackArrays
 FloatArray = NDArray[np.float64]
 
 NEW_TRACK_EXISTENCE = 0.99
-"""Probability that a confirmed track's target exists, as the hold begins: a choice."""
+"""Probability that a confirmed track's target exists, as the hold begins, at the most: a choice."""
 TRACK_IDS = 2**32
 """Track ids count from 0 up to this, then start again: messages hold 32 bits."""
 
@@ -308,6 +308,10 @@ class Initiator(ABC):
         """Clutter density at each detection, 1/m^2."""
         return np.full(len(detections), self.sensor.clutter_density)
 
+    def _existence(self, tracks: TrackArrays) -> FloatArray:
+        """Probability that the target of each newly confirmed track exists, (n,)."""
+        return np.full(len(tracks), NEW_TRACK_EXISTENCE)
+
     @property
     def _now(self) -> float:
         """Stamp of the scan at hand, s."""
@@ -325,7 +329,7 @@ class Initiator(ABC):
 
     def _deliver(self, tracks: TrackArrays, statistics: ScanStatistics) -> TrackArrays:
         """Hold the newly confirmed tracks and count the scan; returns the tracks."""
-        self.hold.add(tracks, NEW_TRACK_EXISTENCE)
+        self.hold.add(tracks, self._existence(tracks))
         self.statistics = statistics
         self.totals = self.totals + statistics
         return tracks

@@ -269,6 +269,20 @@ def test_a_track_says_its_evidence_and_by_how_much_it_passed():
     pytest.fail("nothing was confirmed")
 
 
+@pytest.mark.parametrize("wish", [1.0, 100.0, 1e5])
+def test_a_start_is_held_as_firmly_as_it_is_probable(wish):
+    initiator = score(false_tracks_per_hour=wish)
+    for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)]):
+        tracks = initiator.process(scan)
+        if len(tracks):
+            odds = np.exp(tracks.evaluation) / wish
+            expected = np.clip(odds / (1.0 + odds), 0.02, 0.99)
+            held = initiator.hold._existence[-len(tracks) :]
+            assert held == pytest.approx(expected)
+            return
+    pytest.fail("nothing was confirmed")
+
+
 @pytest.mark.parametrize("estimator", ["weighted", "polar"])
 def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
     # No clutter: one hypothesis, and the velocity prior must not be in what is published.

@@ -21,7 +21,8 @@ from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, fit, mixture
-from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.holding import LEAST_EXISTENCE
+from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import NO_HIT, Paths, starting
@@ -45,6 +46,10 @@ NEGLIGIBLE = 0.01
 """Hypotheses this much less likely than the best do not count in the state."""
 TARGET_ODDS = 0.01
 """Odds that a detection without history is a target's: what the clutter map takes a start for."""
+TARGETS_PER_HOUR = 1.0
+"""Targets that appear, as far as nothing tells: a choice."""
+LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
+"""A confirmed track is held for a scan at the least."""
 SECONDS_PER_HOUR = 3600.0
 BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
@@ -263,6 +268,16 @@ class Score(Initiator):
         if self.options.clutter == "given":
             return super()._clutter_density(detections)
         return self._clutter_map.at(*self._polar)
+
+    def _existence(self, tracks: TrackArrays) -> FloatArray:
+        """Posterior probability of each track, with the prior that `TARGETS_PER_HOUR` appear.
+
+        At the threshold the odds are as those to the wanted false tracks per hour. Where many are
+        wanted, a start that is half wrong thus keeps its target from being started for less long.
+        """
+        false = self.options.false_tracks_per_hour * np.exp(-tracks.evaluation)
+        found = TARGETS_PER_HOUR / (TARGETS_PER_HOUR + false)
+        return np.clip(found, LEAST_NEW_EXISTENCE, NEW_TRACK_EXISTENCE)
 
     @property
     def _interval(self) -> float:
