@@ -86,11 +86,24 @@ def gate(
     Gated
         A row per last hit.
     """
+    margin = gate_factor(probability) * last_hits["major_sigma"]
+    return gate_within(last_hits, detections, max_speed, margin)
+
+
+def gate_within(
+    last_hits: NDArray[np.void],
+    detections: NDArray[np.void],
+    max_speed: float,
+    margin: FloatArray,
+) -> Gated:
+    """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
+
+    See `gate`.
+    """
     n_gates = len(last_hits)
     if n_gates == 0 or len(detections) == 0:
         none = np.zeros(len(detections), bool)
         return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64), none)
-    margin = gate_factor(probability) * last_hits["major_sigma"]
     times = detections["time"]
     first, last = times.min(), times.max()
     longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))

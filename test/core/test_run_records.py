@@ -18,7 +18,13 @@ from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.methods import available_methods
 from tsepm_ros.simulation import Scenario, load_scenario
 
-MANY = {"tsepm": {"min_hits": 3, "window": 4}, "score": {"false_tracks_per_hour": 300.0}}
+MANY = {
+    "tsepm": {"min_hits": 3, "window": 4},
+    "score": {"false_tracks_per_hour": 300.0},
+    "sequential": {"min_hits": 3, "window": 4},
+    "heuristic": {"gate_sigmas": 2.0, "max_acceleration": 2.0},
+    "modified_hough": {"min_hits": 3, "window": 4, "gate_sigmas": 2.0},
+}
 MOVING = load_scenario(
     "box",
     {"scans": 8, "sound_speed": 1500.0, "own_ship.speed": 8.0, "own_ship.turn_rate": 0.01},

@@ -7,10 +7,15 @@ from typing import Any
 
 from tsepm_ros.initiator import CommonOptions, Initiator
 from tsepm_ros.methods.score import Score
+from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.tsepm import Tsepm
 from tsepm_ros.sensor import SensorModel
 
-METHODS: dict[str, type[Initiator]] = {"tsepm": Tsepm, "score": Score}
+METHODS: dict[str, type[Initiator]] = {
+    "tsepm": Tsepm,
+    "score": Score,
+    "sequential": Sequential,
+}
 """Every method. A new one is a module here and a row in this table."""
 
 

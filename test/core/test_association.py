@@ -1,0 +1,50 @@
+"""Choosing rows that share nothing, the best first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tsepm_ros import association
+from tsepm_ros.association import Pairs, best_of_each, disjoint, nearest_first
+from tsepm_ros.paths import NO_HIT
+
+
+def plain_disjoint(members, cost):
+    taken, chosen = set(), []
+    for row in sorted(range(len(cost)), key=lambda one: (cost[one], one)):
+        mine = set(members[row].tolist()) - {NO_HIT}
+        if not mine & taken:
+            taken |= mine
+            chosen.append(row)
+    return sorted(chosen)
+
+
+@pytest.mark.parametrize("block", [1, 7, 50_000])
+@pytest.mark.parametrize("seed", range(5))
+def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
+    monkeypatch.setattr(association, "BLOCK", block)
+    rng = np.random.default_rng(seed)
+    members = rng.integers(-1, 40, (100, 3))
+    cost = rng.integers(0, 10, 100).astype(float)
+    assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
+
+
+def test_nothing_is_in_common_with_nothing():
+    assert disjoint(np.zeros((0, 4), np.int64), np.zeros(0)).tolist() == []
+    assert disjoint(np.full((3, 2), NO_HIT), np.zeros(3)).tolist() == [0, 1, 2]
+
+
+PAIRS = Pairs(np.array([0, 0, 1, 1, 2]), np.array([0, 1, 0, 1, 1]), np.array([3.0, 5, 1, 1, 2]))
+
+
+def test_each_track_and_each_detection_is_matched_once():
+    chosen = nearest_first(PAIRS)
+    assert chosen.parent.tolist() == [1, 2]
+    assert chosen.row.tolist() == [0, 1], "what is left of track 0 was taken"
+
+
+def test_the_best_of_each_track_may_be_another_s_too():
+    chosen = best_of_each(PAIRS)
+    assert chosen.parent.tolist() == [0, 1, 2]
+    assert chosen.row.tolist() == [0, 0, 1]

@@ -1,0 +1,87 @@
+"""Choosing which detection goes to which track, where each may be used once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.paths import NO_HIT, Rows
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+BLOCK = 50_000
+"""Rows looked at one by one between two checks of what is taken already."""
+
+
+@dataclass(frozen=True)
+class Pairs(Rows):
+    """Potential tracks and the detections that may extend them: a row each.
+
+    Attributes
+    ----------
+    parent : (p,) ndarray of int
+        Row of the potential track.
+    row : (p,) ndarray of int
+        Row of the detection.
+    cost : (p,) ndarray
+        Smaller is better.
+    """
+
+    parent: IntArray
+    row: IntArray
+    cost: FloatArray
+
+    @classmethod
+    def none(cls) -> Pairs:
+        """No pairs."""
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+def disjoint(members: IntArray, cost: FloatArray) -> IntArray:
+    """Choose rows that have no member in common, always the best that is left.
+
+    Parameters
+    ----------
+    members : (n, m) ndarray of int
+        What each row uses; NO_HIT is nothing.
+    cost : (n,) ndarray
+        Smaller is better; of equal rows the first is.
+
+    Returns
+    -------
+    (k,) ndarray of int
+        The rows chosen, ascending.
+    """
+    names, member = np.unique(members, return_inverse=True)
+    member = member.reshape(members.shape)
+    nothing = int(np.searchsorted(names, NO_HIT)) if NO_HIT in names else -1
+    taken = np.zeros(len(names) + 1, bool)
+    chosen: list[int] = []
+    order = np.argsort(cost, kind="stable")
+    for first in range(0, len(order), BLOCK):
+        rows = order[first : first + BLOCK]
+        rows = rows[~taken[member[rows]].any(axis=1)]
+        used: set[int] = set()
+        for row, mine in zip(rows.tolist(), member[rows].tolist(), strict=True):
+            if used.isdisjoint(mine):
+                chosen.append(row)
+                used.update(mine)
+                used.discard(nothing)
+        taken[list(used)] = True
+    return np.sort(np.array(chosen, np.int64))
+
+
+def nearest_first(pairs: Pairs) -> Pairs:
+    """The pairs of which each track and each detection has one at most, best first."""
+    members = np.stack([pairs.parent, -2 - pairs.row], axis=1)  # apart, and never NO_HIT
+    return pairs[disjoint(members, pairs.cost)]
+
+
+def best_of_each(pairs: Pairs) -> Pairs:
+    """The best pair of each track; a detection may be used by several."""
+    order = np.lexsort((pairs.row, pairs.cost, pairs.parent))
+    first = np.flatnonzero(np.diff(pairs.parent[order], prepend=-1))
+    return pairs[order[first]]

@@ -1,0 +1,123 @@
+"""The improved sequential method: a gate of kinematics and sensor error, M of N (Sequential 2014).
+
+Ji D., Li D., "An improved sequential initiation method for multitarget track in clutter with large
+noise measurement", Math. Probl. Eng. 2014, 394297.
+
+A detection continues a potential track whose last hit, k scans ago, it lies near (Eq. 7)::
+
+    |r_(i+k) - r_i| <= v_max k T + 2 sigma
+
+with sigma "the 1 standard error of measurement distance". A detection that was matched is removed,
+the others start potential tracks (Steps 3-5); 6 hits within 10 scans are a track, fewer are none
+(Section 4.1). The initial state is the least-squares fit (Eq. 11), or one of the two that the
+article compares it with (Table 1).
+
+Readings
+--------
+- k T is the time between the detections. The sensor moves: r is in the fixed frame.
+- sigma is the deviation of the range error at the last hit; `gate_error` "major_axis" reads it as
+  the larger axis of the position's error, as the papers of 2016 and 2018 do.
+- Where several detections and tracks match, the nearest pair of all is matched first, then the
+  nearest of what is left. The article leaves it open; another reading serves the oldest track
+  first.
+- A track that can no longer reach M hits is deleted when its N scans are over (Section 4.1), not
+  as soon as that is known: it matches, and so removes, detections until then.
+- A confirmed track no longer matches detections: its target starts anew, as with the other methods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros import initial_state, splitting
+from tsepm_ros.association import Pairs, nearest_first
+from tsepm_ros.conversion import measured_polar, range_variance_at
+from tsepm_ros.estimation import Fit
+from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.parameters import check_group, parameter
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SequentialOptions:
+    """Options of the improved sequential method; the defaults are the article's.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    min_hits: int = parameter(6, "Hits that confirm a track (M)", minimum=2, maximum=32)
+    window: int = parameter(
+        10, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
+    )
+    gate_sigmas: float = parameter(
+        2.0,
+        "Margin of the gate in standard deviations of the last hit's error (Eq. 7)",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    gate_error: str = parameter(
+        "range",
+        "The error that the gate's margin counts: that of the range, or the larger axis of the "
+        "position's",
+        choices=("range", "major_axis"),
+    )
+    estimator: str = parameter(
+        "least_squares", "Estimator of the initial state", choices=initial_state.ESTIMATORS
+    )
+    process_noise: float = parameter(
+        0.001,
+        "Spectral density of a target's acceleration in the estimator kalman_filter",
+        unit="m^2/s^3",
+        minimum=0.0,
+        maximum=100.0,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        check_rule(self.min_hits, self.window)
+
+
+class Sequential(PathFollower):
+    """The improved sequential method of 2014: 6 of 10, matched detections removed."""
+
+    Options = SequentialOptions
+    options: SequentialOptions
+    operating_points = MappingProxyType(
+        {
+            f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
+            for min_hits, window in ((9, 10), (8, 10), (7, 10), (6, 10), (5, 8), (4, 6), (3, 5))
+        }
+    )
+
+    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+        """The detections in the gate of each potential track, by distance (Eq. 7)."""
+        last_hits = self._window[self._potential.last_hit]
+        margin = self.options.gate_sigmas * self._sigma(last_hits)
+        gated = splitting.gate_within(last_hits, detections, self.common.max_speed, margin)
+        parent, row = splitting.split(np.arange(len(last_hits)), gated)
+        step = detections["position"][row] - last_hits["position"][parent]
+        return Pairs(parent, row, np.hypot(step[:, 0], step[:, 1])), gated.cut
+
+    def _sigma(self, hits: NDArray[np.void]) -> FloatArray:
+        """Standard deviation of each hit's error, (n,), m."""
+        if self.options.gate_error == "major_axis":
+            return np.asarray(hits["major_sigma"])
+        return np.sqrt(range_variance_at(hits, measured_polar(hits)[0], self.sensor))
+
+    def _choose(self, pairs: Pairs) -> Pairs:
+        """Each track and each detection is matched once, the nearest first (Step 3)."""
+        return nearest_first(pairs)
+
+    def _fit(self, hits: NDArray[np.void]) -> Fit:
+        options = self.options
+        return initial_state.estimate(
+            hits, self._now, self.sensor, options.estimator, options.process_noise
+        )
