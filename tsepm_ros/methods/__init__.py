@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 from tsepm_ros.initiator import CommonOptions, Initiator
+from tsepm_ros.methods.logic import Logic
 from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.tsepm import Tsepm
@@ -15,6 +16,7 @@ METHODS: dict[str, type[Initiator]] = {
     "tsepm": Tsepm,
     "score": Score,
     "sequential": Sequential,
+    "logic": Logic,
 }
 """Every method. A new one is a module here and a row in this table."""
 

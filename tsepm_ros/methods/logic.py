@@ -1,0 +1,168 @@
+"""The logic-based method: chi-square acceptance regions around polynomial predictions.
+
+As Sequential 2014, Section 3.2 describes it, after Bar-Shalom, Fortmann, "Tracking and data
+association", 1988, and Leung, Hu, Blanchette, "Evaluation of multiple target track initiation
+techniques in real radar tracking environments", IEE Proc. RSN 143(4), 1996.
+
+The second hit z_j of a track that begins at z_i lies, t_s later, no farther than the speed limits
+and the errors allow, component by component (Eqs. 5 and 6)::
+
+    d^k  = max[0, z_j^k - z_i^k - v_max t_s] + max[0, -z_j^k + z_i^k - v_max t_s]
+    D_ij = d' [R_i + R_j]^-1 d <= gamma,   gamma the chi-square quantile of 2 degrees of freedom
+
+Every detection in this region makes a potential track. From two hits the third is predicted along
+the straight line through them, from three and more by a second-order polynomial fitted by least
+squares. With a prediction ``p = sum_i w_i z_i`` the region is::
+
+    (z_j - p)' [sum_i w_i^2 R_i + R_j]^-1 (z_j - p) <= gamma
+
+and the closest detection in it continues the track. Detections that continue none start new ones.
+
+Readings
+--------
+- The limits v_min and v_max of a component are -v_max and v_max.
+- "The least squares method is used to estimate the residual (in order to determine the validating
+  gate size)": the prediction's covariance follows from the errors of the hits, as above. A variance
+  estimated from the residuals, the other reading, is undefined while the polynomial passes through
+  all hits.
+- Closest is by the normalised distance, not by metres.
+- M hits within N scans confirm, so a track outlives a scan without a detection in its region;
+  `missed` "ends" terminates it, as the article's point (iv) says.
+- The article does not say what becomes of confirmed tracks that share a detection: the best fit
+  (f_1 of TSEPM 2018, Eq. 23) is put out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros import splitting
+from tsepm_ros.association import Pairs
+from tsepm_ros.evaluation import squared_distance
+from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.polynomials import Polynomials
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+BLOCK = 100_000
+"""Pairs looked at together: bounds memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogicOptions:
+    """Options of the logic-based method.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    min_hits: int = parameter(4, "Hits that confirm a track (M)", minimum=2, maximum=32)
+    window: int = parameter(
+        5, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
+    )
+    gate_probability: float = parameter(
+        0.99,
+        "Probability that a detected target falls into the acceptance region",
+        positive=True,
+        maximum=0.999999,
+    )
+    degree: int = parameter(
+        2, "Highest order of the polynomial that predicts a track", minimum=1, maximum=3
+    )
+    missed: str = parameter(
+        "waits",
+        "What a potential track without a detection in its region does: waits until its scans are "
+        "over, or ends at once",
+        choices=("waits", "ends"),
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        check_rule(self.min_hits, self.window)
+
+
+class Logic(PathFollower):
+    """The logic-based method: chi-square regions around polynomial predictions, M of N."""
+
+    Options = LogicOptions
+    options: LogicOptions
+    operating_points = MappingProxyType(
+        {
+            f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
+            for min_hits, window in ((8, 10), (6, 8), (5, 6), (5, 8), (4, 5), (3, 4))
+        }
+        | {"6/8 straight": {"min_hits": 6, "window": 8, "degree": 1}}
+    )
+
+    @property
+    def ends_when_missed(self) -> bool:
+        """See `PathFollower.ends_when_missed`."""
+        return self.options.missed == "ends"
+
+    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+        """The detections in the acceptance region of each potential track, by D."""
+        if not len(detections):
+            return Pairs.none(), 0
+        counts = self._potential.hit_count
+        parts, cuts = [Pairs.none()], 0
+        middle = float(detections["time"].min() + 0.5 * np.ptp(detections["time"]))
+        for count in np.unique(counts):
+            rows = np.flatnonzero(counts == count)
+            hits = self._window[self._potential.hits[rows, :count]]
+            predicted = Polynomials.fitted(hits, middle, min(int(count) - 1, self.options.degree))
+            owner, row, cut = self._near(predicted, detections)
+            cost = [
+                self._distance(predicted, owner[part], detections[row[part]])
+                for part in _blocks(len(owner))
+            ]
+            distance = np.concatenate([np.zeros(0), *cost])
+            inside = distance <= self._threshold
+            parts.append(Pairs(rows[owner[inside]], row[inside], distance[inside]))
+            cuts += cut
+        return Pairs.joined(*parts), cuts
+
+    @property
+    def _threshold(self) -> float:
+        """gamma: the chi-square quantile of two degrees of freedom."""
+        return splitting.gate_factor(self.options.gate_probability) ** 2
+
+    def _near(
+        self, predicted: Polynomials, detections: NDArray[np.void]
+    ) -> tuple[IntArray, IntArray, int]:
+        """Pairs of predictions and detections, no fewer than lie in the regions."""
+        times = detections["time"]
+        drift, sigma = predicted.reach(0.5 * np.ptp(times))
+        sigma = np.hypot(sigma, detections["major_sigma"].max())
+        radius = np.sqrt(self._threshold) * sigma + drift
+        if predicted.degree == 0:
+            elapsed = np.abs(
+                times[[np.argmin(times), np.argmax(times)], None] - predicted.last_time
+            )
+            radius += np.sqrt(2.0) * self.common.max_speed * elapsed.max(axis=0)
+        positions = np.ascontiguousarray(detections["position"])
+        return splitting.neighbours(positions, predicted.position, radius * (1.0 + 1e-9))
+
+    def _distance(
+        self, predicted: Polynomials, owner: IntArray, found: NDArray[np.void]
+    ) -> FloatArray:
+        """D of pairs of predictions and detections, (p,)."""
+        expected, covariance = predicted.at(owner, found["time"])
+        misfit = found["position"] - expected
+        if predicted.degree == 0:
+            reach = self.common.max_speed * np.abs(found["time"] - predicted.last_time[owner])
+            misfit = np.maximum(0.0, misfit - reach[:, None]) + np.maximum(
+                0.0, -misfit - reach[:, None]
+            )
+        return squared_distance(misfit, covariance + found["covariance"])
+
+
+def _blocks(n: int) -> list[slice]:
+    return [slice(first, first + BLOCK) for first in range(0, n, BLOCK)]
