@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 from tsepm_ros.initiator import CommonOptions, Initiator
+from tsepm_ros.methods.heuristic import Heuristic
 from tsepm_ros.methods.logic import Logic
 from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.sequential import Sequential
@@ -16,6 +17,7 @@ METHODS: dict[str, type[Initiator]] = {
     "tsepm": Tsepm,
     "score": Score,
     "sequential": Sequential,
+    "heuristic": Heuristic,
     "logic": Logic,
 }
 """Every method. A new one is a module here and a row in this table."""
