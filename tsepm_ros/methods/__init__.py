@@ -7,6 +7,7 @@ from typing import Any
 
 from tsepm_ros.initiator import CommonOptions, Initiator
 from tsepm_ros.methods.heuristic import Heuristic
+from tsepm_ros.methods.hough import Hough
 from tsepm_ros.methods.logic import Logic
 from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.sequential import Sequential
@@ -19,6 +20,7 @@ METHODS: dict[str, type[Initiator]] = {
     "sequential": Sequential,
     "heuristic": Heuristic,
     "logic": Logic,
+    "hough": Hough,
 }
 """Every method. A new one is a module here and a row in this table."""
 

@@ -1,0 +1,214 @@
+"""The Hough transform: straight lines through the detections of a window of scans.
+
+Smith, Winter, "Feature space transform for multitarget detection", IEEE CDC 1980, and Carlson,
+Evans, Wilson, "Search radar detection and track with the Hough transform", IEEE Trans. AES 30(1),
+1994, as Sequential 2014, Sections 1 and 3.3 describes it.
+
+The scans of the window are one image. A detection at (x, y) is the curve ::
+
+    rho(theta) = x cos(theta) + y sin(theta)
+
+in a plane of cells of theta and rho, and a line is a cell that many curves go through. The method
+"only determines if there is a line": the state is the least-squares fit to the line's detections.
+
+Readings
+--------
+- The detections of one scan in a cell are one vote, since a target is detected once; M votes of N
+  scans are a line. Of these detections the one nearest to the middle of the cell is the hit. The
+  other reading counts detections, which in clutter counts little else.
+- The image is of the last N scans, and moves on by one (Section 1). Only lines with a detection in
+  the newest scan are looked at: the others were there before.
+- rho counts from the sensor's last position.
+- Of lines that share a detection the one of the most votes, and of these the best fit (f_1 of TSEPM
+  2018, Eq. 23), is put out, and its detections leave the image.
+- Time plays no part in a line. A fit faster than v_max is refused: that limit holds in all methods.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.hit_counting import Estimates, HitCounter, check_rule
+from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.limits import keep_best
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.paths import NO_HIT, Paths
+from tsepm_ros.scan import Scan
+from tsepm_ros.track import TrackArrays
+
+BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MAX_VOTES = 5_000_000
+"""Curves times angles of an image, at most: bounds time and memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoughOptions:
+    """Options of the Hough transform.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    min_hits: int = parameter(
+        6, "Scans with a detection on a line that confirm it (M)", minimum=2, maximum=32
+    )
+    window: int = parameter(8, "Scans of the image (N)", minimum=2, maximum=64)
+    angles: int = parameter(45, "Cells of theta, over half a turn", minimum=2, maximum=1000)
+    cell: float = parameter(300.0, "Size of a cell of rho", unit="m", minimum=0.1, maximum=1e6)
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        check_rule(self.min_hits, self.window)
+
+
+class Hough(HitCounter):
+    """The Hough transform: straight lines in the image of the last scans."""
+
+    Options = HoughOptions
+    options: HoughOptions
+    operating_points = MappingProxyType(
+        {
+            f"{min_hits}/{window}, {cell:g} m": {
+                "min_hits": min_hits,
+                "window": window,
+                "cell": cell,
+            }
+            for min_hits, window, cell in (
+                (9, 10, 300.0),
+                (8, 10, 300.0),
+                (7, 8, 300.0),
+                (6, 8, 300.0),
+                (6, 8, 150.0),
+                (5, 8, 300.0),
+                (4, 6, 300.0),
+            )
+        }
+    )
+
+    def forget_potential_tracks(self) -> None:
+        """See `Initiator.forget_potential_tracks`."""
+        super().forget_potential_tracks()
+        self._image = np.zeros(0, np.int64)  # ids of the detections in the image, ascending
+
+    def process(self, scan: Scan) -> TrackArrays:
+        """Take one scan and return the tracks that it newly confirms.
+
+        See `Initiator.process`.
+        """
+        ids = self._window.append(self._receive(scan))
+        image = np.concatenate([self._image, ids])
+        ended = self._expired_hits(image)
+        image, beyond = self._newest(image[~ended])
+        lines = self._lines(image, self.options.min_hits)
+        votes = -lines.hit_count.astype(float)
+        kept = lines[keep_best(votes, self.common.max_raw_confirmations)]
+        confirmation = self._confirm(kept)
+        self._image = image[~np.isin(image, confirmation.hits)]
+        self._window.forget(self.scan_index + 1 - self.options.window)
+        return self._deliver(
+            confirmation.tracks,
+            ScanStatistics(
+                scans=1,
+                detections=len(scan),
+                potential_tracks=len(self._image),
+                started=len(ids),
+                terminated=int(np.count_nonzero(ended)),
+                raw_confirmations=len(lines),
+                pruned=confirmation.pruned,
+                merged=confirmation.merged,
+                confirmed=len(confirmation.tracks),
+                cut_potential_tracks=beyond,
+                cut_confirmations=len(lines) - len(kept),
+            ),
+        )
+
+    def potential_tracks(self) -> TrackArrays:
+        """Lines of fewer votes through the last scan that share no detection.
+
+        See `Initiator.potential_tracks`.
+        """
+        lines = self._lines(self._image, 2)
+        lines = lines[keep_best(-lines.hit_count.astype(float), self.common.max_raw_confirmations)]
+        best, estimates, _ = self._best(lines)
+        tracks = self._tracks(best, estimates)
+        return tracks.numbered(np.arange(len(tracks)))
+
+    def _expired_hits(self, image: IntArray) -> BoolArray:
+        """Which detections of the image are older than its N scans."""
+        return self._expired(self._window[image]["scan"] + 1)
+
+    def _newest(self, image: IntArray) -> tuple[IntArray, int]:
+        """The newest detections, within the limits; and how many are cut."""
+        limit = min(self.common.max_potential_tracks, MAX_VOTES // self.options.angles)
+        return image[-limit:], max(len(image) - limit, 0)
+
+    def _lines(self, image: IntArray, votes: int) -> Paths:
+        """Lines through a detection of the last scan that have so many votes at least.
+
+        Parameters
+        ----------
+        image : (d,) ndarray of int
+            Ids of the detections of the image.
+        votes : int
+        """
+        detections = self._window[image]
+        cell, from_middle = self._cells(detections["position"] - self._sensor_pose[:2])
+        scan = detections["scan"]
+        found = np.unique(cell[scan == self.scan_index])
+        line = np.searchsorted(found, cell)
+        detection, angle = np.nonzero(np.append(found, -1)[line] == cell)
+        line, from_middle = line[detection, angle], from_middle[detection, angle]
+        order = np.lexsort((from_middle, scan[detection], line))
+        line, detection = line[order], detection[order]
+        new = np.diff(line, prepend=-1) != 0
+        new |= np.diff(scan[detection], prepend=-1) != 0
+        line, detection = line[new], detection[new]
+        counts = np.bincount(line, minlength=len(found))
+        place = np.arange(len(line)) - (np.cumsum(counts) - counts)[line]
+        hits = np.full((len(found), int(counts.max(initial=2))), NO_HIT, np.int64)
+        hits[line, place] = image[detection]
+        first = np.zeros(len(found), np.int64)
+        first[line[place == 0]] = scan[detection[place == 0]]
+        return Paths(hits, counts, first)[counts >= votes]
+
+    def _cells(self, offset: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Cells that the curves go through, and how far from their middles.
+
+        Parameters
+        ----------
+        offset : (d, 2) ndarray
+            Detections relative to the sensor, m.
+
+        Returns
+        -------
+        cell : (d, angles) ndarray of int
+            A number for each cell of theta and rho.
+        from_middle : (d, angles) ndarray
+            m.
+        """
+        number, size = self.options.angles, self.options.cell
+        theta = math.pi / number * np.arange(number)
+        rho = offset @ np.stack([np.cos(theta), np.sin(theta)])
+        cell = np.floor(rho / size)
+        return cell.astype(np.int64) * number + np.arange(number), np.abs(rho - (cell + 0.5) * size)
+
+    def _accept(self, estimates: Estimates) -> BoolArray:
+        """Which tracks have a state, and are no faster than v_max, (n,)."""
+        speed = np.hypot(estimates.state[:, 1], estimates.state[:, 3])
+        return super()._accept(estimates) & (speed <= self.common.max_speed)
+
+    def _preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
+        """More votes first, then the better fit."""
+        place = np.empty(len(paths))
+        place[np.lexsort((estimates.evaluation, -paths.hit_count))] = np.arange(len(paths))
+        return place
