@@ -9,6 +9,7 @@ from tsepm_ros.initiator import CommonOptions, Initiator
 from tsepm_ros.methods.heuristic import Heuristic
 from tsepm_ros.methods.hough import Hough
 from tsepm_ros.methods.logic import Logic
+from tsepm_ros.methods.modified_hough import ModifiedHough
 from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.tsepm import Tsepm
@@ -21,6 +22,7 @@ METHODS: dict[str, type[Initiator]] = {
     "heuristic": Heuristic,
     "logic": Logic,
     "hough": Hough,
+    "modified_hough": ModifiedHough,
 }
 """Every method. A new one is a module here and a row in this table."""
 

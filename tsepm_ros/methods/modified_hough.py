@@ -1,0 +1,118 @@
+"""The modified Hough transform: lines through hits that follow each other in time.
+
+Lo, Leung, Bridgewater, Litva, "Multitarget track initiation using a modified Hough transform",
+AGARD CP-539, 1994, and Leung, Hu, Blanchette, "Evaluation of multiple target track initiation
+techniques in real radar tracking environments", IEE Proc. RSN 143(4), 1996: the references of
+Sequential 2014, which names the method without printing it.
+
+A detection at (x, y) is the curve ``rho(theta) = x cos(theta) + y sin(theta)``. The curves of two
+detections cross where their difference passes through zero, at the theta of the line through
+both, and the difference's slope there is in size their distance and in sign the direction from
+the one to the other. Detections of consecutive scans are a track if
+
+- zero crossings that follow each other lie within an angle sigma_theta: one line,
+- the slopes have one sign: in the order of the scans,
+- the slopes lie within the limits of the speed: ``v_min T <= |slope| <= v_max T``.
+
+The first two say that the directions of two steps, over the full circle, differ by sigma_theta at
+most, and this is how it is computed here: no accumulator, and so no cells, are needed, since steps
+that follow each other share a point and a common theta makes rho common.
+
+Readings
+--------
+- T is the time between the detections, M of N scans are enough, and a track with a detection that
+  satisfies the rules keeps no branch without it.
+- Every detection that satisfies them makes a potential track; every detection may be a first one.
+- `gate_sigmas` widens the limit of the speed by the last hit's error; 0 as in the literature.
+- Of confirmed tracks that share a detection the best fit (f_1 of TSEPM 2018, Eq. 23) is put out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.association import Pairs
+from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.parameters import check_group, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModifiedHoughOptions:
+    """Options of the modified Hough transform.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    min_hits: int = parameter(4, "Hits that confirm a track (M)", minimum=3, maximum=32)
+    window: int = parameter(
+        5, "Scans within which they must come, the first hit's included (N)", minimum=3, maximum=64
+    )
+    max_turn: float = parameter(
+        0.5,
+        "Largest angle between consecutive zero crossings (sigma_theta)",
+        unit="rad",
+        positive=True,
+        maximum=math.pi / 2,
+    )
+    min_speed: float = parameter(
+        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
+    )
+    gate_sigmas: float = parameter(
+        0.0,
+        "Room that the limit of the speed leaves for errors, in standard deviations of the last "
+        "hit",
+        minimum=0.0,
+        maximum=100.0,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        check_rule(self.min_hits, self.window)
+
+
+class ModifiedHough(PathFollower):
+    """The modified Hough transform: one line, in the order of the scans, at a possible speed."""
+
+    Options = ModifiedHoughOptions
+    options: ModifiedHoughOptions
+    operating_points = MappingProxyType(
+        {
+            f"{hits}/{scans}, {turn:g} rad, {sigmas:g} sigma": {
+                "min_hits": hits,
+                "window": scans,
+                "max_turn": turn,
+                "gate_sigmas": sigmas,
+            }
+            for hits, scans, turn, sigmas in (
+                (4, 5, 0.5, 0.0),
+                (3, 4, 0.5, 0.0),
+                (4, 5, 0.5, 2.0),
+                (4, 5, 1.0, 2.0),
+                (3, 4, 0.5, 2.0),
+                (3, 4, 1.0, 2.0),
+            )
+        }
+    )
+    every_detection_starts = True
+
+    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+        """The detections that satisfy the rules after each track's last hits, by the turn."""
+        options = self.options
+        parent, row, cut = self._reachable(detections, options.gate_sigmas)
+        steps, first = self._steps(parent, row, detections)
+        kept = steps.faster_than(options.min_speed)
+        turn = np.where(first, 0.0, steps.turn)
+        kept &= turn <= options.max_turn
+        return Pairs(parent[kept], row[kept], turn[kept]), cut
+
+    def _choose(self, pairs: Pairs) -> Pairs:
+        """All pairs: each detection that satisfies the rules makes a potential track."""
+        return pairs
