@@ -177,7 +177,7 @@ def test_limits_hold_and_what_they_cut_is_counted(method):
     for scan in cluttered(10, 300, 3000.0):
         check_output(made, made.process(scan))
         assert made.statistics.potential_tracks <= 50
-        assert made.statistics.confirmed <= 50 if method == "score" else 5
+        assert made.statistics.confirmed <= (50 if method == "score" else 5)
     assert made.totals.cut_potential_tracks > 0
 
 

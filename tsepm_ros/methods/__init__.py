@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 from tsepm_ros.initiator import CommonOptions, Initiator
+from tsepm_ros.methods.clutter_test import ClutterTest
 from tsepm_ros.methods.heuristic import Heuristic
 from tsepm_ros.methods.hough import Hough
 from tsepm_ros.methods.logic import Logic
@@ -23,6 +24,7 @@ METHODS: dict[str, type[Initiator]] = {
     "logic": Logic,
     "hough": Hough,
     "modified_hough": ModifiedHough,
+    "clutter_test": ClutterTest,
 }
 """Every method. A new one is a module here and a row in this table."""
 

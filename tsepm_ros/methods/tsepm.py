@@ -408,8 +408,9 @@ class Tsepm(Initiator):
         return fit(hits, self.stamp, self.sensor, self.options.estimator)
 
     def _prune(self, candidates: Candidates) -> Candidates:
-        """Remove the tracks whose evaluation exceeds its threshold (Step 6)."""
-        return candidates[pruning.keep(candidates.evaluation, self._threshold)]
+        """Remove the tracks whose evaluation exceeds its threshold (Step 6), or without a fit."""
+        kept = pruning.keep(candidates.evaluation, self._threshold)
+        return candidates[kept & np.isfinite(candidates.distance)]
 
     @property
     def _threshold(self) -> float:
