@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -97,12 +99,55 @@ def position_covariance(
     along = 2.0 * square * np.sinh(0.5 * angle_variance) ** 2
     along = along + range_variance * np.cosh(angle_variance)
     across = (square + range_variance) * np.sinh(angle_variance)
+    return turned(along, across, azimuth)
+
+
+def turned(along: ArrayLike, across: ArrayLike, azimuth: ArrayLike) -> FloatArray:
+    """Covariance (..., 2, 2) of variances (...) along and across a direction (...), rad."""
+    along, across = np.asarray(along), np.asarray(across)
     cosine, sine = np.cos(azimuth), np.sin(azimuth)
     covariance = np.empty((*np.shape(along), 2, 2))
     covariance[..., 0, 0] = along * cosine**2 + across * sine**2
     covariance[..., 1, 1] = along * sine**2 + across * cosine**2
     covariance[..., 0, 1] = covariance[..., 1, 0] = (along - across) * cosine * sine
     return covariance
+
+
+def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
+    """The detections as Split-merge 2016 converts them: as measured, R by the unscented transform.
+
+    The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position` removes. Of
+    the sigma points (r, a), (r +- sqrt(3) s_r, a) and (r, a +- sqrt(3) s_a), with the weights 1/3
+    and 1/6 (Julier, Uhlmann 1997, n + kappa = 3), the variances along and across the line of sight
+    are::
+
+        along  = s_r^2 + 2/9 r^2 (1 - cos(sqrt(3) s_a))^2
+        across = 1/3 r^2 sin(sqrt(3) s_a)^2
+
+    Parameters
+    ----------
+    detections : (...) ndarray of DETECTION
+        From `convert`.
+    sensor : SensorModel
+        Range errors where a detection has none of its own.
+
+    Returns
+    -------
+    (...) ndarray of DETECTION
+    """
+    made = detections.copy()
+    range_, azimuth = measured_polar(detections)
+    offset = range_[..., None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
+    angle = math.sqrt(3.0) * detections["azimuth_std"]
+    along = range_variance_at(detections, range_, sensor)
+    along = along + 2.0 / 9.0 * np.square(range_ * (1.0 - np.cos(angle)))
+    across = np.square(range_ * np.sin(angle)) / 3.0
+    made["position"] = detections["sensor_pose"][..., :2] + offset
+    made["covariance"] = turned(along, across, azimuth) + pose_error_covariance(
+        offset, detections["sensor_pose_covariance"]
+    )
+    made["major_sigma"] = major_sigma(made["covariance"])
+    return made
 
 
 def pose_error_covariance(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from tsepm_ros.methods.logic import Logic
 from tsepm_ros.methods.modified_hough import ModifiedHough
 from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.sequential import Sequential
+from tsepm_ros.methods.split_merge import SplitMerge
 from tsepm_ros.methods.tsepm import Tsepm
 from tsepm_ros.sensor import SensorModel
 
@@ -25,6 +26,7 @@ METHODS: dict[str, type[Initiator]] = {
     "hough": Hough,
     "modified_hough": ModifiedHough,
     "clutter_test": ClutterTest,
+    "split_merge": SplitMerge,
 }
 """Every method. A new one is a module here and a row in this table."""
 

@@ -1,0 +1,148 @@
+"""Track splitting and merging (Split-merge 2016), the predecessor of TSEPM.
+
+Li D., Zhang Y., Lin Y., Liu J., "A novel track initiation method for track splitting and merging",
+2016.
+
+Every detection in the gate ``v_max k T + sigma_l`` of a potential track (Eq. 2) makes a branch, M
+of N hits confirm it (5 of 8), and there is no evaluation: merging alone makes the tracks fewer. Two
+tracks merge (Section III.D) if they are confirmed in the same scan, their states are close, and
+they share more than M/2 measurements. Scan by scan the measurements of the merged track are
+
+- a measurement that they share, as it is,
+- the measurement of one of them, where the other has none,
+- a combination of their two,
+
+and its state and covariance are estimated again from them by least squares (Eqs. 12 and 13).
+
+Readings
+--------
+- The rule is "N_a <= N and N_v >= M": Step 3 has the first inequality reversed (TSEPM 2018 corrects
+  it).
+- sigma_l is half the axis of the 0.9 ellipse of the position's error, as below Eq. 1 and in TSEPM
+  2018, not the eigenvalue of the polar R that Eq. 6 has, whose units are mixed.
+- "Their states are close" is not defined: the distance of TSEPM 2018, Eq. 30, with its threshold.
+- Groups are the connected components of the pairs, and what a scan combines are the distinct
+  measurements of all members.
+- A target has one detection a scan, so a combination is one or the other: its moments are those of
+  the mixture with equal weights, the spread of the two included. Averaging them as two measurements
+  of one target, the other reading, would halve the variance.
+- The position is Eq. 4's, R is from the unscented transform (`tsepm_ros.conversion.unscented`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.conversion import unscented
+from tsepm_ros.hit_counting import check_rule
+from tsepm_ros.methods.tsepm import Candidates, Tsepm
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.scan import Scan
+from tsepm_ros.track import ConfirmedTrack
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitMergeOptions:
+    """Options of splitting and merging; the defaults are the paper's.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    evaluation: ClassVar[str] = "normalized_distance"
+    estimator: ClassVar[str] = "unweighted"
+
+    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
+    window: int = parameter(
+        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
+    )
+    gate_probability: float = parameter(
+        0.9,
+        "Probability of the error ellipse whose axis is sigma_l (Eqs. 1 and 2)",
+        positive=True,
+        maximum=0.999999,
+    )
+    merging_probability: float = parameter(
+        0.9,
+        "Probability that two close states overlap (TSEPM 2018, Eq. 30)",
+        positive=True,
+        maximum=0.999999,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        check_rule(self.min_hits, self.window)
+
+
+class SplitMerge(Tsepm):
+    """Track splitting and merging of 2016: merged measurements, estimated again."""
+
+    Options = SplitMergeOptions  # type: ignore[assignment]
+    options: SplitMergeOptions  # type: ignore[assignment]
+    operating_points = MappingProxyType(
+        {
+            f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
+            for min_hits, window in ((7, 8), (6, 8), (5, 6), (5, 8), (4, 5), (3, 4))
+        }
+    )
+
+    def reason(self, track: ConfirmedTrack) -> str:
+        """Its rule.
+
+        See `Initiator.reason`.
+        """
+        rule = f"{self.options.min_hits}/{self.options.window}"
+        return f"{len(track.hits)} hits within {track.scan_count} scans, by the rule {rule}"
+
+    def _receive(self, scan: Scan) -> NDArray[np.void]:
+        return unscented(super()._receive(scan), self.sensor)
+
+    @property
+    def _threshold(self) -> float:
+        """Nothing is pruned."""
+        return math.inf
+
+    def _merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
+        """State and covariance of a group, from its combined measurements."""
+        fitted = self._fit(combined(self._window[np.unique(group.hits)])[None])
+        return fitted.state[0], fitted.covariance[0]
+
+
+def combined(hits: NDArray[np.void]) -> NDArray[np.void]:
+    """Combine the distinct measurements of merged tracks to one a scan.
+
+    ``z = sum z_i / k``, ``R = sum (R_i + (z_i - z)(z_i - z)') / k``, at the mean of their times.
+
+    Parameters
+    ----------
+    hits : (n,) ndarray of DETECTION
+        In the order of their scans.
+
+    Returns
+    -------
+    (s,) ndarray of DETECTION
+        One for each scan.
+    """
+    _, first, scan, number = np.unique(
+        hits["scan"], return_index=True, return_inverse=True, return_counts=True
+    )
+    made = hits[first].copy()
+    for name in ("time", "position"):
+        total = np.zeros_like(made[name])
+        np.add.at(total, scan, hits[name] - hits[name][first][scan])  # exact where there is one
+        made[name] += (total.T / number).T
+    apart = hits["position"] - made["position"][scan]
+    spread = np.zeros((len(first), 2, 2))
+    np.add.at(spread, scan, hits["covariance"] + apart[:, :, None] * apart[:, None, :])
+    made["covariance"] = spread / number[:, None, None]
+    return made
