@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros import evaluation, pruning, splitting
 from tsepm_ros.association import Pairs, best_of_each, disjoint
+from tsepm_ros.conversion import DETECTION
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import Fit, fit
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
@@ -212,7 +213,7 @@ class PathFollower(HitCounter):
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""
         super().forget_potential_tracks()
-        self._potential = starting(np.zeros(0, np.int64), 0, self.options.min_hits)
+        self._potential = self._started(np.zeros(0, np.int64), np.zeros(0, DETECTION))
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; a shorter window ends tracks, another number of hits starts over.
@@ -236,20 +237,20 @@ class PathFollower(HitCounter):
         ids = self._window.append(detections)
         pairs, cut_pairs = self._pairs(detections)
         extending, cut_potential, cut_raw = self._within_limits(self._choose(pairs))
-        children = self._potential.extended(extending.parent, ids[extending.row])
+        children = self._extended(extending.parent, ids[extending.row], detections[extending.row])
         reached = pruning.confirmed(children.hit_count, self.options.min_hits)
         confirmation = self._confirm(children[reached])
         missed = np.ones(len(self._potential), bool)
         missed[extending.parent] = False
-        waiting = Paths.joined(children[~reached], self._potential[missed])
+        waiting = type(children).joined(children[~reached], self._potential[missed])
         ended = self._expired(waiting.first_scan) | self._uses(waiting, confirmation.hits)
         if self.ends_when_missed:
             ended[np.count_nonzero(~reached) :] = True
         free = ~np.isin(ids, confirmation.hits)
         if not self.every_detection_starts:
             free[extending.row] = False
-        started = starting(ids[free], self.scan_index, self.options.min_hits)
-        self._potential, beyond = self._limit(Paths.joined(waiting[~ended], started))
+        started = self._started(ids[free], detections[free])
+        self._potential, beyond = self._limit(type(started).joined(waiting[~ended], started))
         self._window.forget(self.scan_index + 2 - self.options.window)
         return self._deliver(
             confirmation.tracks,
@@ -278,6 +279,14 @@ class PathFollower(HitCounter):
         accepted = self._accept(estimates)
         tracks = self._tracks(several[accepted], estimates[accepted])
         return tracks.numbered(np.arange(len(tracks)))
+
+    def _started(self, ids: IntArray, found: NDArray[np.void]) -> Paths:
+        """New potential tracks of one hit each: detections found (n,), and their ids."""
+        return starting(ids, self.scan_index, self.options.min_hits)
+
+    def _extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Paths:
+        """Potential tracks that each add a detection; see `Paths.extended`."""
+        return self._potential.extended(parent, ids)
 
     @staticmethod
     def _uses(paths: Paths, hits: IntArray) -> BoolArray:

@@ -11,6 +11,7 @@ from tsepm_ros.methods.heuristic import Heuristic
 from tsepm_ros.methods.hough import Hough
 from tsepm_ros.methods.logic import Logic
 from tsepm_ros.methods.modified_hough import ModifiedHough
+from tsepm_ros.methods.multiple_model import MultipleModel
 from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.split_merge import SplitMerge
@@ -27,6 +28,7 @@ METHODS: dict[str, type[Initiator]] = {
     "modified_hough": ModifiedHough,
     "clutter_test": ClutterTest,
     "split_merge": SplitMerge,
+    "multiple_model": MultipleModel,
 }
 """Every method. A new one is a module here and a row in this table."""
 

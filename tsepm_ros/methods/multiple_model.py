@@ -1,0 +1,285 @@
+"""The parameterised multiple-model start: a filter for each cell of speed and heading.
+
+Mallick, La Scala, Ristic, Kirubarajan, Arulampalam, "Comparison of filtering algorithms for ground
+target tracking using space-based GMTI radar", 2015, as TSEPM 2018 describes it (Sections 1 and 5),
+in words only: "without a prior knowledge of target motion status, the parameterized multiple model
+method divides the possible speed interval [v_min, v_max] and heading interval into several
+subintervals. Then it establishes a filter for every subinterval. All the filters run concurrently,
+and the estimate output is the weighted output of all the filters." There is no splitting.
+
+Each filter begins at a track's first detection: position z, covariance R, and the mean and
+covariance of a velocity that is uniform over its cell of speed, mean v and width d, and of heading,
+middle a and width 2 h. With ``q = v^2 + d^2 / 12``, along and across the heading a::
+
+    mean   = v sin(h) / h
+    along  = q (1 + sin(2 h) / (2 h)) / 2 - mean^2
+    across = q (1 - sin(2 h) / (2 h)) / 2
+
+A detection in the gate of the weighted prediction updates all of them, and their weights by its
+likelihood, ``w_i <- w_i N(z; H x_i, S_i)``. The output is the mixture's mean and covariance.
+
+Readings
+--------
+- v_min is 0, the headings go all round, and the first weights are equal: nothing is known.
+- The gate is the chi-square region of the mixture's moments; the nearest pair of all in normalised
+  distance is matched first, and a matched detection is removed.
+- M hits within N scans confirm, as with the other methods of the paper's comparison.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros import filtering, splitting
+from tsepm_ros.association import Pairs, nearest_first
+from tsepm_ros.conversion import major_sigma, turned
+from tsepm_ros.estimation import Fit
+from tsepm_ros.evaluation import normalized_distance, squared_distance
+from tsepm_ros.hit_counting import Estimates, PathFollower, check_rule
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.motion import combined
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.paths import Paths, starting
+from tsepm_ros.scan import Scan
+from tsepm_ros.sensor import SensorModel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MAX_FILTERS = 2_000_000
+"""Filters held at most: bounds memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultipleModelOptions:
+    """Options of the multiple-model start.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
+    window: int = parameter(
+        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
+    )
+    speeds: int = parameter(2, "Cells of the speed, from 0 to v_max", minimum=1, maximum=20)
+    headings: int = parameter(8, "Cells of the heading", minimum=3, maximum=72)
+    gate_probability: float = parameter(
+        0.99,
+        "Probability that a detected target falls into the gate",
+        positive=True,
+        maximum=0.999999,
+    )
+    process_noise: float = parameter(
+        0.001,
+        "Spectral density of a target's acceleration",
+        unit="m^2/s^3",
+        minimum=0.0,
+        maximum=100.0,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        check_rule(self.min_hits, self.window)
+
+
+@dataclass(frozen=True)
+class Banks(Paths):
+    """Potential tracks with a bank of f filters each.
+
+    Attributes
+    ----------
+    hits, hit_count, first_scan
+        As in `Paths`.
+    state, covariance : (n, f, 4), (n, f, 4, 4) ndarray
+        At the last scan's stamp.
+    weight : (n, f) ndarray
+        Probability of each filter.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    weight: FloatArray
+
+    def predicted(self, step: float, noise: float) -> Banks:
+        """The banks after a time step, s, with a process noise, m^2/s^3."""
+        state, covariance = filtering.predict(
+            self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4), step, noise
+        )
+        return replace(
+            self,
+            state=state.reshape(self.state.shape),
+            covariance=covariance.reshape(self.covariance.shape),
+        )
+
+    def updated(self, lag: FloatArray, found: NDArray[np.void]) -> Banks:
+        """The banks after each has taken in a detection (n,), `lag` (n,) s after their stamp."""
+        n, number = self.weight.shape
+        state, covariance = self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4)
+        lags, hits = lag.repeat(number), found.repeat(number)
+        innovation = hits["position"] - state[:, 0::2] - lags[:, None] * state[:, 1::2]
+        spread = filtering.position_covariance_after(covariance, lags) + hits["covariance"]
+        density, _ = filtering.log_density(innovation, spread)
+        state, covariance = filtering.update(state, covariance, lags, innovation, spread)
+        density = density.reshape(n, number)
+        likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
+        # A floor, so that no filter is lost to rounding.
+        weight = np.maximum(self.weight * likelihood, 1e-300)
+        return replace(
+            self,
+            state=state.reshape(self.state.shape),
+            covariance=covariance.reshape(self.covariance.shape),
+            weight=weight / weight.sum(axis=1, keepdims=True),
+        )
+
+    def output(self) -> tuple[FloatArray, FloatArray]:
+        """Weighted mean (n, 4) and covariance (n, 4, 4)."""
+        return combined(
+            self.weight.T, np.swapaxes(self.state, 0, 1), np.swapaxes(self.covariance, 0, 1)
+        )
+
+
+class MultipleModel(PathFollower):
+    """The multiple-model start: a filter for each cell of speed and heading, no splitting."""
+
+    Options = MultipleModelOptions
+    options: MultipleModelOptions
+    operating_points = MappingProxyType(
+        {
+            f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
+            for min_hits, window in ((8, 10), (7, 8), (6, 8), (5, 6), (5, 8), (4, 6), (3, 5))
+        }
+    )
+    _potential: Banks
+
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options; other cells start over, as does another number of hits.
+
+        See `Initiator.configure`.
+        """
+        before = self.options.speeds, self.options.headings
+        kept = super().configure(sensor, common, options)
+        if (options.speeds, options.headings) == before:
+            return kept
+        self.forget_potential_tracks()
+        return False
+
+    def _receive(self, scan: Scan) -> NDArray[np.void]:
+        before = self.stamp
+        detections = super()._receive(scan)
+        step = 0.0 if before is None else self._now - before
+        self._potential = self._potential.predicted(step, self.options.process_noise)
+        return detections
+
+    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+        """The detections in the gate of each weighted prediction, by normalised distance."""
+        if not len(detections):
+            return Pairs.none(), 0
+        state, covariance = self._potential.output()
+        factor = splitting.gate_factor(self.options.gate_probability)
+        longest = np.abs(detections["time"] - self._now).max()
+        sigma = major_sigma(covariance[:, 0::2, 0::2])
+        sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
+        radius = factor * np.hypot(sigma, detections["major_sigma"].max())
+        radius += longest * np.hypot(state[:, 1], state[:, 3])
+        positions = np.ascontiguousarray(detections["position"])
+        centres = np.ascontiguousarray(state[:, 0::2])
+        parent, row, cut = splitting.neighbours(positions, centres, radius)
+        found = detections[row]
+        lag = found["time"] - self._now
+        expected = state[parent, 0::2] + lag[:, None] * state[parent, 1::2]
+        spread = filtering.position_covariance_after(covariance[parent], lag) + found["covariance"]
+        distance = squared_distance(found["position"] - expected, spread)
+        inside = distance <= factor**2
+        return Pairs(parent[inside], row[inside], distance[inside]), cut
+
+    def _choose(self, pairs: Pairs) -> Pairs:
+        """Each track and each detection is matched once, the nearest first."""
+        return nearest_first(pairs)
+
+    def _extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Banks:
+        children = self._potential.extended(parent, ids)
+        return children.updated(found["time"] - self._bank_stamp, found)
+
+    @property
+    def _bank_stamp(self) -> float:
+        """Stamp of the banks, s; 0 before the first scan, when there are none."""
+        return self.stamp or 0.0
+
+    def _started(self, ids: IntArray, found: NDArray[np.void]) -> Banks:
+        """A bank for each detection, carried from its time to the scan's stamp."""
+        mean, spread = cells(self.common.max_speed, self.options.speeds, self.options.headings)
+        n, number = len(ids), len(mean)
+        path = starting(ids, self.scan_index, self.options.min_hits)
+        state, covariance = np.zeros((n, number, 4)), np.zeros((n, number, 4, 4))
+        state[..., 0::2], state[..., 1::2] = found["position"][:, None], mean
+        covariance[..., 0::2, 0::2] = found["covariance"][:, None]
+        covariance[..., 1::2, 1::2] = spread
+        step = (self._bank_stamp - found["time"]).repeat(number)
+        state, covariance = filtering.predict(
+            state.reshape(-1, 4), covariance.reshape(-1, 4, 4), step, self.options.process_noise
+        )
+        return Banks(
+            path.hits,
+            path.hit_count,
+            path.first_scan,
+            state.reshape(n, number, 4),
+            covariance.reshape(n, number, 4, 4),
+            np.full((n, number), 1.0 / number),
+        )
+
+    def _estimate(self, paths: Paths) -> Estimates:
+        """The weighted output, and f_1 (TSEPM 2018, Eq. 23) of the hits around it."""
+        assert isinstance(paths, Banks)
+        state, covariance = paths.output()
+        figure = np.zeros(len(paths))
+        for count in np.unique(paths.hit_count):
+            rows = np.flatnonzero(paths.hit_count == count)
+            hits = self._window[paths.hits[rows, :count]]
+            tau = hits["time"] - self._now
+            fitted = Fit(state[rows], covariance[rows], tau, hits["covariance"])
+            figure[rows] = normalized_distance(hits, fitted)
+        return Estimates(state, covariance, figure)
+
+    def _limit(self, tracks: Paths) -> tuple[Paths, int]:
+        """Keep the potential tracks of the most hits, and no more filters than `MAX_FILTERS`."""
+        kept, cut = super()._limit(tracks)
+        most = max(MAX_FILTERS // (self.options.speeds * self.options.headings), 1)
+        return kept[np.arange(min(len(kept), most))], cut + max(len(kept) - most, 0)
+
+
+def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance of the velocity in each cell of speed and heading.
+
+    Parameters
+    ----------
+    max_speed : float
+        m/s.
+    speeds, headings : int
+        Numbers of cells.
+
+    Returns
+    -------
+    mean : (f, 2) ndarray
+        m/s.
+    covariance : (f, 2, 2) ndarray
+        m^2/s^2.
+    """
+    width, half = max_speed / speeds, math.pi / headings
+    speed = np.repeat(width * (np.arange(speeds) + 0.5), headings)
+    heading = np.tile(2.0 * half * np.arange(headings), speeds)
+    square = speed**2 + width**2 / 12.0
+    mean = speed * math.sin(half) / half
+    share = math.sin(2.0 * half) / (2.0 * half)
+    along = 0.5 * square * (1.0 + share) - mean**2
+    across = 0.5 * square * (1.0 - share)
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    return mean[:, None] * direction, turned(along, across, heading)
