@@ -249,8 +249,10 @@ class PathFollower(HitCounter):
         free = ~np.isin(ids, confirmation.hits)
         if not self.every_detection_starts:
             free[extending.row] = False
-        started = self._started(ids[free], detections[free])
-        self._potential, beyond = self._limit(type(started).joined(waiting[~ended], started))
+        starting_now = np.flatnonzero(free)[: self._most]
+        started = self._started(ids[starting_now], detections[starting_now])
+        beyond = int(np.count_nonzero(free)) - len(started)
+        self._potential, surplus = self._limit(type(started).joined(waiting[~ended], started))
         self._window.forget(self.scan_index + 2 - self.options.window)
         return self._deliver(
             confirmation.tracks,
@@ -264,7 +266,7 @@ class PathFollower(HitCounter):
                 pruned=confirmation.pruned,
                 merged=confirmation.merged,
                 confirmed=len(confirmation.tracks),
-                cut_potential_tracks=cut_pairs + cut_potential + beyond,
+                cut_potential_tracks=cut_pairs + cut_potential + beyond + surplus,
                 cut_confirmations=cut_raw,
             ),
         )
@@ -280,6 +282,11 @@ class PathFollower(HitCounter):
         tracks = self._tracks(several[accepted], estimates[accepted])
         return tracks.numbered(np.arange(len(tracks)))
 
+    @property
+    def _most(self) -> int:
+        """Potential tracks held at most."""
+        return self.common.max_potential_tracks
+
     def _started(self, ids: IntArray, found: NDArray[np.void]) -> Paths:
         """New potential tracks of one hit each: detections found (n,), and their ids."""
         return starting(ids, self.scan_index, self.options.min_hits)
@@ -294,15 +301,15 @@ class PathFollower(HitCounter):
         return np.asarray(np.isin(paths.hits, hits[hits != NO_HIT]).any(axis=1))
 
     def _reachable(
-        self, detections: NDArray[np.void], sigmas: float
+        self, detections: NDArray[np.void], margin: FloatArray
     ) -> tuple[IntArray, IntArray, int]:
         """Potential tracks and detections within ``v_max |dt|`` and a margin of their last hits.
 
         Parameters
         ----------
         detections : (n,) ndarray of DETECTION
-        sigmas : float
-            Margin in standard deviations of the last hit, along its error's major axis.
+        margin : (n,) ndarray
+            Of each potential track, the same where the last hit is the same, m.
 
         Returns
         -------
@@ -311,11 +318,11 @@ class PathFollower(HitCounter):
         cut : int
             Pairs that a limit left out.
         """
-        last_hits, gate = np.unique(self._potential.last_hit, return_inverse=True)
-        hits = self._window[last_hits]
-        gated = splitting.gate_within(
-            hits, detections, self.common.max_speed, sigmas * hits["major_sigma"]
+        last_hits, first, gate = np.unique(
+            self._potential.last_hit, return_index=True, return_inverse=True
         )
+        hits = self._window[last_hits]
+        gated = splitting.gate_within(hits, detections, self.common.max_speed, margin[first])
         owner = np.ascontiguousarray(hits["position"])
 
         def length(parent: IntArray, row: IntArray) -> FloatArray:
@@ -356,7 +363,7 @@ class PathFollower(HitCounter):
         complete = self._potential.hit_count[pairs.parent] == self.options.min_hits - 1
         kept = []
         for part, limit in (
-            (pairs[~complete], self.common.max_potential_tracks),
+            (pairs[~complete], self._most),
             (pairs[complete], self.common.max_raw_confirmations),
         ):
             kept.append(part[keep_best(part.cost, limit)])
@@ -366,5 +373,5 @@ class PathFollower(HitCounter):
 
     def _limit(self, tracks: Paths) -> tuple[Paths, int]:
         """Keep the potential tracks of the most hits; returns them and the number cut."""
-        kept = keep_best(-tracks.hit_count.astype(float), self.common.max_potential_tracks)
+        kept = keep_best(-tracks.hit_count.astype(float), self._most)
         return tracks[kept], len(tracks) - len(kept)

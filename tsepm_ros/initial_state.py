@@ -65,7 +65,8 @@ def line(
     ``a_i = u'(z_i - mean)`` the target is at ``mean + u a_m`` at the last hit's time and moves at
     ``u (a_m - a_1) / (t_m - t_1)``: the times of the hits between do not count, which is what it
     loses against least squares. The covariance is to first order in the errors: along u from the
-    ends, across u from the line's offset and slope.
+    ends, across u from the line's offset and slope. It is too small where the errors are not small
+    beside the path, since u is then hardly known.
 
     Parameters
     ----------

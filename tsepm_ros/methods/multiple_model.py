@@ -52,7 +52,7 @@ from tsepm_ros.sensor import SensorModel
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-MAX_FILTERS = 2_000_000
+MAX_FILTERS = 500_000
 """Filters held at most: bounds memory."""
 
 
@@ -249,11 +249,11 @@ class MultipleModel(PathFollower):
             figure[rows] = normalized_distance(hits, fitted)
         return Estimates(state, covariance, figure)
 
-    def _limit(self, tracks: Paths) -> tuple[Paths, int]:
-        """Keep the potential tracks of the most hits, and no more filters than `MAX_FILTERS`."""
-        kept, cut = super()._limit(tracks)
+    @property
+    def _most(self) -> int:
+        """Potential tracks held at most: no more filters than `MAX_FILTERS`."""
         most = max(MAX_FILTERS // (self.options.speeds * self.options.headings), 1)
-        return kept[np.arange(min(len(kept), most))], cut + max(len(kept) - most, 0)
+        return min(self.common.max_potential_tracks, most)
 
 
 def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, FloatArray]:

@@ -33,7 +33,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import initial_state, splitting
+from tsepm_ros import initial_state
 from tsepm_ros.association import Pairs, nearest_first
 from tsepm_ros.conversion import measured_polar, range_variance_at
 from tsepm_ros.estimation import Fit
@@ -101,10 +101,9 @@ class Sequential(PathFollower):
         """The detections in the gate of each potential track, by distance (Eq. 7)."""
         last_hits = self._window[self._potential.last_hit]
         margin = self.options.gate_sigmas * self._sigma(last_hits)
-        gated = splitting.gate_within(last_hits, detections, self.common.max_speed, margin)
-        parent, row = splitting.split(np.arange(len(last_hits)), gated)
+        parent, row, cut = self._reachable(detections, margin)
         step = detections["position"][row] - last_hits["position"][parent]
-        return Pairs(parent, row, np.hypot(step[:, 0], step[:, 1])), gated.cut
+        return Pairs(parent, row, np.hypot(step[:, 0], step[:, 1])), cut
 
     def _sigma(self, hits: NDArray[np.void]) -> FloatArray:
         """Standard deviation of each hit's error, (n,), m."""
