@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 BLOCK = 50_000
-"""Rows looked at one by one between two checks of what is taken already."""
+"""Rows looked at together."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,24 @@ class Pairs(Rows):
     def none(cls) -> Pairs:
         """No pairs."""
         return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+def within(
+    parent: IntArray,
+    row: IntArray,
+    distance: Callable[[IntArray, IntArray], FloatArray],
+    threshold: float,
+) -> Pairs:
+    """The pairs (parent, row), (p,), whose distance is a threshold at most, with it as the cost.
+
+    The distance is asked for in blocks, which bounds memory.
+    """
+    parts = [Pairs.none()]
+    for first in range(0, len(parent), BLOCK):
+        some = slice(first, first + BLOCK)
+        block = Pairs(parent[some], row[some], distance(parent[some], row[some]))
+        parts.append(block[block.cost <= threshold])
+    return Pairs.joined(*parts)
 
 
 def disjoint(members: IntArray, cost: FloatArray) -> IntArray:

@@ -242,17 +242,15 @@ class PathFollower(HitCounter):
         confirmation = self._confirm(children[reached])
         missed = np.ones(len(self._potential), bool)
         missed[extending.parent] = False
-        waiting = type(children).joined(children[~reached], self._potential[missed])
-        ended = self._expired(waiting.first_scan) | self._uses(waiting, confirmation.hits)
-        if self.ends_when_missed:
-            ended[np.count_nonzero(~reached) :] = True
+        waiting, terminated = self._waiting(
+            children[~reached], self._potential[missed], confirmation.hits
+        )
         free = ~np.isin(ids, confirmation.hits)
         if not self.every_detection_starts:
             free[extending.row] = False
-        starting_now = np.flatnonzero(free)[: self._most]
-        started = self._started(ids[starting_now], detections[starting_now])
-        beyond = int(np.count_nonzero(free)) - len(started)
-        self._potential, surplus = self._limit(type(started).joined(waiting[~ended], started))
+        beyond = max(int(np.count_nonzero(free)) - self._most, 0)
+        started = self._started(ids[free][: self._most], detections[free][: self._most])
+        self._potential, surplus = self._limit(type(started).joined(waiting, started))
         self._window.forget(self.scan_index + 2 - self.options.window)
         return self._deliver(
             confirmation.tracks,
@@ -261,7 +259,7 @@ class PathFollower(HitCounter):
                 detections=len(scan),
                 potential_tracks=len(self._potential),
                 started=len(started),
-                terminated=int(np.count_nonzero(ended)),
+                terminated=terminated,
                 raw_confirmations=int(np.count_nonzero(reached)) + cut_raw,
                 pruned=confirmation.pruned,
                 merged=confirmation.merged,
@@ -281,6 +279,16 @@ class PathFollower(HitCounter):
         accepted = self._accept(estimates)
         tracks = self._tracks(several[accepted], estimates[accepted])
         return tracks.numbered(np.arange(len(tracks)))
+
+    def _waiting(self, growing: Paths, missed: Paths, taken: IntArray) -> tuple[Paths, int]:
+        """The potential tracks that go on, of those with and without a new hit; and how many end.
+
+        Those end whose scans are over, and those with a hit that a confirmed track has taken.
+        """
+        waiting = growing if self.ends_when_missed else type(growing).joined(growing, missed)
+        ended = self._expired(waiting.first_scan) | self._uses(waiting, taken)
+        going_on = waiting[~ended]
+        return going_on, len(growing) + len(missed) - len(going_on)
 
     @property
     def _most(self) -> int:

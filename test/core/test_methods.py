@@ -72,6 +72,7 @@ def test_a_target_alone_is_started_where_it_is(method):
 @EVERY_METHOD
 def test_an_empty_sea_starts_nothing(method):
     made = make_initiator(method, sensor=SensorModel())
+    assert not made.potential_tracks()
     for k in range(20):
         assert not made.process(Scan(12.0 * k, [], []))
     assert made.totals == ScanStatistics(scans=20)

@@ -35,13 +35,14 @@ Readings
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import splitting
-from tsepm_ros.association import Pairs
+from tsepm_ros.association import Pairs, within
 from tsepm_ros.evaluation import squared_distance
 from tsepm_ros.hit_counting import PathFollower, check_rule
 from tsepm_ros.parameters import check_group, parameter
@@ -49,9 +50,6 @@ from tsepm_ros.polynomials import Polynomials
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-BLOCK = 100_000
-"""Pairs looked at together: bounds memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,20 +110,16 @@ class Logic(PathFollower):
         if not len(detections):
             return Pairs.none(), 0
         counts = self._potential.hit_count
-        parts, cuts = [Pairs.none()], 0
         middle = float(detections["time"].min() + 0.5 * np.ptp(detections["time"]))
+        parts, cuts = [Pairs.none()], 0
         for count in np.unique(counts):
             rows = np.flatnonzero(counts == count)
             hits = self._window[self._potential.hits[rows, :count]]
             predicted = Polynomials.fitted(hits, middle, min(int(count) - 1, self.options.degree))
             owner, row, cut = self._near(predicted, detections)
-            cost = [
-                self._distance(predicted, owner[part], detections[row[part]])
-                for part in _blocks(len(owner))
-            ]
-            distance = np.concatenate([np.zeros(0), *cost])
-            inside = distance <= self._threshold
-            parts.append(Pairs(rows[owner[inside]], row[inside], distance[inside]))
+            distance = partial(self._distance, predicted, detections)
+            inside = within(owner, row, distance, self._threshold)
+            parts.append(Pairs(rows[inside.parent], inside.row, inside.cost))
             cuts += cut
         return Pairs.joined(*parts), cuts
 
@@ -151,9 +145,14 @@ class Logic(PathFollower):
         return splitting.neighbours(positions, predicted.position, radius * (1.0 + 1e-9))
 
     def _distance(
-        self, predicted: Polynomials, owner: IntArray, found: NDArray[np.void]
+        self,
+        predicted: Polynomials,
+        detections: NDArray[np.void],
+        owner: IntArray,
+        row: IntArray,
     ) -> FloatArray:
         """D of pairs of predictions and detections, (p,)."""
+        found = detections[row]
         expected, covariance = predicted.at(owner, found["time"])
         misfit = found["position"] - expected
         if predicted.degree == 0:
@@ -162,7 +161,3 @@ class Logic(PathFollower):
                 0.0, -misfit - reach[:, None]
             )
         return squared_distance(misfit, covariance + found["covariance"])
-
-
-def _blocks(n: int) -> list[slice]:
-    return [slice(first, first + BLOCK) for first in range(0, n, BLOCK)]

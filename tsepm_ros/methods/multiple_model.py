@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import filtering, splitting
-from tsepm_ros.association import Pairs, nearest_first
+from tsepm_ros.association import Pairs, nearest_first, within
 from tsepm_ros.conversion import major_sigma, turned
 from tsepm_ros.estimation import Fit
 from tsepm_ros.evaluation import normalized_distance, squared_distance
@@ -193,13 +193,15 @@ class MultipleModel(PathFollower):
         positions = np.ascontiguousarray(detections["position"])
         centres = np.ascontiguousarray(state[:, 0::2])
         parent, row, cut = splitting.neighbours(positions, centres, radius)
-        found = detections[row]
-        lag = found["time"] - self._now
-        expected = state[parent, 0::2] + lag[:, None] * state[parent, 1::2]
-        spread = filtering.position_covariance_after(covariance[parent], lag) + found["covariance"]
-        distance = squared_distance(found["position"] - expected, spread)
-        inside = distance <= factor**2
-        return Pairs(parent[inside], row[inside], distance[inside]), cut
+
+        def distance(parent: IntArray, row: IntArray) -> FloatArray:
+            found = detections[row]
+            lag = found["time"] - self._now
+            expected = state[parent, 0::2] + lag[:, None] * state[parent, 1::2]
+            spread = filtering.position_covariance_after(covariance[parent], lag)
+            return squared_distance(found["position"] - expected, spread + found["covariance"])
+
+        return within(parent, row, distance, factor**2), cut
 
     def _choose(self, pairs: Pairs) -> Pairs:
         """Each track and each detection is matched once, the nearest first."""
