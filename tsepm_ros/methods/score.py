@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from tsepm_ros import design, evidence, filtering, pruning, splitting
 from tsepm_ros.clutter_map import ClutterMap
-from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, fit, mixture
 from tsepm_ros.holding import LEAST_EXISTENCE
+from tsepm_ros.hypotheses import Hypotheses, places
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.paths import NO_HIT, Paths, starting
+from tsepm_ros.paths import NO_HIT, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
@@ -36,8 +36,6 @@ IntArray = NDArray[np.int64]
 
 MIN_HITS = 3
 """A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
-GATE_MARGIN = 1.5
-"""The error at the predicted position may be this much larger than at the detection's."""
 CREDIBLE = 0.5
 """Posterior probability above which a detection counts as a hit of a confirmed track."""
 LEAST_SPREAD = 0.1
@@ -117,48 +115,6 @@ class ScoreOptions:
         check_group(self)
 
 
-@dataclass(frozen=True)
-class Hypotheses(Paths):
-    """Hypotheses as arrays, a row each.
-
-    Attributes
-    ----------
-    hits, hit_count, first_scan
-        As in `Paths`, for at most `window` hits.
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        At the last scan's stamp.
-    score : (n,) ndarray
-        Log-likelihood ratio.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-    score: FloatArray
-
-    def without(self, ids: IntArray) -> Hypotheses:
-        """The hypotheses with scores reduced by the share of their hits that others have taken.
-
-        What a confirmed track explains speaks for no other: on average each hit gave the same.
-        """
-        if not len(ids):
-            return self
-        share = np.isin(self.hits, ids).sum(axis=1) / self.hit_count
-        return replace(self, score=self.score - share * np.maximum(self.score, 0.0))
-
-    @classmethod
-    def none(cls, window: int) -> Hypotheses:
-        """No hypotheses."""
-        count = np.zeros(0, np.int64)
-        return cls(
-            np.zeros((0, window), np.int64),
-            count,
-            count,
-            np.zeros((0, 4)),
-            np.zeros((0, 4, 4)),
-            np.zeros(0),
-        )
-
-
 class Score(Initiator):
     """The likelihood-ratio method."""
 
@@ -213,7 +169,7 @@ class Score(Initiator):
         density = self._clutter_density(detections)
         clutter = density + self._explained
         self._observe(len(scan), interval)
-        predicted = self._predict(interval)
+        predicted = self._hypotheses.predicted(interval, self.options.process_noise)
         children, cut_children = self._split(predicted, detections, ids, clutter)
         started = self._start(detections, ids, density / clutter)
         updated = Hypotheses.joined(children, started)
@@ -330,14 +286,6 @@ class Score(Initiator):
         if interval > 0:
             self._intervals.append(interval)
 
-    def _predict(self, interval: float) -> Hypotheses:
-        """Carry every hypothesis to the scan's stamp."""
-        old = self._hypotheses
-        state, covariance = filtering.predict(
-            old.state, old.covariance, interval, self.options.process_noise
-        )
-        return replace(old, state=state, covariance=covariance)
-
     def _split(
         self,
         predicted: Hypotheses,
@@ -349,7 +297,9 @@ class Score(Initiator):
 
         Returns the children that are not deleted at once, and the pairs that a limit left out.
         """
-        parent, row, cut = self._near(predicted, detections)
+        parent, row, cut = predicted.near(
+            detections, self._now, self.sensor, self.options.gate_probability
+        )
         order = np.arange(len(parent))
         if self._time.finite and len(parent) > BLOCK:
             order = np.argsort(-predicted.score[parent], kind="stable")
@@ -359,89 +309,42 @@ class Score(Initiator):
                 cut += len(parent) - first
                 break
             part = order[first : first + BLOCK]
-            pairs = self._pairs(predicted, parent[part], detections, row[part])
-            score[part] = self._child_score(predicted, parent[part], pairs, clutter[row[part]])
+            score[part] = self._child_score(
+                predicted, parent[part], detections[row[part]], clutter[row[part]]
+            )
         kept = np.flatnonzero(score > self.deletion)
-        kept = kept[_places(row[kept], score[kept]) < self.options.max_per_detection]
+        kept = kept[places(row[kept], score[kept]) < self.options.max_per_detection]
         best = keep_best(-score[kept], self.common.max_potential_tracks)
         cut += len(kept) - len(best)
         kept = kept[best]
         parent, row, score = parent[kept], row[kept], score[kept]
         blocks = [slice(first, first + BLOCK) for first in range(0, max(len(kept), 1), BLOCK)]
         children = [
-            self._extended(
-                predicted, parent[part], detections, row[part], ids[row[part]], score[part]
+            predicted.updated(
+                parent[part],
+                detections[row[part]],
+                ids[row[part]],
+                score[part],
+                self._now,
+                self.sensor,
             )
             for part in blocks
         ]
         return Hypotheses.joined(*children), cut
 
-    def _pairs(
-        self,
-        predicted: Hypotheses,
-        parent: IntArray,
-        detections: NDArray[np.void],
-        row: IntArray,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Time after the stamp, innovation and its covariance for hypotheses and detections."""
-        found = detections[row]
-        lag = found["time"] - self._now
-        state = predicted.state[parent]
-        expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
-        spread = filtering.position_covariance_after(predicted.covariance[parent], lag)
-        spread += covariance_at(found, expected, self.sensor)
-        return lag, found["position"] - expected, spread
-
     def _child_score(
         self,
         predicted: Hypotheses,
         parent: IntArray,
-        pairs: tuple[FloatArray, FloatArray, FloatArray],
+        found: NDArray[np.void],
         clutter: FloatArray,
     ) -> FloatArray:
         """Score of each child; -inf outside the gate."""
-        _, innovation, spread = pairs
+        _, innovation, spread = predicted.innovations(parent, found, self._now, self.sensor)
         density, distance = filtering.log_density(innovation, spread)
         gain = evidence.hit_gain(density, self.detection_probability, clutter)
         gate = splitting.gate_factor(self.options.gate_probability) ** 2
         return np.where(distance <= gate, predicted.score[parent] + gain, -np.inf)
-
-    def _extended(
-        self,
-        predicted: Hypotheses,
-        parent: IntArray,
-        detections: NDArray[np.void],
-        row: IntArray,
-        ids: IntArray,
-        score: FloatArray,
-    ) -> Hypotheses:
-        """The children of hypotheses and detections."""
-        lag, innovation, spread = self._pairs(predicted, parent, detections, row)
-        children = predicted.extended(parent, ids)
-        state, covariance = filtering.update(
-            children.state, children.covariance, lag, innovation, spread
-        )
-        return replace(children, state=state, covariance=covariance, score=score)
-
-    def _near(
-        self, predicted: Hypotheses, detections: NDArray[np.void]
-    ) -> tuple[IntArray, IntArray, int]:
-        """Pairs of hypotheses and detections, no fewer than lie in the gates."""
-        if not len(predicted) or not len(detections):
-            return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
-        widest = detections[np.argmax(detections["azimuth_std"])].copy()
-        widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
-        positions = np.ascontiguousarray(predicted.state[:, 0::2])
-        error = major_sigma(
-            covariance_at(np.broadcast_to(widest, len(predicted)), positions, self.sensor)
-        )
-        lag = np.abs(detections["time"] - self._now).max()
-        spread = major_sigma(predicted.covariance[:, 0::2, 0::2])
-        drift = major_sigma(predicted.covariance[:, 1::2, 1::2])
-        sigma = np.hypot(spread + lag * drift, GATE_MARGIN * error)
-        speed = np.hypot(predicted.state[:, 1], predicted.state[:, 3])
-        radius = splitting.gate_factor(self.options.gate_probability) * sigma + lag * speed
-        return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
 
     def _miss(self, predicted: Hypotheses) -> Hypotheses:
         """The branches of all hypotheses that leave the scan out."""
@@ -604,20 +507,9 @@ class Score(Initiator):
         kept = hypotheses.score > self.deletion
         kept &= ~pruning.expired(self.scan_index + 1 - hypotheses.first_scan, self.options.window)
         hypotheses = hypotheses[kept]
-        place = _places(hypotheses.last_hit, hypotheses.score)
-        return hypotheses[place < self.options.max_per_detection]
+        return hypotheses[hypotheses.best_of_last_hit(self.options.max_per_detection)]
 
     def _limit(self, hypotheses: Hypotheses) -> tuple[Hypotheses, int]:
         """Keep the best hypotheses; returns them and the number cut."""
         kept = hypotheses[keep_best(-hypotheses.score, self.common.max_potential_tracks)]
         return kept, len(hypotheses) - len(kept)
-
-
-def _places(group: IntArray, score: FloatArray) -> IntArray:
-    """Place of each row in its group, 0 for the largest score, (n,)."""
-    order = np.lexsort((-score, group))
-    ordered = group[order]
-    first = np.searchsorted(ordered, ordered)
-    place = np.empty(len(group), np.int64)
-    place[order] = np.arange(len(group)) - first
-    return place

@@ -1,0 +1,166 @@
+"""Hypotheses of the likelihood-ratio method: which detections are one target's, and where it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros import filtering, splitting
+from tsepm_ros.conversion import covariance_at, major_sigma
+from tsepm_ros.paths import Paths
+from tsepm_ros.sensor import SensorModel
+
+BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+GATE_MARGIN = 1.5
+"""The error at the predicted position may be this much larger than at the detection's."""
+
+
+@dataclass(frozen=True)
+class Hypotheses(Paths):
+    """Hypotheses as arrays, a row each.
+
+    Attributes
+    ----------
+    hits, hit_count, first_scan
+        As in `Paths`, for at most `window` hits.
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        At the last scan's stamp.
+    score : (n,) ndarray
+        Log-likelihood ratio.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    score: FloatArray
+
+    def without(self, ids: IntArray) -> Hypotheses:
+        """The hypotheses with scores reduced by the share of their hits that others have taken.
+
+        What a confirmed track explains speaks for no other: on average each hit gave the same.
+        """
+        if not len(ids):
+            return self
+        share = np.isin(self.hits, ids).sum(axis=1) / self.hit_count
+        return replace(self, score=self.score - share * np.maximum(self.score, 0.0))
+
+    def predicted(self, interval: float, process_noise: float) -> Hypotheses:
+        """The hypotheses after a time interval, s, with nearly constant velocity."""
+        state, covariance = filtering.predict(self.state, self.covariance, interval, process_noise)
+        return replace(self, state=state, covariance=covariance)
+
+    def near(
+        self,
+        detections: NDArray[np.void],
+        stamp: float,
+        sensor: SensorModel,
+        gate_probability: float,
+    ) -> tuple[IntArray, IntArray, int]:
+        """Pairs of hypotheses and detections, no fewer than lie in the gates.
+
+        Parameters
+        ----------
+        detections : (d,) ndarray of DETECTION
+        stamp : float
+            The hypotheses' time, s.
+        sensor : SensorModel
+        gate_probability : float
+
+        Returns
+        -------
+        parent, row : (p,) ndarray of int
+            Hypothesis and detection of each pair.
+        cut : int
+            Pairs left out by `splitting.MAX_GATED`.
+        """
+        if not len(self) or not len(detections):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
+        widest = detections[np.argmax(detections["azimuth_std"])].copy()
+        widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
+        positions = np.ascontiguousarray(self.state[:, 0::2])
+        error = major_sigma(covariance_at(np.broadcast_to(widest, len(self)), positions, sensor))
+        lag = np.abs(detections["time"] - stamp).max()
+        spread = major_sigma(self.covariance[:, 0::2, 0::2])
+        drift = major_sigma(self.covariance[:, 1::2, 1::2])
+        sigma = np.hypot(spread + lag * drift, GATE_MARGIN * error)
+        speed = np.hypot(self.state[:, 1], self.state[:, 3])
+        radius = splitting.gate_factor(gate_probability) * sigma + lag * speed
+        return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
+
+    def innovations(
+        self, parent: IntArray, found: NDArray[np.void], stamp: float, sensor: SensorModel
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """How far detections are from where hypotheses expect them.
+
+        Parameters
+        ----------
+        parent : (p,) ndarray of int
+            Hypotheses.
+        found : (p,) ndarray of DETECTION
+        stamp : float
+            The hypotheses' time, s.
+        sensor : SensorModel
+
+        Returns
+        -------
+        lag : (p,) ndarray
+            Time after the stamp, s.
+        innovation : (p, 2) ndarray
+            m.
+        spread : (p, 2, 2) ndarray
+            Its covariance S, m^2.
+        """
+        lag = found["time"] - stamp
+        state = self.state[parent]
+        expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
+        spread = filtering.position_covariance_after(self.covariance[parent], lag)
+        spread += covariance_at(found, expected, sensor)
+        return lag, found["position"] - expected, spread
+
+    def updated(
+        self,
+        parent: IntArray,
+        found: NDArray[np.void],
+        ids: IntArray,
+        score: FloatArray,
+        stamp: float,
+        sensor: SensorModel,
+    ) -> Hypotheses:
+        """The children of hypotheses and detections, with their scores; as in `innovations`."""
+        lag, innovation, spread = self.innovations(parent, found, stamp, sensor)
+        children = self.extended(parent, ids)
+        state, covariance = filtering.update(
+            children.state, children.covariance, lag, innovation, spread
+        )
+        return replace(children, state=state, covariance=covariance, score=score)
+
+    def best_of_last_hit(self, number: int) -> BoolArray:
+        """Which are among the best `number` of those with the same last hit, (n,)."""
+        return places(self.last_hit, self.score) < number
+
+    @classmethod
+    def none(cls, window: int) -> Hypotheses:
+        """No hypotheses."""
+        count = np.zeros(0, np.int64)
+        return cls(
+            np.zeros((0, window), np.int64),
+            count,
+            count,
+            np.zeros((0, 4)),
+            np.zeros((0, 4, 4)),
+            np.zeros(0),
+        )
+
+
+def places(group: IntArray, score: FloatArray) -> IntArray:
+    """Place of each row in its group, 0 for the largest score, (n,)."""
+    order = np.lexsort((-score, group))
+    ordered = group[order]
+    first = np.searchsorted(ordered, ordered)
+    place = np.empty(len(group), np.int64)
+    place[order] = np.arange(len(group)) - first
+    return place
