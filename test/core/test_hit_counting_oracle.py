@@ -12,7 +12,7 @@ from scenes import Scene, random_scene
 from tsepm_ros import SensorModel, make_initiator
 
 SCENES = 24
-BATCH = 12
+BATCH = 4
 
 
 def options_of(scene: Scene, seed: int, method: str) -> dict[str, Any]:
