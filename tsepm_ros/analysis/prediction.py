@@ -8,8 +8,7 @@ over the whole coverage.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from tsepm_ros import pruning
 from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
 from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
 from tsepm_ros.analysis.truth import Outcome
@@ -184,7 +184,7 @@ def targets_found(
         scene = _patch(case, np.random.default_rng([seed, index]))
         point = OperatingPoint(method, options=_for_patch(case, scene, options))
         jobs.append((scene, [seed, index], point))
-    done = progress(_mapped(_time_found, jobs, workers), runs)
+    done = progress(mapped(_time_found, jobs, workers, max(1, runs // (8 * workers))), runs)
     times = [time for time in done if time is not None]
     return Found(
         detection=proportion(len(times), runs),
@@ -223,7 +223,7 @@ def false_tracks_per_hour(
         name="clutter", scans=case.scans + part, period=case.interval, sensor=case.sensor
     )
     jobs = [(scene, [seed, index], method, options, case.scans) for index in range(SEGMENTS)]
-    counts = list(progress(_mapped(_count_false, jobs, workers), SEGMENTS))
+    counts = list(progress(mapped(_count_false, jobs, workers), SEGMENTS))
     return mean_count(counts).mapped(lambda count: count * case.scans_per_hour / part)
 
 
@@ -418,11 +418,3 @@ def _count_false(job: tuple[Scenario, list[int], str, dict[str, Any], int]) -> i
         for index, simulated in enumerate(Simulator(scene, seed))
         if len(tracks := initiator.process(simulated.scan)) and index >= first
     )
-
-
-def _mapped(function: Any, jobs: list[Any], workers: int) -> Iterator[Any]:
-    if workers == 1:
-        yield from map(function, jobs)
-        return
-    with ProcessPoolExecutor(workers) as pool:
-        yield from pool.map(function, jobs, chunksize=max(1, len(jobs) // (8 * workers)))

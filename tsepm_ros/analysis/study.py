@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.run_records import RunRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.simulation import Scenario
@@ -75,10 +74,8 @@ def study(
     ]
     if workers.scheduler is not None:
         done = _distributed(batches, workers.scheduler)
-    elif workers.processes > 1:
-        done = _pooled(batches, workers.processes)
     else:
-        done = map(_run_batch, batches)
+        done = mapped(_run_batch, batches, workers.processes)
     for records in done:
         yield from records
 
@@ -95,13 +92,6 @@ class _Batch:
 
 def _run_batch(batch: _Batch) -> list[RunRecord]:
     return [run(batch.scenario, [batch.seed, index], batch.point) for index in batch.runs]
-
-
-def _pooled(batches: list[_Batch], processes: int) -> Iterator[list[RunRecord]]:
-    # An interrupt from the terminal reaches all processes: this one ends the others.
-    ignored = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(processes, initializer=signal.signal, initargs=ignored) as pool:
-        yield from pool.map(_run_batch, batches)
 
 
 def _distributed(batches: list[_Batch], scheduler: str) -> Iterator[list[RunRecord]]:
