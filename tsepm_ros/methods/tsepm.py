@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tsepm_ros import evaluation, merging, pruning, splitting
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, Fit, fit
+from tsepm_ros.hit_counting import check_rule
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
@@ -93,10 +94,7 @@ class TsepmOptions:
 
     def __post_init__(self) -> None:
         check_group(self)
-        if self.window < self.min_hits:
-            raise ValueError(
-                f"window must be at least min_hits; got {self.window} and {self.min_hits}"
-            )
+        check_rule(self.min_hits, self.window)
 
 
 @dataclass(frozen=True)
