@@ -60,6 +60,7 @@ setup(
             "distributed",
             "pytest>=7.4",
             "pytest-timeout",
+            "pytest-xdist",
             "ruff>=0.9",
             "mypy>=1.11",
             "types-PyYAML",

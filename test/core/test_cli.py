@@ -101,7 +101,7 @@ def evaluated(tmp_path, *arguments):
     assert main(["evaluate", *small, "--out", str(tmp_path), *arguments]) == 0
 
 
-def test_an_evaluation_writes_tables_and_pictures_that_say_how_they_were_made(capsys, tmp_path):
+def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_path):
     evaluated(tmp_path, "--horizon", "6", "--seed", "3", "-p", "false_tracks_per_hour:=300.0")
     out = capsys.readouterr().out
     assert "scenario box, 6 scans, 3 runs, seed 3" in out
@@ -110,6 +110,11 @@ def test_an_evaluation_writes_tables_and_pictures_that_say_how_they_were_made(ca
     for part in ("tsepm evaluate --method score", "3 runs", "seed 3", "Scenario box", "95 %"):
         assert part in text
     assert "false_tracks_per_hour:=300.0" in text
+
+
+def test_an_evaluation_draws_three_pictures_of_each_scene(tmp_path):
+    pytest.importorskip("matplotlib")
+    evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
     pictures = ["box_nees.png", "box_operating_curve.png", "box_time_to_confirm.png"]
     assert sorted(path.name for path in tmp_path.glob("*.png")) == pictures
 
