@@ -50,10 +50,14 @@ class DetectionMessage:
     frame_id : str
         The sensor's frame.
     range : (n,) ndarray
-        m, finite and above 0.
+        In the plane of the sensor's ahead and port, m, finite and above 0: the slant range times
+        the cosine of the elevation.
     azimuth : (n,) ndarray
-        rad, finite, not wrapped: counter-clockwise from the sensor's x axis, or from east where
+        In that plane, rad, finite, not wrapped: counter-clockwise from ahead, or from east where
         `north_referenced`.
+    height : (n,) ndarray or None
+        Above that plane, m, finite: the slant range times the sine of the elevation; None where
+        the message has no elevation: 0. It counts where the sensor does not stand level.
     range_std, azimuth_std : (n,) ndarray or None
         Standard deviations, m and rad, finite and above 0, where the message has them.
     time_offset : (n,) ndarray or None
@@ -65,8 +69,8 @@ class DetectionMessage:
     north_referenced : bool
         The azimuth comes from true bearings: it is measured in the axes of the fixed ENU frame,
         counter-clockwise from east, and the own ship's heading must not be applied to it.
-    forward_axis : {"x", "z"}
-        The axis of the sensor's frame that the azimuth counts from.
+    axes : str
+        Which of the sensor frame's axes are ahead, port and up, see `tsepm_ros.attitude.AXES`.
     dropped : dict of str to int
         How many detections of the message were left out, by reason.
     index : (n,) ndarray of int
@@ -80,13 +84,14 @@ class DetectionMessage:
     frame_id: str
     range: FloatArray
     azimuth: FloatArray
+    height: FloatArray | None = None
     range_std: FloatArray | None = None
     azimuth_std: FloatArray | None = None
     time_offset: FloatArray | None = None
     transmit_offset: FloatArray | None = None
     features: dict[str, FloatArray] = field(default_factory=dict)
     north_referenced: bool = False
-    forward_axis: str = "x"
+    axes: str = "body"
     dropped: dict[str, int] = field(default_factory=dict)
     index: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     assumptions: tuple[str, ...] = ()
@@ -343,19 +348,26 @@ def azimuth_of_bearing(bearing: FloatArray, reference: str) -> FloatArray:
     return np.pi / 2 - bearing if reference == "north" else -bearing
 
 
+def in_plane(slant_range: FloatArray, elevation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return range and height of detections at elevations (rad) above the sensor's x-y plane."""
+    with np.errstate(invalid="ignore"):  # ends as range_not_finite or elevation_not_finite
+        return slant_range * np.cos(elevation), slant_range * np.sin(elevation)
+
+
 def good_detections(
     stamp_ns: int,
     frame_id: str,
     *,
     range: FloatArray,
     azimuth: FloatArray,
+    height: FloatArray | None = None,
     range_std: FloatArray | None = None,
     azimuth_std: FloatArray | None = None,
     time_offset: FloatArray | None = None,
     transmit_offset: FloatArray | None = None,
     features: Mapping[str, FloatArray] | None = None,
     north_referenced: bool = False,
-    forward_axis: str = "x",
+    axes: str = "body",
     faults: Mapping[str, BoolArray] | None = None,
     nothing: BoolArray | None = None,
     assumptions: tuple[str, ...] = (),
@@ -374,9 +386,10 @@ def good_detections(
         Stamp of the message, ns.
     frame_id : str
         Its frame.
-    range, azimuth, range_std, azimuth_std, time_offset, transmit_offset, features
-        As in :class:`DetectionMessage`, (n,) each, with any values.
-    north_referenced, forward_axis, assumptions
+    range, azimuth, height, range_std, azimuth_std, time_offset, transmit_offset, features
+        As in :class:`DetectionMessage`, (n,) each, with any values. A height that is not finite,
+        though the place in the plane is, counts as 0: as one that is not measured.
+    north_referenced, axes, assumptions
         As in :class:`DetectionMessage`.
     faults : mapping of str to (n,) ndarray of bool, optional
         The adapter's own reasons and those they apply to; they come before the others.
@@ -409,13 +422,14 @@ def good_detections(
         frame_id=frame_id,
         range=good(range),
         azimuth=good(azimuth),
+        height=None if height is None else np.where(np.isfinite(height), height, 0.0)[kept],
         range_std=good_or_none(range_std),
         azimuth_std=good_or_none(azimuth_std),
         time_offset=good_or_none(time_offset),
         transmit_offset=good_or_none(transmit_offset),
         features={name: good(values) for name, values in (features or {}).items()},
         north_referenced=north_referenced,
-        forward_axis=forward_axis,
+        axes=axes,
         dropped=dropped,
         index=np.flatnonzero(kept),
         assumptions=assumptions,

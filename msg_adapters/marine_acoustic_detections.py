@@ -56,7 +56,7 @@ def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> 
     Returns
     -------
     DetectionMessage
-        Horizontal ranges, and azimuths from ahead to port.
+        Azimuths from ahead to port.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Detectio
     Returns
     -------
     DetectionMessage
-        Horizontal ranges, and azimuths from ahead to port.
+        Azimuths from ahead to port.
 
     Raises
     ------
@@ -172,19 +172,21 @@ def _detections(
     n = len(slant_range)
     flags = _each("flags", [flag.flag for flag in message.flags], n)
     features, more = intensity_feature(message.intensities, n)
-    _, starboard, ahead = direction.T
+    up, starboard, ahead = direction.T
     with np.errstate(invalid="ignore"):  # ends as range_not_finite or direction_undefined
-        horizontal_range = slant_range * np.hypot(starboard, ahead)
+        range = slant_range * np.hypot(starboard, ahead)
         azimuth = np.arctan2(-starboard, ahead)
+        height = slant_range * up
     return good_detections(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
-        range=horizontal_range,
+        range=range,
         azimuth=azimuth,
+        height=height,
         time_offset=delay + half_travel_time,
         transmit_offset=delay,
         features=features,
-        forward_axis="z",
+        axes="sonar",
         faults={"flagged_bad": flags != 0, "direction_undefined": undefined},
         assumptions=(*assumptions, *more),
     )

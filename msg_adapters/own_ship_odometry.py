@@ -18,14 +18,12 @@ from msg_adapters.odometry_covariance import (
     odometry_covariance,
 )
 from msg_adapters.stamps import make_header, time_to_ns
+from tsepm_ros.attitude import angles_of, rotation_of
 
 if TYPE_CHECKING:
     from nav_msgs.msg import Odometry
 
 FloatArray = NDArray[np.float64]
-
-_SMALLEST_NORM = 1e-6  # of a quaternion; below, its direction is noise
-_SMALLEST_COSINE = 1e-6  # of the pitch; below, yaw and roll are one rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,31 +119,18 @@ def _finite(name: str, vector: Any, components: str) -> list[float]:
 
 def _rotation(quaternion: list[float]) -> FloatArray:
     """Return the matrix that turns vectors of the child frame into the fixed frame."""
-    norm = math.hypot(*quaternion)
-    if not _SMALLEST_NORM < norm < math.inf:
-        raise MessageError(
-            "zero_quaternion", f"pose.orientation must not be zero; its norm is {norm:g}"
-        )
-    x, y, z, w = (component / norm for component in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    try:
+        return rotation_of(quaternion)
+    except ValueError as error:
+        raise MessageError("zero_quaternion", f"pose.orientation {error}") from None
 
 
 def _angles(rotation: FloatArray) -> tuple[float, float, float]:
     """Return yaw, pitch and roll."""
-    ahead_x, ahead_y, ahead_z = (float(value) for value in rotation[:, 0])
-    level = math.hypot(ahead_x, ahead_y)
-    if level < _SMALLEST_COSINE:
-        raise MessageError(
-            "undefined_heading", "pose.orientation points straight up or down and has no heading"
-        )
-    roll = math.atan2(rotation[2, 1], rotation[2, 2])
-    return math.atan2(ahead_y, ahead_x), math.atan2(-ahead_z, level), roll
+    try:
+        return angles_of(rotation)
+    except ValueError as error:
+        raise MessageError("undefined_heading", f"pose.orientation {error}") from None
 
 
 def _pose_covariance(values: Any) -> FloatArray | None:

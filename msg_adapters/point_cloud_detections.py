@@ -4,9 +4,10 @@ The position is taken from the first of these that the cloud has:
 
 1. `range` (m) and `azimuth` (rad, counter-clockwise from the sensor's x axis);
 2. `range` and `bearing` (rad, clockwise from the bow or from north);
-3. `x` and `y` (m, sensor frame), which make the horizontal range whatever `z` is.
+3. `x` and `y` (m, sensor frame), with `z` where the cloud has it.
 
-Optional: `range_std`, `azimuth_std`, `time_offset`, `intensity`, `range_width`, `azimuth_width`,
+Optional: `elevation` (rad, above the sensor's x-y plane) beside a range, which is the slant range;
+`range_std`, `azimuth_std`, `time_offset`, `intensity`, `range_width`, `azimuth_width`,
 `range_rate`. Each field is FLOAT32 or FLOAT64; `intensity`, which has no unit, may be an integer.
 """
 
@@ -22,6 +23,7 @@ from msg_adapters.detections import (
     ReadingOptions,
     azimuth_of_bearing,
     good_detections,
+    in_plane,
     register,
     register_writer,
 )
@@ -69,15 +71,22 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMe
         )
     there = {field.name for field in cloud.fields}
     position = _position_fields(there)
-    optional = [name for name in (*ERROR_FIELDS, *FEATURE_FIELDS) if name in there]
+    upward = "z" if position == ("x", "y") else "elevation"
+    optional = [name for name in (upward, *ERROR_FIELDS, *FEATURE_FIELDS) if name in there]
     values = read_fields(cloud, [*position, *optional], integers=("intensity",))
     first, second = position
     range, azimuth = _polar(values[first], values[second], position, options)
+    height, faults = values.get("z"), {}
+    if "elevation" in values:
+        range, height = in_plane(range, values["elevation"])
+        faults = {"elevation_not_finite": ~np.isfinite(values["elevation"])}
     return good_detections(
         time_to_ns(cloud.header.stamp),
         cloud.header.frame_id,
         range=range,
         azimuth=azimuth,
+        height=height,
+        faults=faults,
         features={name: values[name] for name in FEATURE_FIELDS if name in values},
         north_referenced="bearing" in position and options.bearing_reference == "north",
         range_std=values.get("range_std"),

@@ -17,6 +17,7 @@ from msg_adapters.detections import (
     DetectionMessage,
     ReadingOptions,
     good_detections,
+    in_plane,
     register,
     register_writer,
 )
@@ -45,7 +46,6 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessag
     Returns
     -------
     DetectionMessage
-        Horizontal ranges.
     """
     rows = [
         (one.range, one.azimuth, one.elevation, one.doppler_velocity, one.amplitude)
@@ -54,13 +54,13 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessag
     slant_range, azimuth, elevation, doppler, amplitude = (
         np.array(rows, np.float64).reshape(-1, 5).T
     )
-    with np.errstate(invalid="ignore"):  # ends as elevation_not_finite
-        horizontal_range = slant_range * np.cos(elevation)
+    range, height = in_plane(slant_range, elevation)
     return good_detections(
         time_to_ns(scan.header.stamp),
         scan.header.frame_id,
-        range=horizontal_range,
+        range=range,
         azimuth=azimuth,
+        height=height,
         features={"intensity": amplitude, "range_rate": doppler},
         faults={"elevation_not_finite": ~np.isfinite(elevation)},
     )

@@ -32,7 +32,8 @@ def sensor_scan(detections: DetectionMessage) -> SensorScan:
         frame_id=detections.frame_id,
         north_referenced=detections.north_referenced,
         transmit_offset=detections.transmit_offset,
-        forward_axis=detections.forward_axis,
+        height=detections.height,
+        axes=detections.axes,
         stamp_ns=detections.stamp_ns,
     )
 
@@ -46,6 +47,8 @@ def pose_sample(sample: OwnShipSample) -> PoseSample:
         yaw=sample.yaw,
         covariance=sample.pose_covariance,
         rates=(sample.vx, sample.vy, sample.yaw_rate),
+        roll=sample.roll,
+        pitch=sample.pitch,
     )
 
 

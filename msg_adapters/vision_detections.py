@@ -52,13 +52,13 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> De
     Returns
     -------
     DetectionMessage
-        Horizontal ranges.
     """
     detections, frame = array.detections, array.header.frame_id
     optical = frame.endswith(OPTICAL)
     best = [max(one.results, key=_score, default=None) for one in detections]
     position = _rows([_position(*both) for both in zip(detections, best, strict=True)], 3)
-    ahead, port = (position[:, 2], -position[:, 0]) if optical else position[:, :2].T
+    x, y, z = position.T
+    ahead, port, up = (z, -x, -y) if optical else (x, y, z)
     range_std, azimuth_std = _deviations(best, ahead, port, optical)
     stamp_ns = time_to_ns(array.header.stamp)
     times = np.array([_time_after(stamp_ns, one) for one in detections])
@@ -69,13 +69,14 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> De
         frame,
         range=range,
         azimuth=np.arctan2(port, ahead),
+        height=up,
         range_std=range_std,
         azimuth_std=azimuth_std,
         # Seen at once: nothing travels.
         time_offset=times if times.any() else None,
         transmit_offset=times if times.any() else None,
         features={"intensity": np.array([np.nan if one is None else _score(one) for one in best])},
-        forward_axis="z" if optical else "x",
+        axes="optical" if optical else "body",
         faults={
             "other_frame": _each(detections, lambda one: one.header.frame_id not in ("", frame)),
             "no_position": _each(detections, lambda one: not (_has_box(one) or one.results)),

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.attitude import ahead_and_port
+from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import LARGEST, checked_covariance
 
 FloatArray = NDArray[np.float64]
@@ -26,9 +28,105 @@ class Coverage(enum.Enum):
     NEVER = "never"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Mounting:
+    """Where the sensor is on the vessel, in its frame (REP-103): used with odometry alone.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    x: float = parameter(
+        0.0,
+        "Position of the sensor ahead of the origin of the vessel's frame; with odometry alone",
+        unit="m",
+        minimum=-1000.0,
+        maximum=1000.0,
+        read_only=True,
+    )
+    y: float = parameter(
+        0.0,
+        "The same to port",
+        unit="m",
+        minimum=-1000.0,
+        maximum=1000.0,
+        read_only=True,
+    )
+    yaw: float = parameter(
+        0.0,
+        "Direction of the sensor's azimuth 0, counter-clockwise from the vessel's bow; with "
+        "odometry alone",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+        read_only=True,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+    @property
+    def offset(self) -> bool:
+        """Whether the sensor is away from the vessel's origin, so that its heading moves it."""
+        return bool(self.x or self.y)
+
+    @property
+    def given(self) -> bool:
+        """Whether it says anything."""
+        return self.offset or self.yaw != 0.0
+
+    def sensor_poses(self, vessel: FloatArray) -> FloatArray:
+        """Poses of the sensor: ``p + Rz(yaw) Ry(pitch) Rx(roll) (x, y, 0)``, yaw + mounting yaw.
+
+        Parameters
+        ----------
+        vessel : (n, 5) ndarray
+            x, y, yaw, roll, pitch of the vessel, m and rad.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            x, y, yaw of the sensor.
+        """
+        if not self.given:
+            return vessel[:, :3]
+        yaw, roll, pitch = vessel[:, 2:].T
+        along, across, up = np.full((len(yaw), 3), (self.x, self.y, 0.0)).T
+        ahead, port = ahead_and_port(along, across, up, roll, pitch)
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        east, north = cosine * ahead - sine * port, sine * ahead + cosine * port
+        return vessel[:, :3] + np.stack([east, north, np.full(len(yaw), self.yaw)], axis=1)
+
+
+def sensor_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
+    """Covariance of the sensor's pose, from the vessel's.
+
+    An error of the heading moves the sensor at the end of the lever arm ``a = (a_x, a_y)``::
+
+        J C J',  J = [[1, 0, -a_y], [0, 1, a_x], [0, 0, 1]]
+
+    Parameters
+    ----------
+    covariance : (3, 3) ndarray
+        C, of the vessel's x, y and yaw.
+    arm : (2,) ndarray
+        From the vessel's origin to the sensor, in the axes of the fixed frame, m.
+
+    Returns
+    -------
+    (3, 3) ndarray
+        Of the sensor's x, y and yaw.
+    """
+    jacobian = np.eye(3)
+    jacobian[:2, 2] = -arm[1], arm[0]
+    return jacobian @ covariance @ jacobian.T
+
+
 @dataclass(frozen=True)
 class PoseSample:
-    """A pose of the sensor at a time.
+    """A pose of the sensor, or of the vessel that it is mounted on, at a time.
 
     Attributes
     ----------
@@ -41,6 +139,8 @@ class PoseSample:
     rates : (float, float, float) or None
         Velocity vx, vy (fixed frame, m/s) and yaw rate (rad/s), for what lies beyond the newest
         sample; None if unknown: the difference of the last two samples counts.
+    roll, pitch : float
+        Attitude, rad, as in `tsepm_ros.attitude`; 0 where the source does not know it.
     """
 
     stamp: float
@@ -49,6 +149,8 @@ class PoseSample:
     yaw: float
     covariance: FloatArray | None = None
     rates: tuple[float, float, float] | None = None
+    roll: float = 0.0
+    pitch: float = 0.0
 
     def check(self) -> None:
         """Check that a scan can be placed by this sample.
@@ -58,7 +160,7 @@ class PoseSample:
         ValueError
             If it cannot; the message says why.
         """
-        pose = (self.x, self.y, self.yaw)
+        pose = (self.x, self.y, self.yaw, self.roll, self.pitch)
         if not math.isfinite(self.stamp):
             raise ValueError(f"stamp must be finite; got {self.stamp}")
         if not all(abs(value) <= LARGEST["sensor_pose"] for value in pose):
@@ -68,7 +170,12 @@ class PoseSample:
 
 
 class PoseHistory:
-    """Recent poses of the sensor, interpolated linearly in between.
+    """Recent poses, interpolated linearly in between.
+
+    Yaw, roll and pitch are interpolated each by itself, the short way round. That is no rotation at
+    a constant rate, but differs from it only in the second order of the turn between two samples.
+    Beyond the first and the last sample, where the pose is extrapolated, roll and pitch are those
+    of that sample: a ship rolls to and fro.
 
     Parameters
     ----------
@@ -147,24 +254,29 @@ class PoseHistory:
         ValueError
             If a time is beyond what the history covers and may extrapolate.
         """
+        return self.poses_with_attitude(times)[:, :3]
+
+    def poses_with_attitude(self, times: FloatArray) -> FloatArray:
+        """As `poses`, with the attitude: x, y, yaw, roll, pitch, (n, 5)."""
         times = np.asarray(times, float)
         if len(times) == 0:
-            return np.zeros((0, 3))
+            return np.zeros((0, 5))
         samples = self._around(float(times.min()), float(times.max()))
         stamps = np.array([sample.stamp for sample in samples])
-        values = np.array([(sample.x, sample.y, sample.yaw) for sample in samples])
-        values[:, 2] = np.unwrap(values[:, 2])
+        values = np.array([(one.x, one.y, one.yaw, one.roll, one.pitch) for one in samples])
+        values[:, 2:] = np.unwrap(values[:, 2:], axis=0)
         if len(samples) == 1:
             return np.repeat(values, len(times), axis=0)
         left = np.clip(np.searchsorted(stamps, times, side="right") - 1, 0, len(stamps) - 2)
         step = (stamps[left + 1] - stamps[left])[:, None]
-        share = (times - stamps[left])[:, None] / step
+        share = np.repeat((times - stamps[left])[:, None] / step, 5, axis=1)
+        share[:, 3:] = share[:, 3:].clip(0.0, 1.0)
         poses = values[left] + share * (values[left + 1] - values[left])
         newest = self._samples[-1]
         beyond = times > newest.stamp
         if newest.rates is not None and beyond.any():
             ahead = (times[beyond] - newest.stamp)[:, None]
-            poses[beyond] = values[-1] + ahead * np.array(newest.rates)
+            poses[beyond, :3] = values[-1, :3] + ahead * np.array(newest.rates)
         return poses
 
     def covariance(self, time: float) -> FloatArray | None:
@@ -182,11 +294,14 @@ class PoseHistory:
         return self._bracket(first, last)
 
     def _bracket(self, first: float, last: float) -> list[PoseSample]:
-        stamps = [sample.stamp for sample in self._samples]
-        begin = max(bisect_left(stamps, first) - 1, 0)
-        end = min(bisect_left(stamps, last) + 2, len(stamps))
+        begin = max(bisect_left(self._samples, first, key=_stamp) - 1, 0)
+        end = min(bisect_left(self._samples, last, key=_stamp) + 2, len(self._samples))
         begin = max(min(begin, end - 2), 0)
-        return list(self._samples)[begin:end]
+        return list(itertools.islice(self._samples, begin, end))
+
+
+def _stamp(sample: PoseSample) -> float:
+    return sample.stamp
 
 
 def echo_poses(

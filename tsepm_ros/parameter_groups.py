@@ -11,6 +11,7 @@ import yaml
 
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import METHODS
+from tsepm_ros.own_ship import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_group, parameter, table
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.session import SessionOptions, Settings
@@ -160,6 +161,7 @@ TRACK_INITIATOR: Groups = (
     ("", InitiatorNodeOptions),
     ("", CommonOptions),
     ("sensor.", SensorModel),
+    ("mounting.", Mounting),
     *((f"{name}.", kind.Options) for name, kind in METHODS.items()),
 )
 SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions),)
@@ -235,12 +237,19 @@ def _typed(text: str) -> Value:
 
 
 def settings_from(made: Mapping[type[Any], Any]) -> Settings:
-    """Settings of a session, from the groups of TRACK_INITIATOR."""
+    """Settings of a session, from the groups of TRACK_INITIATOR.
+
+    Raises
+    ------
+    ValueError
+        If the groups do not go together.
+    """
     return Settings(
         session=made[SessionOptions],
         sensor=made[SensorModel],
         common=made[CommonOptions],
         methods={name: made[kind.Options] for name, kind in METHODS.items()},
+        mounting=made[Mounting],
     )
 
 

@@ -17,12 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.attitude import levelled
 from tsepm_ros.holding import Tracker
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.methods import METHODS, available_methods, make_initiator
-from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample, echo_poses
+from tsepm_ros.own_ship import (
+    Coverage,
+    Mounting,
+    PoseHistory,
+    PoseSample,
+    echo_poses,
+    sensor_covariance,
+)
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.scan import Scan
+from tsepm_ros.scan import LARGEST, SMALLEST, Scan
 from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import TrackArrays
@@ -123,12 +131,28 @@ class Settings:
     common : CommonOptions
     methods : mapping of str to options
         Each method's own options, by the method's name; defaults where one is missing.
+    mounting : Mounting
+        Where the sensor is on the vessel of the odometry.
+
+    Raises
+    ------
+    ValueError
+        If a mounting is given where there is no odometry to use it with.
     """
 
     session: SessionOptions = field(default_factory=SessionOptions)
     sensor: SensorModel = field(default_factory=SensorModel)
     common: CommonOptions = field(default_factory=CommonOptions)
     methods: dict[str, Any] = field(default_factory=dict)
+    mounting: Mounting = field(default_factory=Mounting)
+
+    def __post_init__(self) -> None:
+        source = self.session.own_ship_source
+        if self.mounting.given and source != "odometry":
+            raise ValueError(
+                f"mounting.x, mounting.y and mounting.yaw must be 0 where own_ship_source is "
+                f"{source}: they say where the sensor is on the vessel of the odometry"
+            )
 
     @property
     def method_options(self) -> Any:
@@ -158,17 +182,21 @@ class SensorScan:
     Attributes
     ----------
     scan : Scan
-        Detections; its sensor pose is not used.
+        Detections; its sensor pose is not used. The ranges are those in the sensor's own x-y
+        plane.
     frame_id : str
         The sensor's frame.
     north_referenced : bool
-        The azimuths count from the fixed frame's x axis (east), not from the sensor's.
+        The azimuths count from the fixed frame's x axis (east), not from the sensor's, and lie in
+        the horizontal plane: neither heading nor attitude is applied to them.
     stamp_ns : int
         The stamp as received, ns: a date in seconds does not fit a float64 to the last digit.
     transmit_offset : (n,) ndarray or None
         Time after the stamp at which each detection's ping left, s; None: at the stamp.
-    forward_axis : {"x", "z"}
-        The axis of the sensor's frame that the azimuths count from.
+    height : (n,) ndarray or None
+        Height of each detection above the sensor's own x-y plane, m; None: 0.
+    axes : str
+        Which of the sensor frame's axes are ahead, port and up, see `tsepm_ros.attitude.AXES`.
     """
 
     scan: Scan
@@ -176,7 +204,8 @@ class SensorScan:
     north_referenced: bool = False
     stamp_ns: int = 0
     transmit_offset: NDArray[np.float64] | None = None
-    forward_axis: str = "x"
+    height: NDArray[np.float64] | None = None
+    axes: str = "body"
 
 
 @dataclass(frozen=True)
@@ -230,6 +259,41 @@ def _echo_span(arrived: SensorScan) -> tuple[float, float]:
     return scan.stamp + float(times.min()), scan.stamp + float(times.max())
 
 
+def _received(arrived: SensorScan) -> NDArray[np.float64]:
+    """Times at which the echoes arrived, s, (n,) or, where all arrived at once, (1,)."""
+    scan = arrived.scan
+    if scan.time_offset is None:
+        return np.array([scan.stamp])
+    sent = 0.0 if arrived.transmit_offset is None else arrived.transmit_offset
+    return scan.stamp + 2.0 * scan.time_offset - sent
+
+
+def _chosen(
+    arrived: SensorScan,
+    good: NDArray[np.bool_],
+    range: NDArray[np.float64],
+    azimuth: NDArray[np.float64],
+) -> SensorScan:
+    """The good ones of a scan's detections, at the ranges and azimuths given for all of them."""
+
+    def of(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        return None if values is None else values[good]
+
+    scan = arrived.scan
+    chosen = Scan(
+        stamp=scan.stamp,
+        range=range[good],
+        azimuth=azimuth[good],
+        range_std=of(scan.range_std),
+        azimuth_std=of(scan.azimuth_std),
+        time_offset=of(scan.time_offset),
+        features={name: values[good] for name, values in scan.features.items()},
+    )
+    return dataclasses.replace(
+        arrived, scan=chosen, transmit_offset=of(arrived.transmit_offset), height=None
+    )
+
+
 def _waited(since: Now, now: Now) -> float:
     """Least time that has passed on any clock, s; one that was set back tells nothing."""
     passed = np.atleast_1d(np.subtract(now, since))
@@ -259,9 +323,9 @@ class Session:
     dropped : Counter
         Drops by reason since the start or the last reset.
     look_up : callable or None
-        Called as ``look_up(sensor frame, first, last, forward axis)`` for the span of time (s) of a
-        scan that is to be placed, to give its poses, whose yaw is that axis's, by `add_own_ship`;
-        None where they come by themselves.
+        Called as ``look_up(sensor frame, first, last, axes)`` for the span of time (s) of a scan
+        that is to be placed, to give its poses and attitudes by `add_own_ship`; None where they
+        come by themselves.
     """
 
     def __init__(
@@ -353,8 +417,9 @@ class Session:
     def add_own_ship(self, sample: PoseSample, frame_id: str, child_frame_id: str = "") -> None:
         """Take a pose of the sensor, or of a vessel whose frame is `child_frame_id`.
 
-        There is no transform from the vessel to the sensor: where the frames have different names,
-        the sensor is taken to be at the vessel's origin, and that is reported.
+        The mounting says where on the vessel the sensor is. Where it says nothing and the frames
+        have different names, the sensor is taken to be at the vessel's origin, and that is
+        reported.
         """
         try:
             sample.check()
@@ -511,7 +576,7 @@ class Session:
             return scan
         first, last = _echo_span(arrived)
         if self.look_up is not None:
-            self.look_up(arrived.frame_id, first, last, arrived.forward_axis)
+            self.look_up(arrived.frame_id, first, last, arrived.axes)
         coverage = self._poses.coverage(first, last)
         timed_out = waited >= self._settings.session.own_ship_timeout
         if coverage is Coverage.NOT_YET and not timed_out:
@@ -522,31 +587,72 @@ class Session:
             reason = "own_ship_stale" if len(self._poses) else "own_ship_missing"
             self.drop(reason, f"no own-ship data for the scan of {scan.stamp:.3f} s")
             return False
-        if self._own_ship_frame not in ("", arrived.frame_id):
-            self._report(
-                "mounting",
-                f"own-ship data is of frame {self._own_ship_frame!r}, detections are in "
-                f"{arrived.frame_id!r}: taken to be the same place and direction",
-            )
+        self._say_of_mounting(arrived.frame_id)
         heading = not arrived.north_referenced
         covariance = self._poses.covariance(scan.stamp)
-        if covariance is not None and heading and covariance[2, 2] > MAX_YAW_VARIANCE:
-            self.drop("heading_unknown", "the own-ship data has no heading, but detections need it")
+        needed = heading or self._settings.mounting.offset
+        if needed and covariance is not None and covariance[2, 2] > MAX_YAW_VARIANCE:
+            self.drop("heading_unknown", "the own-ship data has no heading, but it is needed")
             return False
-        if covariance is not None and not heading:
-            covariance = covariance * np.outer([1, 1, 0], [1, 1, 0])
+        arrived = self._levelled(arrived)
         return dataclasses.replace(
-            scan,
+            arrived.scan,
             sensor_pose=echo_poses(
-                self._poses.poses,
+                self._sensor_poses,
                 scan.stamp,
-                scan.time_offset,
-                scan.azimuth,
+                arrived.scan.time_offset,
+                arrived.scan.azimuth,
                 transmit_offset=arrived.transmit_offset,
                 heading=heading,
             ),
-            sensor_pose_covariance=covariance,
+            sensor_pose_covariance=self._pose_covariance(covariance, scan.stamp, heading),
         )
+
+    def _say_of_mounting(self, frame_id: str) -> None:
+        """Report where nobody says where the sensor is on the vessel."""
+        if self._own_ship_frame not in ("", frame_id) and not self._settings.mounting.given:
+            self._report(
+                "mounting",
+                f"own-ship data is of frame {self._own_ship_frame!r}, detections are in "
+                f"{frame_id!r}: taken to be the same place and direction",
+            )
+
+    def _sensor_poses(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses of the sensor at some times (s), (n, 3)."""
+        return self._settings.mounting.sensor_poses(self._poses.poses_with_attitude(times))
+
+    def _pose_covariance(
+        self, covariance: NDArray[np.float64] | None, stamp: float, heading: bool
+    ) -> NDArray[np.float64] | None:
+        """Covariance of the sensor's pose at a stamp (s), from the vessel's."""
+        if covariance is None:
+            return None
+        if self._settings.mounting.offset:
+            at = np.array([stamp])
+            arm = self._sensor_poses(at)[0, :2] - self._poses.poses(at)[0, :2]
+            covariance = sensor_covariance(covariance, arm)
+        return covariance if heading else covariance * np.outer([1, 1, 0], [1, 1, 0])
+
+    def _levelled(self, arrived: SensorScan) -> SensorScan:
+        """Bring a scan into the horizontal plane, by the attitude with which it was received."""
+        scan = arrived.scan
+        if arrived.north_referenced or not len(scan):
+            return arrived
+        _, _, _, roll, pitch = self._poses.poses_with_attitude(_received(arrived)).T
+        if not (roll.any() or pitch.any()):
+            return arrived
+        range_, azimuth = levelled(
+            scan.range, scan.azimuth, arrived.height, roll, pitch, self._settings.mounting.yaw
+        )
+        good = (range_ >= SMALLEST["range"]) & (range_ <= LARGEST["range"])
+        bad = int(np.count_nonzero(~good))
+        if bad:
+            self.drop(
+                "no_horizontal_range",
+                f"{bad} detections dropped: straight above or below the tilted sensor",
+                bad,
+            )
+        return _chosen(arrived, good, range_, azimuth)
 
     def _is_before_own_ship(self, stamp: float) -> bool:
         last = self._poses.last_stamp

@@ -28,7 +28,7 @@ def test_rays_are_counted_from_angle_min_counter_clockwise(over_the_wire):
     np.testing.assert_array_equal(found.range, [20.0, 30.0, 40.0])
     np.testing.assert_array_equal(found.azimuth, [-1.0, -0.5, 0.0])
     assert found.time_offset is found.transmit_offset is None
-    assert (found.features, found.dropped, found.forward_axis) == ({}, {}, "x")
+    assert (found.features, found.dropped, found.axes) == ({}, {}, "body")
 
 
 def test_a_fan_may_turn_clockwise():

@@ -42,7 +42,7 @@ def flags(*values):
 
 def test_starboard_is_positive_in_the_message_and_negative_here():
     found = read_detections(travel_times([2.0, 2.0, 4.0], [0.5, -0.5, 0.0]))
-    assert (found.stamp_ns, found.frame_id, found.forward_axis) == (STAMP, "sonar", "z")
+    assert (found.stamp_ns, found.frame_id, found.axes) == (STAMP, "sonar", "sonar")
     np.testing.assert_allclose(found.range, [1500.0, 1500.0, 3000.0])
     np.testing.assert_allclose(found.azimuth, [-0.5, 0.5, 0.0], atol=1e-15)
     assert (found.features, found.dropped, found.assumptions) == ({}, {}, ())

@@ -203,7 +203,7 @@ def test_a_scan_waits_for_the_pose_of_its_last_echo():
     assert list(one.process(0.0)) == []
     sail(one, 40.0)
     assert len(list(one.process(0.0))) == 1
-    assert needed == [("sonar", 30.0, 40.0, "x")] * 2
+    assert needed == [("sonar", 30.0, 40.0, "body")] * 2
 
 
 def test_a_scan_whose_echoes_are_sent_later_waits_for_and_uses_the_poses_of_then():

@@ -143,7 +143,7 @@ def test_a_forward_axis_that_points_up_places_nothing():
         Settings(SessionOptions(method="tsepm", own_ship_source="tf", fixed_frame="map"))
     )
     level = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
-    TfOwnShip(None, session, Standing(level)).look_up("sonar", 10.0, 11.0, "z")
+    TfOwnShip(None, session, Standing(level)).look_up("sonar", 10.0, 11.0, "sonar")
     assert session.own_ship_stamp is None
     assert set(session.dropped) == {"own_ship_invalid"}
 

@@ -10,16 +10,15 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
+from tsepm_ros.attitude import AXES, angles_of, rotation_of
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.own_ship import PoseSample
 from tsepm_ros.session import Session
 
 CACHE_TIME = 120.0
 """Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""
-SAMPLE_PERIOD = 0.5
-"""Time between the poses looked up over a scan's echoes, s."""
-SMALLEST_COSINE = 1e-6
-"""Of the forward axis's elevation; below, its yaw is noise."""
+SAMPLE_PERIOD = 0.2
+"""Time between the poses looked up over a scan's echoes, s: short beside a small boat's roll."""
 
 
 class TfOwnShip:
@@ -55,10 +54,11 @@ class TfOwnShip:
             self._listener = tf2_ros.TransformListener(buffer, node)
         self._buffer = buffer
 
-    def look_up(self, frame: str, first: float, last: float, forward_axis: str) -> None:
+    def look_up(self, frame: str, first: float, last: float, axes: str) -> None:
         """Give the session the poses of a frame from `first` to `last` (s), as far as tf knows.
 
-        The yaw is that of the frame's axis `forward_axis`, "x" or "z".
+        Which of the frame's axes are ahead, port and up, `axes` says: see
+        `tsepm_ros.attitude.AXES`.
         """
         steps = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
         for stamp in np.linspace(first, last, steps + 1).tolist():
@@ -69,15 +69,13 @@ class TfOwnShip:
             if not self._buffer.can_transform(self._fixed_frame, frame, at):
                 return
             transform = self._buffer.lookup_transform(self._fixed_frame, frame, at).transform
-            self._session.add_own_ship(_sample(stamp, transform, forward_axis), self._fixed_frame)
+            self._session.add_own_ship(_sample(stamp, transform, axes), self._fixed_frame)
 
 
-def _sample(stamp: float, transform: Any, forward_axis: str) -> PoseSample:
-    q = transform.rotation
-    if forward_axis == "z":
-        east, north = 2 * (q.x * q.z + q.w * q.y), 2 * (q.y * q.z - q.w * q.x)
-    else:
-        east, north = 1 - 2 * (q.y * q.y + q.z * q.z), 2 * (q.w * q.z + q.x * q.y)
-    # An axis that points straight up or down has no yaw: the session refuses and counts nan.
-    yaw = math.atan2(north, east) if math.hypot(east, north) > SMALLEST_COSINE else math.nan
-    return PoseSample(stamp, transform.translation.x, transform.translation.y, yaw)
+def _sample(stamp: float, transform: Any, axes: str) -> PoseSample:
+    q, at = transform.rotation, transform.translation
+    try:
+        yaw, pitch, roll = angles_of(rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
+    except ValueError:  # no direction, or straight up or down: the session refuses and counts nan
+        yaw = pitch = roll = math.nan
+    return PoseSample(stamp, at.x, at.y, yaw, roll=roll, pitch=pitch)
