@@ -6,9 +6,18 @@ import math
 
 import numpy as np
 import pytest
+from builders import whitened
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation, Slerp
 
-from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample, echo_poses
+from tsepm_ros.own_ship import (
+    Coverage,
+    Mounting,
+    PoseHistory,
+    PoseSample,
+    echo_poses,
+    sensor_covariance,
+)
 
 YES, NOT_YET, NEVER = Coverage.YES, Coverage.NOT_YET, Coverage.NEVER
 
@@ -332,3 +341,110 @@ def test_beyond_the_newest_sample_its_own_rates_count():
     history.add(PoseSample(0.0, 5.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
     history.add(PoseSample(0.01, 0.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
     np.testing.assert_allclose(history.poses(np.array([0.51])), [[1.0, 0.5, 0.05]])
+
+
+def tilted(*samples, **options) -> PoseHistory:
+    """Samples of stamp, yaw, roll and pitch."""
+    poses = PoseHistory(**options)
+    for stamp, yaw, roll, pitch in samples:
+        assert poses.add(PoseSample(stamp, 0.0, 0.0, yaw, roll=roll, pitch=pitch))
+    return poses
+
+
+def test_roll_and_pitch_are_interpolated_like_the_yaw():
+    poses = tilted((0.0, 3.1, 0.1, -0.2), (10.0, -3.1, -0.1, 0.2), (20.0, -3.0, 3.1, 0.0))
+    found = poses.poses_with_attitude(np.array([2.5, 5.0, 10.0]))
+    np.testing.assert_allclose(found[:, 3:], [[0.05, -0.1], [0.0, 0.0], [-0.1, 0.2]], atol=1e-15)
+    np.testing.assert_array_equal(found[:, :3], poses.poses(np.array([2.5, 5.0, 10.0])))
+    # Upside down: the short way round from 3.1 to -3.1.
+    upside = tilted((0.0, 0.0, 3.1, 0.0), (10.0, 0.0, -3.1, 0.0)).poses_with_attitude([5.0])
+    assert abs(math.remainder(upside[0, 3], 2 * math.pi)) == pytest.approx(math.pi)
+
+
+def interpolation_error(scale: float) -> float:
+    """Largest angle (rad) off a turn at a constant rate; 1: half a second of a lively boat."""
+    begin, turn = np.array([0.3, 0.05, -0.1]), scale * np.array([0.05, 0.07, 0.17])
+    times = np.linspace(0.0, 0.5, 21)
+    expected = Slerp([0.0, 0.5], Rotation.from_euler("ZYX", [begin, begin + turn]))(times)
+    poses = PoseHistory()
+    for stamp, (yaw, pitch, roll) in ((0.0, begin), (0.5, begin + turn)):
+        poses.add(PoseSample(stamp, 0.0, 0.0, yaw, roll=roll, pitch=pitch))
+    found = poses.poses_with_attitude(times)[:, [2, 4, 3]]
+    return float((expected.inv() * Rotation.from_euler("ZYX", found)).magnitude().max())
+
+
+def test_interpolated_angles_depart_from_a_constant_rate_in_second_order():
+    assert math.degrees(interpolation_error(1.0)) < 0.15
+    assert interpolation_error(0.5) < 0.3 * interpolation_error(1.0)
+
+
+def test_extrapolated_attitude_is_the_last_one_known():
+    poses = tilted((0.0, 0.0, 0.0, 0.1), (1.0, 0.2, 0.2, 0.0), max_extrapolation=0.5)
+    found = poses.poses_with_attitude(np.array([-0.5, 1.5]))
+    np.testing.assert_allclose(found[:, 2:], [[-0.1, 0.0, 0.1], [0.3, 0.2, 0.0]])
+
+
+def test_odometry_without_roll_and_pitch_is_level():
+    found = history(*TWO).poses_with_attitude(np.array([10.0, 12.0, 20.0]))
+    assert not found[:, 3:].any()
+    assert PoseHistory().poses_with_attitude(np.zeros(0)).shape == (0, 5)
+
+
+@pytest.mark.parametrize("name", ["roll", "pitch"])
+def test_an_attitude_that_is_not_finite_is_refused(name):
+    with pytest.raises(ValueError, match=r"^pose must be finite"):
+        PoseSample(1.0, 2.0, 3.0, 4.0, **{name: math.nan}).check()
+
+
+HEADINGS = [
+    pytest.param(0.0, (100 + 8, 200 + 3), id="east"),
+    pytest.param(math.pi / 2, (100 - 3, 200 + 8), id="north"),
+    pytest.param(math.pi, (100 - 8, 200 - 3), id="west"),
+    pytest.param(-math.pi / 2, (100 + 3, 200 - 8), id="south"),
+]
+
+
+@pytest.mark.parametrize(("yaw", "place"), HEADINGS)
+def test_the_lever_arm_turns_with_the_vessel(yaw, place):
+    mounting = Mounting(x=8.0, y=3.0, yaw=0.5)
+    found = mounting.sensor_poses(np.array([[100.0, 200.0, yaw, 0.0, 0.0]]))
+    np.testing.assert_allclose(found, [[*place, yaw + 0.5]], atol=1e-12)
+
+
+def test_the_lever_arm_of_a_tilted_vessel_is_that_of_the_full_rotation():
+    rng = np.random.default_rng(4)
+    yaw, pitch, roll = angles = rng.uniform(-1.0, 1.0, (3, 50))
+    vessel = np.stack([*rng.uniform(-9e3, 9e3, (2, 50)), yaw, roll, pitch], axis=1)
+    found = Mounting(x=-30.0, y=4.0).sensor_poses(vessel)
+    arm = Rotation.from_euler("ZYX", angles.T).apply([-30.0, 4.0, 0.0])
+    np.testing.assert_allclose(found[:, :2] - vessel[:, :2], arm[:, :2], atol=1e-11)
+
+
+def test_without_a_mounting_poses_stay_to_the_bit():
+    vessel = np.random.default_rng(5).uniform(-1.0, 1.0, (20, 5))
+    np.testing.assert_array_equal(Mounting().sensor_poses(vessel), vessel[:, :3])
+    assert not Mounting().given
+    assert Mounting(yaw=0.1).given
+    assert not Mounting(yaw=0.1).offset
+
+
+@pytest.mark.parametrize("name", ["x", "y", "yaw"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
+def test_a_mounting_that_cannot_be_is_refused(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be"):
+        Mounting(**{name: value})
+
+
+def test_the_covariance_of_the_sensor_is_that_of_its_errors():
+    rng = np.random.default_rng(6)
+    root = np.array([[2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [0.01, -0.02, 0.02]])
+    covariance = root @ root.T
+    vessel = np.zeros((200_000, 5))
+    vessel[:, :3] = [10.0, 20.0, 0.7] + rng.standard_normal((200_000, 3)) @ root.T
+    mounting = Mounting(x=100.0, y=-40.0, yaw=1.0)
+    arm = mounting.sensor_poses(np.array([[0.0, 0.0, 0.7, 0.0, 0.0]]))[0, :2]
+    expected = sensor_covariance(covariance, arm)
+    # Entries of a whitened sample covariance of 2e5 deviate by 0.003; what is left is 2nd order.
+    found = whitened(mounting.sensor_poses(vessel), expected)
+    np.testing.assert_allclose(found, np.eye(3), atol=0.02)
+    assert not np.allclose(whitened(vessel[:, :3], expected), np.eye(3), atol=0.3)
