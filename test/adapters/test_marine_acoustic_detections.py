@@ -72,6 +72,7 @@ def test_the_horizontal_place_is_found_of_any_direction(azimuth, elevation):
         found = read_detections(message)
         assert found.range[0] == pytest.approx(1500.0 * math.cos(elevation), rel=3 * ROUNDED)
         assert found.azimuth[0] == pytest.approx(azimuth, abs=10 * ROUNDED)
+        assert found.height[0] == pytest.approx(1500.0 * math.sin(elevation), rel=10 * ROUNDED)
 
 
 def test_a_beam_may_look_abaft():

@@ -109,6 +109,48 @@ def test_the_horizontal_place_does_not_depend_on_z(z):
     found = read_detections(raw_cloud(fields, [(3.0, 4.0, z, 7.0)]))
     assert (found.range[0], found.azimuth[0]) == (5.0, math.atan2(4.0, 3.0))
     assert (found.features["intensity"][0], found.dropped) == (7.0, {})
+    assert found.height[0] == (np.float32(z) if math.isfinite(z) else 0.0)
+
+
+def test_z_is_the_height_beside_x_and_y_alone():
+    rows = [[VALUES.get(name, 5.0) for name in ("x", "y", "z", "range", "azimuth")]]
+    fields = [(name, "d") for name in ("x", "y", "z", "range", "azimuth")]
+    assert read_detections(raw_cloud(fields, rows)).height is None
+    assert read_detections(raw_cloud(fields[:3], [rows[0][:3]])).height[0] == 5.0
+    assert read_detections(raw_cloud(fields[:2], [rows[0][:2]])).height is None
+
+
+@pytest.mark.parametrize("angle", ["azimuth", "bearing"])
+@pytest.mark.parametrize("elevation", [0.5, -0.5, 0.0])
+def test_an_elevation_makes_the_range_slant(angle, elevation):
+    fields = [("range", "d"), (angle, "d"), ("elevation", "d"), ("z", "d")]
+    found = read_detections(raw_cloud(fields, [(1000.0, 0.25, elevation, 9.0)]))
+    assert found.range[0] == pytest.approx(1000.0 * math.cos(elevation), rel=1e-15)
+    assert found.height[0] == pytest.approx(1000.0 * math.sin(elevation), rel=1e-15)
+    assert abs(found.azimuth[0]) == 0.25
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("elevation", "reason"),
+    [
+        (math.nan, "elevation_not_finite"),
+        (math.inf, "elevation_not_finite"),
+        (math.pi / 2, "range_too_small"),
+        (2.0, "range_not_positive"),
+    ],
+)
+def test_a_bad_elevation_drops_its_detection(elevation, reason):
+    fields = [("range", "d"), ("azimuth", "d"), ("elevation", "d")]
+    found = read_detections(raw_cloud(fields, [(9.0, 0.0, 0.0), (9.0, 0.0, elevation)]))
+    assert found.dropped == {reason: 1}
+    assert (len(found), found.height.tolist()) == (1, [0.0])
+
+
+def test_an_elevation_beside_x_and_y_is_not_used():
+    fields = [("x", "d"), ("y", "d"), ("elevation", "d")]
+    found = read_detections(raw_cloud(fields, [(3.0, 4.0, math.nan)]))
+    assert (found.range[0], found.height, found.dropped) == (5.0, None, {})
 
 
 VALUES = {"range": 100.0, "azimuth": 0.5, "bearing": 0.25, "x": 30.0, "y": 40.0}

@@ -40,6 +40,7 @@ def test_returns_are_read_into_their_places():
 def test_the_range_is_that_in_the_horizontal_plane(elevation):
     found = read_detections(scan({"elevation": elevation}))
     assert found.range[0] == pytest.approx(1000.0 * math.cos(0.5), rel=1e-15)
+    assert found.height[0] == pytest.approx(1000.0 * math.sin(elevation), rel=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,7 @@ def test_the_centre_of_the_box_is_the_place_in_the_horizontal_plane():
     found = read_detections(array(detection((3.0, 4.0, 50.0)), detection((0.0, -2.0))))
     assert (found.stamp_ns, found.frame_id, found.axes) == (STAMP, "sonar", "body")
     np.testing.assert_allclose(found.range, [5.0, 2.0])
+    np.testing.assert_array_equal(found.height, [50.0, 0.0])
     np.testing.assert_allclose(found.azimuth, [math.atan2(4, 3), -math.pi / 2])
     assert found.range_std is found.azimuth_std is found.time_offset is None
     assert found.dropped == {}
@@ -70,6 +71,7 @@ def test_an_optical_frame_looks_along_z_with_x_to_starboard():
         found = read_detections(array(detection((4.0, 9.0, 3.0)), frame_id=name))
         assert (found.range[0], found.axes) == (pytest.approx(5.0), "optical")
         assert found.azimuth[0] == pytest.approx(-math.atan2(4, 3))
+        assert found.height[0] == -9.0
 
 
 @pytest.mark.parametrize("optical", [False, True])

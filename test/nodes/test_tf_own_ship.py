@@ -1,0 +1,191 @@
+"""Poses from tf: the whole rotation of the sensor's frame, once; and mountings beside odometry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from boat import Boat, named
+from foreign_messages import BoundingBox3D, Detection3D, Detection3DArray, PingInfo, SonarRanges
+from geometry_msgs.msg import Point, Pose, Vector3
+from nav_msgs.msg import Odometry
+from scipy.spatial.transform import Rotation
+from sonar_driver import START_NS, Ping, cloud, points
+
+from msg_adapters import make_header, read_detections, sensor_scan
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.tf_own_ship import TfOwnShip
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.session import Session, SessionOptions, Settings
+
+START = START_NS * 1e-9
+SENSOR = np.array([10.0, 20.0])
+
+
+@dataclass
+class Rolling:
+    """A stand-in for tf2_ros.Buffer: a frame that turns at a constant rate about some axis."""
+
+    begin: Rotation
+    rate: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def rotation(self, seconds: float) -> Rotation:
+        """`seconds` after the start."""
+        return self.begin * Rotation.from_rotvec(self.rate * seconds)
+
+    def can_transform(self, *_: Any) -> bool:
+        return True
+
+    def lookup_transform(self, _target: str, _source: str, time: Any) -> Any:
+        turn = self.rotation((time.nanoseconds - START_NS) * 1e-9).as_quat()
+        translation = SimpleNamespace(x=SENSOR[0], y=SENSOR[1], z=-4.0)
+        rotation = SimpleNamespace(**dict(zip("xyzw", turn.tolist(), strict=True)))
+        return SimpleNamespace(
+            transform=SimpleNamespace(translation=translation, rotation=rotation)
+        )
+
+
+def session_with(buffer: Any) -> Session:
+    session = Session(Settings(SessionOptions(own_ship_source="tf", fixed_frame="map")))
+    session.look_up = TfOwnShip(None, session, buffer).look_up
+    return session
+
+
+def placed(message: Any, buffer: Any) -> np.ndarray:
+    session = session_with(buffer)
+    session.add_scan(sensor_scan(read_detections(message)), 0.0)
+    (result,) = session.process()
+    assert session.dropped == {}
+    scan = result.scan
+    pose = np.broadcast_to(scan.sensor_pose, (len(scan), 3))
+    angle = scan.azimuth + pose[:, 2]
+    return pose[:, :2] + scan.range[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def x_y_z(vectors: np.ndarray) -> Any:
+    columns = dict(zip("xyz", vectors.T.tolist(), strict=True))
+    return cloud(START_NS, columns)
+
+
+def sonar_ranges(vectors: np.ndarray) -> Any:
+    distances = np.linalg.norm(vectors, axis=1)
+    units = (vectors / distances[:, None]).tolist()
+    return SonarRanges(
+        header=make_header(START_NS, "sonar"),
+        ping_info=PingInfo(sound_speed=1500.0),
+        ranges=distances.tolist(),
+        beam_unit_vec=[Vector3(x=x, y=y, z=z) for x, y, z in units],
+    )
+
+
+def boxes(vectors: np.ndarray, frame_id: str = "camera_optical") -> Any:
+    size = Vector3(x=1.0, y=1.0, z=1.0)
+    made = [
+        Detection3D(bbox=BoundingBox3D(center=Pose(position=Point(x=x, y=y, z=z)), size=size))
+        for x, y, z in vectors.tolist()
+    ]
+    return Detection3DArray(header=make_header(START_NS, frame_id), detections=made)
+
+
+BODY = np.array([[900.0, 300.0, -200.0], [-500.0, 700.0, 100.0], [40.0, -60.0, 5.0]])
+"""Places: ahead, port, up of the sensor."""
+FRAMES = {
+    # Columns: the frame's x, y, z in ahead, port, up.
+    "PointCloud2": (x_y_z, np.eye(3)),
+    "SonarRanges": (sonar_ranges, np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])),
+    "Detection3DArray": (boxes, np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])),
+}
+TILTS = {
+    "level": (0.7, 0.0, 0.0),
+    "roll": (0.7, 0.0, 0.35),
+    "pitch": (-2.0, -0.3, 0.0),
+    "both": (2.5, 0.2, -0.5),
+    "upside down": (1.0, 0.1, 3.1),
+}
+
+
+@pytest.mark.parametrize("tilt", TILTS)
+@pytest.mark.parametrize("frame", FRAMES)
+def test_vectors_are_turned_by_the_frame_s_whole_rotation_once(frame, tilt):
+    make, axes = FRAMES[frame]
+    board = Rotation.from_euler("ZYX", TILTS[tilt])
+    found = placed(make(BODY @ axes), Rolling(board * Rotation.from_matrix(axes)))
+    # The message has vectors in the frame's own axes, which tf turns into those of the map.
+    expected = SENSOR + board.apply(BODY)[:, :2]
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_echoes_take_the_attitude_of_their_arrival():
+    buffer = Rolling(Rotation.from_euler("ZYX", [0.3, 0.1, 0.2]), np.array([0.4, -0.1, 0.02]))
+    slant = 1500.0 * np.array([0.5, 1.0, 2.0])
+    message = cloud(
+        START_NS,
+        {
+            "range": slant,
+            "azimuth": [0.2, 1.4, -2.0],
+            "elevation": [0.1, -0.3, 0.2],
+            "time_offset": slant / 1500.0,
+        },
+    )
+    direction = np.array(
+        [
+            [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]
+            for a, e in ((0.2, 0.1), (1.4, -0.3), (-2.0, 0.2))
+        ]
+    )
+    expected = [
+        SENSOR + buffer.rotation(2.0 * r / 1500.0).apply(r * d)[:2]
+        for r, d in zip(slant, direction, strict=True)
+    ]
+    # Angles are interpolated over 0.2 s, in which the frame turns by 5 degrees.
+    np.testing.assert_allclose(placed(message, buffer), expected, atol=1.5)
+
+
+def test_a_rotation_of_nothing_places_nothing():
+    rotation = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=0.0)
+    translation = SimpleNamespace(x=0.0, y=0.0, z=0.0)
+    transform = SimpleNamespace(
+        transform=SimpleNamespace(translation=translation, rotation=rotation)
+    )
+    buffer = SimpleNamespace(can_transform=lambda *_: True, lookup_transform=lambda *_: transform)
+    session = session_with(buffer)
+    session.look_up("sonar", START, START + 0.1, "body")
+    assert session.own_ship_stamp is None
+    assert set(session.dropped) == {"own_ship_invalid"}
+
+
+@pytest.mark.parametrize("source", ["none", "tf"])
+def test_the_node_refuses_a_mounting_without_odometry(world, source):
+    parameters = {"own_ship_source": source, "fixed_frame": "map", "mounting.yaw": 0.5}
+    with pytest.raises(ParameterError, match=f"mounting.* must be 0 .* is {source}"):
+        world.make(TrackInitiator, named(parameters))
+
+
+def test_the_node_uses_roll_pitch_and_the_mounting(world):
+    turned = math.pi / 2
+    boat = Boat(
+        world,
+        own_ship_source="odometry",
+        own_ship_max_gap=100.0,
+        mounting__x=30.0,
+        mounting__y=5.0,
+        mounting__yaw=turned,
+    )
+    attitude = Rotation.from_euler("ZYX", [0.4, 0.1, -0.3])
+    for seconds in (-1, 70):
+        message = Odometry(child_frame_id="base_link")
+        message.header = make_header(START_NS + seconds * 10**9, "odom")
+        for name, value in zip("xyzw", attitude.as_quat().tolist(), strict=True):
+            setattr(message.pose.pose.orientation, name, value)
+        boat.driver.odometry.publish(message)
+    sent = [Ping(START_NS + 12 * 10**9 * index, [3000.0], [0.2]) for index in range(6)]
+    received = boat.send(sent, elevation=[0.15])
+    [point] = [point for message in received for point in points(message)]
+    direction = Rotation.from_euler("z", turned + 0.2).apply([math.cos(0.15), 0.0, math.sin(0.15)])
+    x, y, _ = attitude.apply([30.0, 5.0, 0.0] + 3000.0 * direction)
+    assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
+    assert world.dropped() == {}
