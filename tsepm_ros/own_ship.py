@@ -44,7 +44,6 @@ class Mounting:
         unit="m",
         minimum=-1000.0,
         maximum=1000.0,
-        read_only=True,
     )
     y: float = parameter(
         0.0,
@@ -52,7 +51,6 @@ class Mounting:
         unit="m",
         minimum=-1000.0,
         maximum=1000.0,
-        read_only=True,
     )
     yaw: float = parameter(
         0.0,
@@ -61,7 +59,6 @@ class Mounting:
         unit="rad",
         minimum=-2 * math.pi,
         maximum=2 * math.pi,
-        read_only=True,
     )
 
     def __post_init__(self) -> None:

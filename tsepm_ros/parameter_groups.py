@@ -188,7 +188,8 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
     Raises
     ------
     ValueError
-        If a name is unknown or a value is not allowed; the sentence has the full name.
+        If a name is unknown or a value is not allowed, by itself or together with another; the
+        sentence has the full name.
     """
     known = {row.name for row in full_table(groups)}
     for name in values:
@@ -205,6 +206,8 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
             made[group] = group(**given)
         except ValueError as error:
             raise ValueError(f"{prefix}{error}") from None
+    if groups is TRACK_INITIATOR:
+        settings_from(made)  # refuses what does not go together
     return made
 
 
@@ -237,13 +240,7 @@ def _typed(text: str) -> Value:
 
 
 def settings_from(made: Mapping[type[Any], Any]) -> Settings:
-    """Settings of a session, from the groups of TRACK_INITIATOR.
-
-    Raises
-    ------
-    ValueError
-        If the groups do not go together.
-    """
+    """Settings of a session, from the groups of TRACK_INITIATOR."""
     return Settings(
         session=made[SessionOptions],
         sensor=made[SensorModel],

@@ -595,13 +595,14 @@ class Session:
             self.drop("heading_unknown", "the own-ship data has no heading, but it is needed")
             return False
         arrived = self._levelled(arrived)
+        scan = arrived.scan
         return dataclasses.replace(
-            arrived.scan,
+            scan,
             sensor_pose=echo_poses(
                 self._sensor_poses,
                 scan.stamp,
-                arrived.scan.time_offset,
-                arrived.scan.azimuth,
+                scan.time_offset,
+                scan.azimuth,
                 transmit_offset=arrived.transmit_offset,
                 heading=heading,
             ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -189,6 +190,15 @@ def test_the_end_of_the_lever_arm_is_extrapolated_round_the_turning_vessel():
     np.testing.assert_allclose(found.sensor_pose, expected, rtol=1e-12)
 
 
+def test_a_mounting_may_be_corrected_while_running():
+    one = session(Mounting(yaw=1.0))
+    for time in (0.0, 10.0):
+        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0), "odom")
+    assert place(one, Scan(5.0, [1000.0], [0.0])).sensor_pose[2] == 1.0
+    one.configure(dataclasses.replace(one.settings, mounting=Mounting(yaw=1.1)))
+    assert place(one, Scan(6.0, [1000.0], [0.0])).sensor_pose[2] == 1.1
+
+
 def test_a_mounting_carries_the_heading_s_error_to_the_sensor():
     one = session(Mounting(x=100.0))
     covariance = np.diag([4.0, 9.0, 0.01])
@@ -230,7 +240,7 @@ def test_without_a_mounting_a_vessel_s_frame_is_said_to_be_taken_for_the_sensor_
 def test_a_mounting_without_odometry_is_refused(source, name):
     values = {"own_ship_source": source, "fixed_frame": "map", f"mounting.{name}": 0.5}
     with pytest.raises(ValueError, match=f"mounting.x, .* must be 0 where .* is {source}"):
-        settings_from(make_groups(TRACK_INITIATOR, values))
+        make_groups(TRACK_INITIATOR, values)
     values["own_ship_source"] = "odometry"
     settings = settings_from(make_groups(TRACK_INITIATOR, values))
     assert getattr(settings.mounting, name) == 0.5

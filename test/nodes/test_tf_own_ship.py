@@ -13,6 +13,7 @@ from boat import Boat, named
 from foreign_messages import BoundingBox3D, Detection3D, Detection3DArray, PingInfo, SonarRanges
 from geometry_msgs.msg import Point, Pose, Vector3
 from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
 from sonar_driver import START_NS, Ping, cloud, points
 
@@ -163,6 +164,17 @@ def test_the_node_refuses_a_mounting_without_odometry(world, source):
     parameters = {"own_ship_source": source, "fixed_frame": "map", "mounting.yaw": 0.5}
     with pytest.raises(ParameterError, match=f"mounting.* must be 0 .* is {source}"):
         world.make(TrackInitiator, named(parameters))
+
+
+def test_a_mounting_is_refused_while_running_without_odometry_and_taken_with_it(world):
+    yaw = [Parameter("mounting.yaw", value=0.5)]
+    standing = world.make(TrackInitiator, named({}))
+    [refused] = standing.set_parameters(yaw)
+    assert not refused.successful
+    assert "must be 0 where own_ship_source is none" in refused.reason
+    moving = world.make(TrackInitiator, named({"own_ship_source": "odometry"}))
+    [taken] = moving.set_parameters(yaw)
+    assert taken.successful, taken.reason
 
 
 def test_the_node_uses_roll_pitch_and_the_mounting(world):

@@ -75,11 +75,7 @@ class TrackInitiator(Node):
         options: InitiatorNodeOptions = self._given.made[InitiatorNodeOptions]
         session_options: SessionOptions = self._given.made[SessionOptions]
         source, frame = session_options.own_ship_source, session_options.fixed_frame
-        try:
-            settings = settings_from(self._given.made)
-        except ValueError as error:
-            raise ParameterError(str(error)) from None
-        self._session = Session(settings, self._report, live=True)
+        self._session = Session(settings_from(self._given.made), self._report, live=True)
         if options.bearing_reference == "north" and source == "none" and not frame:
             raise ParameterError(
                 "fixed_frame must be given where bearing_reference is north and own_ship_source "
