@@ -1,0 +1,349 @@
+"""What a filter loses that starts without the covariance between position and velocity.
+
+Every true start of a method in simulated runs is followed for some pings by the Kalman filter of
+`examples/nearest_neighbour.py`, which gets of the start's covariance
+
+- full: all of it, as `tracks` has it;
+- blocks: that of the position and that of the velocity, as `tracks/odometry` has it;
+- doubled: twice these blocks, which is safe whatever the correlation between them was: for any two
+  errors a and b, ``2 a a'`` and ``2 b b'`` on the diagonal exceed ``(a, b) (a, b)'``;
+- diagonal: the variances alone.
+
+Each start is carried ahead alone, as for a ping that is missed or a plan: NEES of the position,
+ideally 2. Then it is filtered with its target's own detections, whatever their distance, so that
+what differs is due to the start: errors, and NEES of the state, ideally 4. Then the same filters
+find their detections themselves in the clutter: how many of those taken are false, and how many
+targets are lost, that is, ended or more than 3 sigma of the measurement error off after the last
+ping. Targets keep their velocity, and the filter knows: no process noise, unless it is given.
+
+    python benchmarks/handover.py [--runs 160] [--noise 0.0] [--processes 2]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
+
+from nearest_neighbour import GATE, NearestNeighbourTracker, Target
+
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.analysis.intervals import Estimate, mean, proportion, rms_ratio, root_mean_square
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.pool import mapped
+from tsepm_ros.analysis.report import text_table, with_progress
+from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
+from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
+from tsepm_ros.conversion import convert
+from tsepm_ros.simulation import load_scenario
+
+FloatArray = NDArray[np.float64]
+
+BUILD = Path(__file__).resolve().parents[1] / "build"
+METHODS = ("score", "tsepm")
+SCENARIO, SCANS = "four_targets", 16
+AFTER = 10
+"""Pings after the start."""
+TOLD = (1, 2, 3, 5, 10)
+"""Those of them that the tables name."""
+AHEAD, STATE, POSITION, VELOCITY = range(4)
+TITLES = (
+    "position carried ahead, NEES (ideal 2)",
+    "filtered, NEES (ideal 4)",
+    "position error, RMS [m]",
+    "velocity error, RMS [m/s]",
+)
+DIGITS = (2, 2, 1, 3)
+IDEAL = {AHEAD: 2.0, STATE: 4.0}
+STYLES = (("#000000", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#56B4E9", "D"))
+"""Colours that stay apart for colour-blind readers (Okabe and Ito), and marks."""
+
+
+def blocks(covariance: FloatArray) -> FloatArray:
+    """A covariance (4, 4) without what is between position and velocity."""
+    return covariance * np.tile(np.eye(2), (2, 2))
+
+
+VARIANTS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "full": lambda covariance: covariance,
+    "blocks": blocks,
+    "doubled": lambda covariance: 2.0 * blocks(covariance),
+    "diagonal": lambda covariance: np.diag(np.diag(covariance)),
+}
+"""What a filter gets of a covariance; everything below is in this order."""
+
+
+@dataclass
+class Followed:
+    """Some starts, followed by each of the v variants.
+
+    Attributes
+    ----------
+    figures : (s, v, AFTER + 1, 4) ndarray
+        After each ping from the start's on: NEES of the position carried ahead; with the target's
+        own detections NEES, position error, m, and velocity error, m/s.
+    outside : (s, v) ndarray
+        Share of the target's own detections outside the gate; nan without any.
+    false : (s, v) ndarray
+        In clutter: share of the detections taken that were not the target's; nan without any.
+    lost : (s, v) ndarray
+        In clutter: 1 where the target was lost.
+    """
+
+    figures: FloatArray
+    outside: FloatArray
+    false: FloatArray
+    lost: FloatArray
+
+    @classmethod
+    def of(cls, parts: Sequence[Followed]) -> Followed:
+        """All of several."""
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class Start:
+    """A true start: its track, its target and the scan that confirmed it."""
+
+    track: ConfirmedTrack
+    target: int
+    scan: int
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A simulated run, its detections in the fixed frame, and its true starts."""
+
+    run: SimulatedRun
+    detections: list[NDArray[np.void]]
+    starts: list[Start]
+
+    @classmethod
+    def of(cls, run: SimulatedRun) -> Scene:
+        """The scene of a run; starts later than SCANS do not count."""
+        sensor = run.scenario.sensor
+        return cls(
+            run,
+            [convert(scan, sensor, index) for index, scan in enumerate(run.scans)],
+            [
+                Start(judged.track, judged.target, scan)
+                for judged, scan in zip(run.judged(), run.start_scans, strict=True)
+                if judged.outcome is Outcome.TRUE and scan < SCANS
+            ],
+        )
+
+    def truth(self, start: Start, ping: int) -> FloatArray:
+        """State of a start's target some pings later, (4,)."""
+        return self.run.simulator.truth(self.run.scans[start.scan + ping].stamp)[start.target]
+
+    def own(self, start: Start, ping: int) -> tuple[NDArray[np.void], FloatArray]:
+        """The one or no detection of a start's target some pings later, and its lag, s."""
+        index = start.scan + ping
+        own = self.detections[index][self.run.origins[index] == start.target]
+        return own, own["time"] - self.run.scans[index].stamp
+
+
+def follow(seed: Sequence[int], method: str, noise: float) -> Followed:
+    """Follow the true starts of one run."""
+    scenario = load_scenario(SCENARIO, {"scans": SCANS + AFTER})
+    scene = Scene.of(simulate(scenario, list(seed), OperatingPoint(method)))
+    shape = len(scene.starts), len(VARIANTS)
+    followed = Followed(np.zeros((*shape, AFTER + 1, 4)), *(np.zeros(shape) for _ in range(3)))
+    for place, given in enumerate(VARIANTS.values()):
+        for row, start in enumerate(scene.starts):
+            target = Target(start.track.state, given(start.track.covariance))
+            followed.figures[row, place, :, AHEAD] = carried_ahead(scene, start, target, noise)
+            target = Target(start.track.state, given(start.track.covariance))
+            figures, outside = filtered(scene, start, target, noise)
+            followed.figures[row, place, :, STATE:] = figures
+            followed.outside[row, place] = outside
+        followed.false[:, place], followed.lost[:, place] = in_clutter(scene, given, noise)
+    return followed
+
+
+def carried_ahead(scene: Scene, start: Start, target: Target, noise: float) -> list[float]:
+    """NEES of the position after each ping, without any detection."""
+    figures = []
+    for ping in range(AFTER + 1):
+        if ping:
+            target.predict(scene.run.scenario.period, noise)
+        error = target.state - scene.truth(start, ping)
+        figures.append(nees(error[0::2], target.covariance[0::2, 0::2]))
+    return figures
+
+
+def filtered(
+    scene: Scene, start: Start, target: Target, noise: float
+) -> tuple[list[tuple[float, float, float]], float]:
+    """Figures after each ping with the target's own detections, and the share outside the gate."""
+    figures, outside = [], []
+    for ping in range(AFTER + 1):
+        if ping:
+            target.predict(scene.run.scenario.period, noise)
+            detection, lag = scene.own(start, ping)
+            for innovation, S in zip(
+                *target.innovations(detection, lag, scene.run.scenario.sensor), strict=True
+            ):
+                outside.append(nees(innovation, S) >= GATE)
+                target.update(innovation, S, lag[0])
+        x, vx, y, vy = error = target.state - scene.truth(start, ping)
+        figures.append((nees(error, target.covariance), np.hypot(x, y), np.hypot(vx, vy)))
+    return figures, float(np.mean(outside)) if outside else np.nan
+
+
+def in_clutter(
+    scene: Scene, given: Callable[[FloatArray], FloatArray], noise: float
+) -> tuple[list[float], list[bool]]:
+    """Share of false detections taken by each start, and which are lost; all at once."""
+    tracker = NearestNeighbourTracker(scene.run.scenario.sensor, noise)
+    taken: dict[int, list[bool]] = {start.track.track_id: [] for start in scene.starts}
+    targets = {start.track.track_id: start.target for start in scene.starts}
+    lost = {}
+    for index, scan in enumerate(scene.run.scans):
+        for name, column in tracker.step(scan.stamp, scene.detections[index]).items():
+            taken[name].append(scene.run.origins[index][column] != targets[name])
+        for start in scene.starts:
+            name = start.track.track_id
+            if start.scan == index:
+                tracker.start([replace(start.track, covariance=given(start.track.covariance))])
+            if start.scan == index - AFTER:
+                target = tracker.targets.pop(name, None)
+                lost[name] = target is None or is_off(scene, start, target)
+    return [float(np.mean(one)) if one else np.nan for one in taken.values()], [
+        lost[name] for name in taken
+    ]
+
+
+def is_off(scene: Scene, start: Start, target: Target) -> bool:
+    """Whether a target is no longer where it is said to be, after the last ping."""
+    truth = scene.truth(start, AFTER)[0::2]
+    stamp = scene.run.scans[start.scan + AFTER].stamp
+    sigma = measurement_sigma(scene.run.scenario.sensor, truth - scene.run.sensor_position(stamp))
+    return bool(np.hypot(*(target.state[0::2] - truth)) > SIGMAS * sigma)
+
+
+def by_ping(followed: Followed, figure: int, place: int) -> list[Estimate]:
+    """A figure of a variant after each ping: mean NEES, or RMS error."""
+    summary = mean if figure in IDEAL else root_mean_square
+    return [summary(followed.figures[:, place, ping, figure]) for ping in range(AFTER + 1)]
+
+
+def overall(followed: Followed, place: int) -> list[str]:
+    """Figures of a variant over all pings."""
+    squares = np.square(followed.figures[:, :, 1:, POSITION:]).mean(axis=2)
+    ratios = [rms_ratio(np.sqrt(squares[:, place, k]), np.sqrt(squares[:, 0, k])) for k in (0, 1)]
+    outside, false = (
+        mean(share[~np.isnan(share)])
+        for share in (followed.outside[:, place], followed.false[:, place])
+    )
+    lost = proportion(int(followed.lost[:, place].sum()), len(followed.lost))
+    return [f"{estimate:.3f}" for estimate in (*ratios, outside, false, lost)]
+
+
+def tables(followed: Followed) -> str:
+    """The tables of a method."""
+    parts = [
+        text_table(
+            [title, *(f"{ping} ping{'s' * (ping > 1)}" for ping in TOLD)],
+            [
+                [name, *(f"{by_ping(followed, figure, place)[ping]:.{digits}f}" for ping in TOLD)]
+                for place, name in enumerate(VARIANTS)
+            ],
+        )
+        for figure, (title, digits) in enumerate(zip(TITLES, DIGITS, strict=True))
+    ]
+    header = ["10 pings", "position / full", "velocity / full", "outside gate", "false", "lost"]
+    rows = [[name, *overall(followed, place)] for place, name in enumerate(VARIANTS)]
+    return "\n\n".join([*parts, text_table(header, rows)])
+
+
+def draw(results: dict[str, Followed], path: Path) -> None:
+    """Draw the figures by ping, a row for each method."""
+    os.environ.setdefault("MPLCONFIGDIR", str(BUILD / "matplotlib"))
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    size = (15, 4 * len(results))
+    figure, axes = plt.subplots(
+        len(results), len(TITLES), figsize=size, squeeze=False, layout="constrained"
+    )
+    for (method, followed), row in zip(results.items(), axes, strict=True):
+        for kind, axis in enumerate(row):
+            _draw_figure(axis, followed, kind)
+        row[0].set_ylabel(f"{method}: {len(followed.lost)} starts")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=80)
+    plt.close(figure)
+
+
+def _draw_figure(axis: Any, followed: Followed, kind: int) -> None:
+    """Draw one figure of all variants, with intervals and what is ideal."""
+    for place, (name, (color, marker)) in enumerate(zip(VARIANTS, STYLES, strict=True)):
+        values = by_ping(followed, kind, place)
+        centre = np.array([one.value for one in values])
+        reach = np.abs(np.array([(one.low, one.high) for one in values]).T - centre)
+        pings = np.arange(AFTER + 1) + 0.08 * (place - 1.5)  # side by side
+        axis.errorbar(
+            pings,
+            centre,
+            reach,
+            color=color,
+            marker=marker,
+            ms=4,
+            lw=1.2,
+            elinewidth=0.8,
+            label=name,
+        )
+    if kind in IDEAL:
+        axis.axhline(IDEAL[kind], color="grey", linestyle="--", lw=1)
+    axis.set_ylim(bottom=0)
+    axis.set_title(TITLES[kind])
+    axis.set_xlabel("pings after the start")
+    axis.grid(alpha=0.3)
+
+
+def main(arguments: Iterable[str] | None = None) -> None:
+    """Compare, print and draw."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--runs", type=int, default=160)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--noise", type=float, default=0.0, help="process noise, m^2/s^3")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--picture", type=Path, default=BUILD / "handover.png")
+    options = parser.parse_args(arguments)
+    seeds = [(options.seed, run) for run in range(options.runs)]
+    results = {}
+    for method in METHODS:
+        job = partial(follow, method=method, noise=options.noise)
+        parts = with_progress(mapped(job, seeds, options.processes, chunk=4), len(seeds))
+        results[method] = Followed.of(list(parts))
+        print(
+            f"method {method} (defaults), scenario {SCENARIO}, {options.runs} runs, seed "
+            f"{options.seed}: {len(results[method].lost)} true starts in the first {SCANS} scans; "
+            f"process noise {options.noise:g} m^2/s^3; 95 % intervals\n"
+        )
+        print(tables(results[method]) + "\n")
+    draw(results, options.picture)
+    print(f"picture: {options.picture}")
+
+
+if __name__ == "__main__":
+    main()
