@@ -43,6 +43,7 @@ from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.session import SensorScan
 
 DEPTH = 1000
+"""Messages of a kind that may queue up."""
 RESTART_JUMP = 60.0
 """Own-ship data farther back than this begins a new history, s."""
 
@@ -154,8 +155,11 @@ class KalmanTracker(Node):
         if new.stamp < self._tracker.stamp:
             self.get_logger().warning(f"time went back to {new.stamp:.3f} s: starting over")
             self._tracker.clear()
+        before = set(self._tracker.targets)
         self._tracker.step(new.stamp, convert(scan, self._sensor, 0))
         self._tracker.start(new.tracks)
+        if before != set(self._tracker.targets):
+            self.get_logger().info(f"{new.stamp:.0f} s: follows {sorted(self._tracker.targets)}")
         header = make_header(stamp_ns(message), new.frame_id)
         self._tracked.publish(track_cloud(header, self._tracker.tracks()))
 

@@ -20,6 +20,8 @@ sys.path.append(str(Path(__file__).parents[2] / "examples"))
 
 from kalman_tracker import KalmanTracker
 
+EXAMPLES = str(Path(__file__).parents[2] / "examples")
+RUN = "import kalman_tracker; sys.exit(kalman_tracker.main())"
 NUMBERS = (*STATE, *COVARIANCE)
 SCANS, PERIOD = 24, 12.0
 TARGETS = ((3000.0, 4.0, 1500.0, -2.0), (-2500.0, 0.0, 2500.0, 4.0), (500.0, -3.0, -4000.0, 3.0))
@@ -153,6 +155,14 @@ def test_a_tracker_that_is_started_again_goes_on_with_what_is_held(world, scenar
     assert near(play.tracked[-1]) == followed
     assert all(near(one) == followed for one in play.tracked[before:])
     assert sum(len(one) for message in play.tracks for one in near(message)) == len(TARGETS)
+
+
+def test_an_interrupt_ends_it_cleanly(start):
+    process = start("kalman_tracker", script=f"import sys; sys.path.append({EXAMPLES!r})\n{RUN}")
+    process.until_said("waiting for a publisher")
+    process.interrupt()
+    assert process.exit_code() == 0
+    assert "Traceback" not in process.said
 
 
 def test_a_parameter_that_the_tracker_does_not_know_is_refused(world):
