@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from expectation import COVARIANCE, STATE
-from ros_world import LATCHED, World
+from ros_world import LATCHED, RELIABLE, WARN, World
 from sensor_msgs.msg import PointCloud2
-from sonar_driver import points, stamp_ns
+from sonar_driver import START_NS, Driver, Ping, points, stamp_ns
 
+from msg_adapters import make_header, track_cloud
+from tsepm_ros import ConfirmedTrack
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -23,6 +26,7 @@ from kalman_tracker import KalmanTracker
 EXAMPLES = str(Path(__file__).parents[2] / "examples")
 RUN = "import kalman_tracker; sys.exit(kalman_tracker.main())"
 NUMBERS = (*STATE, *COVARIANCE)
+SECOND = 10**9
 SCANS, PERIOD = 24, 12.0
 TARGETS = ((3000.0, 4.0, 1500.0, -2.0), (-2500.0, 0.0, 2500.0, 4.0), (500.0, -3.0, -4000.0, 3.0))
 SCENARIO = f"""
@@ -155,6 +159,115 @@ def test_a_tracker_that_is_started_again_goes_on_with_what_is_held(world, scenar
     assert near(play.tracked[-1]) == followed
     assert all(near(one) == followed for one in play.tracked[before:])
     assert sum(len(one) for message in play.tracks for one in near(message)) == len(TARGETS)
+
+
+class Alone:
+    """The tracker without an initiator: what that would say is said by hand."""
+
+    TRACK = ConfirmedTrack(
+        7, 0.0, np.array([3000.0, 4.0, 1500.0, -2.0]), np.diag([1e4, 1.0, 1e4, 1.0]), (), 0.0
+    )
+
+    def __init__(self, world: World, **parameters: str) -> None:
+        self.world = world
+        self.driver = world.add(Driver(world.context))
+        self.publisher = {
+            topic: world.observer.create_publisher(PointCloud2, topic, qos)
+            for topic, qos in (("tracks", RELIABLE), ("tracks/current", LATCHED))
+        }
+        self.tracked = world.listen(PointCloud2, "tracked")
+        self.tracker = world.make(KalmanTracker, parameters)
+        world.until(self.driver.publisher.get_subscription_count, "the tracker to subscribe")
+        world.until_connected()
+
+    def say(self, topic: str, after: float, *tracks: ConfirmedTrack) -> None:
+        header = make_header(START_NS + round(after * SECOND), "sonar")
+        self.publisher[topic].publish(track_cloud(header, tracks))
+
+    def detect(self, after: float) -> None:
+        """A ping that sees the track at its place of then, and something else."""
+        x, vx, y, vy = self.TRACK.state
+        x, y = x + vx * after, y + vy * after
+        ping = Ping(
+            START_NS + round(after * SECOND), [np.hypot(x, y), 500.0], [np.arctan2(y, x), -2.0]
+        )
+        self.driver.ping(ping)
+
+    def until_waiting(self, pings: int, scans: int) -> None:
+        tracker = self.tracker
+        self.world.until(
+            lambda: (len(tracker._waiting), len(tracker._scans)) == (pings, scans),
+            f"{pings} pings and {scans} scans to be there",
+        )
+
+    def answers(self, *after: float) -> list[set[int]]:
+        """Wait for answers to pings at these times, and no others; returns the ids of each."""
+        self.world.until(lambda: len(self.tracked) >= len(after), "answers")
+        times = [(stamp_ns(message) - START_NS) / SECOND for message in self.tracked]
+        assert times == list(after)
+        return [ids(message) for message in self.tracked]
+
+
+def test_nothing_is_said_before_what_is_held_is_known(world):
+    alone = Alone(world)
+    for after in (0.0, 12.0):
+        alone.say("tracks", after)
+        alone.detect(after)
+    alone.until_waiting(2, 2)
+    assert not alone.tracked
+    alone.say("tracks/current", 0.0, alone.TRACK)
+    assert alone.answers(12.0) == [{7}]
+    assert alone.tracker._tracker.targets[7].misses == 0
+
+
+@pytest.mark.parametrize("what", ["detections", "own ship"])
+def test_a_ping_that_lacks_something_is_passed_over_without_a_miss(world, what):
+    source = "odometry" if what == "own ship" else "none"
+    alone = Alone(world, own_ship_source=source)
+    alone.say("tracks/current", 0.0, alone.TRACK)
+    if what == "own ship":
+        alone.detect(12.0)  # before the first pose
+    alone.say("tracks", 12.0)
+    alone.say("tracks", 24.0)
+    alone.detect(24.0)
+    if what == "own ship":
+        for after in (23.0, 25.0):
+            alone.driver.pose(START_NS + round(after * SECOND), 0.0, 0.0, 0.0)
+    assert alone.answers(24.0) == [{7}]
+    world.until_logged("passed over", level=WARN)
+    [said] = points(alone.tracked[0])
+    np.testing.assert_allclose(
+        [said[name] for name in STATE], [3096.0, 4.0, 1452.0, -2.0], atol=5.0
+    )
+
+
+def test_late_detections_are_waited_for(world):
+    alone = Alone(world)
+    alone.say("tracks/current", 0.0, alone.TRACK)
+    alone.say("tracks", 12.0)
+    alone.until_waiting(1, 0)
+    assert not alone.tracked
+    alone.detect(12.0)
+    assert alone.answers(12.0) == [{7}]
+
+
+def test_stamps_that_go_back_start_over(world):
+    alone = Alone(world)
+    alone.say("tracks/current", 1000.0, replace(alone.TRACK, stamp=1000.0))
+    alone.say("tracks", 0.0)
+    alone.detect(0.0)
+    assert alone.answers(0.0) == [set()]
+    world.until_logged("time went back", level=WARN)
+
+
+def test_own_ship_data_that_goes_back_begins_anew(world):
+    alone = Alone(world, own_ship_source="odometry")
+    for after in (1000.0, -1.0, 1.0):
+        alone.driver.pose(START_NS + round(after * SECOND), 0.0, 0.0, 0.0)
+    alone.say("tracks/current", 0.0)
+    alone.say("tracks", 0.0, alone.TRACK)
+    alone.detect(0.0)
+    assert alone.answers(0.0) == [{7}]
 
 
 def test_an_interrupt_ends_it_cleanly(start):
