@@ -59,7 +59,7 @@ AFTER = 10
 """Pings after the start."""
 TOLD = (1, 2, 3, 5, 10)
 """Those of them that the tables name."""
-AHEAD, STATE, POSITION, VELOCITY = range(4)
+AHEAD, NEES_OF_STATE, POSITION, VELOCITY = range(4)
 TITLES = (
     "position carried ahead, NEES (ideal 2)",
     "filtered, NEES (ideal 4)",
@@ -67,7 +67,7 @@ TITLES = (
     "velocity error, RMS [m/s]",
 )
 DIGITS = (2, 2, 1, 3)
-IDEAL = {AHEAD: 2.0, STATE: 4.0}
+IDEAL = {AHEAD: 2.0, NEES_OF_STATE: 4.0}
 STYLES = (("#000000", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#56B4E9", "D"))
 """Colours that stay apart for colour-blind readers (Okabe and Ito), and marks."""
 
@@ -169,7 +169,7 @@ def follow(seed: Sequence[int], method: str, noise: float) -> Followed:
             followed.figures[row, place, :, AHEAD] = carried_ahead(scene, start, target, noise)
             target = Target(start.track.state, given(start.track.covariance))
             figures, outside = filtered(scene, start, target, noise)
-            followed.figures[row, place, :, STATE:] = figures
+            followed.figures[row, place, :, NEES_OF_STATE:] = figures
             followed.outside[row, place] = outside
         followed.false[:, place], followed.lost[:, place] = in_clutter(scene, given, noise)
     return followed
