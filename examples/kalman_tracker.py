@@ -28,10 +28,10 @@ from msg_adapters import (
     read_detections,
     read_own_ship,
     sensor_scan,
+    time_to_ns,
     track_cloud,
     tracker_report,
 )
-from msg_adapters.stamps import time_to_ns
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.conversion import convert
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
@@ -42,10 +42,8 @@ from tsepm_ros.own_ship import PoseHistory, echo_poses
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.session import SensorScan
 
-DEPTH = 1000
-"""Messages of a kind that may queue up."""
-RESTART_JUMP = 60.0
-"""Own-ship data farther back than this begins a new history, s."""
+DEPTH = 1000  # messages of a kind that may queue up
+RESTART_JUMP = 60.0  # own-ship data farther back than this begins a new history, s
 
 
 @dataclass(frozen=True, kw_only=True)
