@@ -49,6 +49,7 @@ setup(
         (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.xml"))),
         (f"share/{NAME}/rviz", sorted(glob("rviz/*"))),
+        (f"share/{NAME}/foxglove", sorted(glob("foxglove/*"))),
     ],
     zip_safe=False,
     install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML"],

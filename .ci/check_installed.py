@@ -17,7 +17,7 @@ from rcl_interfaces.srv import ListParameters
 
 PACKAGE = "tsepm_ros"
 EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "tsepm"]
-SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*"]
+SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*", "foxglove/*"]
 DOMAIN = 1 + os.getpid() % 100  # so that checks side by side do not meet
 SECONDS = 30.0  # for a node to answer, and to end
 

@@ -21,6 +21,7 @@ from msg_adapters.diagnostics import diagnostics
 from msg_adapters.errors import MessageError
 from msg_adapters.ground_truth import truth_markers, truth_tracks
 from msg_adapters.own_ship_odometry import OwnShipSample, odometry_message, read_own_ship
+from msg_adapters.placed_detections import placed_detections_cloud
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.point_cloud_detections import detections_cloud
 from msg_adapters.recorded_scan import read_recorded_scan
@@ -33,7 +34,7 @@ from msg_adapters.track_cloud import (
     track_covariances,
     track_states,
 )
-from msg_adapters.track_markers import clear_markers, track_markers
+from msg_adapters.track_markers import clear_markers, potential_track_markers, track_markers
 from msg_adapters.track_odometry import track_odometry
 
 __all__ = [
@@ -49,7 +50,9 @@ __all__ = [
     "ns_to_seconds",
     "ns_to_time",
     "odometry_message",
+    "placed_detections_cloud",
     "pose_sample",
+    "potential_track_markers",
     "read_detections",
     "read_fields",
     "read_own_ship",

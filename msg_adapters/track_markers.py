@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tsepm_ros.track import TrackArrays
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
@@ -22,11 +24,19 @@ NAMESPACES = ("position", "velocity", "ellipse", "label")
 
 TRACK_COLOR: Color = (0.1, 0.9, 0.3)
 
+POTENTIAL_COLORS: tuple[Color, Color] = (0.45, 0.5, 0.6), (1.0, 0.6, 0.0)
+"""Of a potential track without any evidence, and of one at the threshold."""
+
+LEAD_TIME = 60.0
+"""How far ahead velocities are shown, s."""
+
 ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 """Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
 
 _LABEL_HEIGHT = 3.0  # in sizes of the position's marker: readable when that is a few pixels
 _ELLIPSE_OPACITY = 0.25
+_POTENTIAL_OPACITY = 0.3, 1.0  # as the colours
+_POTENTIAL_SIZE, _POTENTIAL_LINE = 60.0, 15.0  # m
 _THICKNESS = 0.01  # m; RViz refuses a scale of 0
 
 
@@ -35,8 +45,9 @@ def track_markers(
     tracks: Iterable[ConfirmedTrack],
     ended_ids: Iterable[int] = (),
     *,
+    afresh: bool = False,
     minimum_size: float = 20.0,
-    lead_time: float = 60.0,
+    lead_time: float = LEAD_TIME,
     color: Color = TRACK_COLOR,
 ) -> MarkerArray:
     """Build the markers that show the current tracks and remove those that ended.
@@ -52,6 +63,8 @@ def track_markers(
         Every current track.
     ended_ids : iterable of int, optional
         Ids of the tracks that ended since the last message.
+    afresh : bool, optional
+        Remove every marker of the topic first, whoever put it there.
     minimum_size : float, optional
         Sphere, arrow and label follow the largest standard deviation of the position, but not
         below this, m. The ellipse is always true to scale.
@@ -72,6 +85,8 @@ def track_markers(
         for track_id in ended_ids
         for namespace in NAMESPACES
     ]
+    if afresh:
+        markers = [_marker(header, "", 0, "DELETEALL")]
     for track in tracks:
         semi_major, _, _ = confidence_ellipse(track.position_covariance)
         sigma = semi_major / ELLIPSE_SCALE
@@ -83,6 +98,63 @@ def track_markers(
             _label(header, track, size, sigma, color),
         )
     return MarkerArray(markers=markers)
+
+
+def potential_track_markers(
+    header: Header, tracks: Sequence[ConfirmedTrack], *, lead_time: float = LEAD_TIME
+) -> MarkerArray:
+    """Build the markers of all potential tracks, in place of those before.
+
+    They are many, so they are two markers: points at the positions, and lines to where the
+    velocities take them. What has a score goes from grey to orange as that nears the threshold,
+    ``score - evaluation``; where a method has none, all are grey.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+        The fixed frame, and the stamp of the states.
+    tracks : sequence of ConfirmedTrack
+    lead_time : float, optional
+        How far ahead the lines point, s.
+
+    Returns
+    -------
+    visualization_msgs.msg.MarkerArray
+    """
+    from geometry_msgs.msg import Point
+    from std_msgs.msg import ColorRGBA
+    from visualization_msgs.msg import MarkerArray
+
+    markers = [_marker(header, "", 0, "DELETEALL")]
+    arrays = TrackArrays.of(tracks)
+    if not len(arrays):
+        return MarkerArray(markers=markers)  # RViz refuses points of which there are none
+    share = _nearness(arrays)[:, None]
+    (bare, full), (faint, opaque) = np.array(POTENTIAL_COLORS), _POTENTIAL_OPACITY
+    rgba = np.hstack([bare + share * (full - bare), faint + share * (opaque - faint)])
+    colors = [ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in rgba.tolist()]
+    begin = arrays.state[:, 0::2]
+    ends = np.stack([begin, begin + lead_time * arrays.state[:, 1::2]], axis=1)
+    points = [[Point(x=x, y=y) for x, y in line] for line in ends.tolist()]
+    positions = _marker(header, "position", 0, "ADD")
+    positions.type = positions.POINTS
+    positions.scale.x = positions.scale.y = _POTENTIAL_SIZE
+    positions.points, positions.colors = [line[0] for line in points], colors
+    velocities = _marker(header, "velocity", 0, "ADD")
+    velocities.type = velocities.LINE_LIST
+    velocities.scale.x = _POTENTIAL_LINE
+    velocities.points = [point for line in points for point in line]
+    velocities.colors = [color for color in colors for _ in range(2)]
+    for marker in (positions, velocities):
+        marker.color.a = 1.0
+    return MarkerArray(markers=[*markers, positions, velocities])
+
+
+def _nearness(tracks: TrackArrays) -> NDArray[np.float64]:
+    """Score as a share of the threshold, from 0 to 1; 0 where there is none, (n,)."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = tracks.score / (tracks.score - tracks.evaluation)
+    return np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0)
 
 
 def clear_markers(header: Header) -> MarkerArray:

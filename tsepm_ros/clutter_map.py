@@ -74,9 +74,13 @@ class ClutterMap:
         range, azimuth : (n,) ndarray
             m, rad. Outside the coverage the nearest cell counts.
         """
-        if self._density is None:
-            self._density = self._estimate()
-        return np.asarray(self._density[self._cells(range, azimuth)])
+        return np.asarray(self._densities[self._cells(range, azimuth)])
+
+    @property
+    def mean(self) -> float:
+        """Mean density over the coverage, 1/m^2."""
+        area = np.diff(self._edges**2)  # of a ring's cells, up to a factor
+        return float(np.average(self._densities.mean(axis=1), weights=area))
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Take a scan's detections.
@@ -106,6 +110,13 @@ class ClutterMap:
         row = np.clip(np.searchsorted(self._edges, range, side="right") - 1, 0, rows - 1)
         column = np.clip(turned / self._width, 0, columns - 1).astype(np.int64)
         return row, column
+
+    @property
+    def _densities(self) -> FloatArray:
+        """Density of each cell, 1/m^2, as of the last update."""
+        if self._density is None:
+            self._density = self._estimate()
+        return self._density
 
     def _estimate(self) -> FloatArray:
         """Density of each cell, 1/m^2."""

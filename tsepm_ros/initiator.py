@@ -228,6 +228,11 @@ class Initiator(ABC):
         return self.estimated_detection_probability
 
     @property
+    def clutter_density(self) -> float:
+        """Clutter density in use, 1/m^2: given, or the mean of the estimate over the coverage."""
+        return self.sensor.clutter_density
+
+    @property
     def sensor_in_use(self) -> SensorModel:
         """The sensor with the detection probability in use."""
         if self.common.detection_probability == "given":

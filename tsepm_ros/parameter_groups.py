@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from tsepm_ros.health import DiagnosticsOptions
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import METHODS
 from tsepm_ros.own_ship import Mounting
@@ -47,7 +48,7 @@ class InitiatorNodeOptions:
         read_only=True,
     )
     publish_potential_tracks: bool = parameter(
-        False, "Publish the hypotheses of two hits and more on potential_tracks"
+        False, "Publish the hypotheses of two hits and more on potential_tracks, with markers"
     )
     diagnostics_period: float = parameter(
         1.0, "Time between messages on /diagnostics", unit="s", minimum=0.05, maximum=3600.0
@@ -160,6 +161,7 @@ TRACK_INITIATOR: Groups = (
     ("", SessionOptions),
     ("", InitiatorNodeOptions),
     ("", CommonOptions),
+    ("diagnostics.", DiagnosticsOptions),
     ("sensor.", SensorModel),
     ("mounting.", Mounting),
     *((f"{name}.", kind.Options) for name, kind in METHODS.items()),

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.attitude import levelled
+from tsepm_ros.clocks import Now, waited
+from tsepm_ros.health import Figures
 from tsepm_ros.holding import Tracker
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.methods import METHODS, available_methods, make_initiator
@@ -41,9 +43,6 @@ QUEUE_LENGTH = 1000
 
 MAX_YAW_VARIANCE = math.pi**2
 """Variance of the heading above which there is none, rad^2."""
-
-Now = float | tuple[float, ...]
-"""Time on one clock or on several, s."""
 
 OWN_SHIP_SOURCES = ("none", "odometry", "tf")
 
@@ -235,6 +234,8 @@ class ScanResult:
         The initiator's counts.
     core_seconds : float
         Time that the initiator took, s.
+    waiting : float
+        Time that the scan waited for own-ship data, s; infinite where no time is given.
     """
 
     stamp: float
@@ -247,6 +248,7 @@ class ScanResult:
     ended: list[int]
     statistics: ScanStatistics
     core_seconds: float
+    waiting: float
 
 
 def _echo_span(arrived: SensorScan) -> tuple[float, float]:
@@ -292,12 +294,6 @@ def _chosen(
     return dataclasses.replace(
         arrived, scan=chosen, transmit_offset=of(arrived.transmit_offset), height=None
     )
-
-
-def _waited(since: Now, now: Now) -> float:
-    """Least time that has passed on any clock, s; one that was set back tells nothing."""
-    passed = np.atleast_1d(np.subtract(now, since))
-    return float(passed[passed >= 0].min(initial=math.inf))
 
 
 def _ignore(reason: str, sentence: str) -> None:
@@ -499,36 +495,34 @@ class Session:
         """
         while self._waiting:
             since, arrival, arrived = self._waiting[0]
-            placed = self._placed(arrived, _waited(since, now))
+            waiting = waited(since, now)
+            placed = self._placed(arrived, waiting)
             if placed is None:
                 return
             self._waiting.popleft()
             self._start_over(arrival, arrived.scan.stamp)
             if isinstance(placed, Scan):
-                yield self._run(placed, arrival, arrived.stamp_ns)
+                yield self._run(placed, arrival, arrived.stamp_ns, waiting)
 
-    def health(self) -> tuple[str, str, dict[str, object]]:
-        """State of the session for diagnostics: level, a sentence, and figures by name."""
-        totals = self.initiator.totals
-        cut = totals.cut_potential_tracks + totals.cut_confirmations
-        values: dict[str, object] = dataclasses.asdict(totals)
-        values["potential_tracks"] = self.initiator.statistics.potential_tracks
-        values["potential_tracks_most"] = totals.potential_tracks
-        values["waiting_for_own_ship"] = len(self._waiting)
-        values["detection_probability"] = self.initiator.detection_probability
-        values["detection_probability_estimated"] = self.initiator.estimated_detection_probability
-        values["tracker"] = self.initiator.hold.tracker.value
-        values.update({f"dropped.{name}": n for name, n in sorted(self.dropped.items())})
-        if self.initiator.hold.tracker is Tracker.SILENT:
-            return "warn", "the downstream tracker is silent", values
-        if self.dropped:
-            worst, number = self.dropped.most_common(1)[0]
-            return "warn", f"dropped: {number} {worst}", values
-        if cut:
-            return "warn", f"a limit cut {cut} hypotheses", values
-        if not totals.scans:
-            return "warn", "no scan yet", values
-        return "ok", f"{totals.scans} scans, {totals.confirmed} confirmed tracks", values
+    def figures(self) -> Figures:
+        """State of the session, by which its health is judged."""
+        initiator = self.initiator
+        newest = self._waiting[-1][2].scan.stamp if self._waiting else initiator.stamp
+        return Figures(
+            totals=initiator.totals,
+            potential_tracks=initiator.statistics.potential_tracks,
+            tracks=len(initiator.hold.current),
+            dropped=dict(self.dropped),
+            waiting=len(self._waiting),
+            detection_probability=initiator.detection_probability,
+            detection_probability_estimated=initiator.estimated_detection_probability,
+            clutter_density=initiator.clutter_density,
+            coverage_area=initiator.sensor.coverage_area,
+            own_ship_source=self._settings.session.own_ship_source,
+            own_ship_stamp=self.own_ship_stamp,
+            scan_stamp=newest,
+            tracker=initiator.hold.tracker.value,
+        )
 
     def _is_too_large(self, scan: Scan) -> bool:
         limit = self._settings.common.max_detections
@@ -567,7 +561,7 @@ class Session:
                 return False
         return True
 
-    def _placed(self, arrived: SensorScan, waited: float) -> Scan | bool | None:
+    def _placed(self, arrived: SensorScan, waiting: float) -> Scan | bool | None:
         """Place a scan in the fixed frame; None: wait; False: dropped."""
         scan = arrived.scan
         if self._is_too_large(scan):
@@ -578,7 +572,7 @@ class Session:
         if self.look_up is not None:
             self.look_up(arrived.frame_id, first, last, arrived.axes)
         coverage = self._poses.coverage(first, last)
-        timed_out = waited >= self._settings.session.own_ship_timeout
+        timed_out = waiting >= self._settings.session.own_ship_timeout
         if coverage is Coverage.NOT_YET and not timed_out:
             return None
         if coverage is Coverage.NEVER or not (
@@ -706,7 +700,7 @@ class Session:
         elif change == (Tracker.SILENT, Tracker.ALIVE):
             self._report("tracker_back", "the downstream tracker is heard again")
 
-    def _run(self, scan: Scan, arrival: Arrival, stamp_ns: int) -> ScanResult:
+    def _run(self, scan: Scan, arrival: Arrival, stamp_ns: int, waiting: float) -> ScanResult:
         if self._live:
             self.initiator.max_scan_time = self._settings.session.max_scan_time
         tracker = self.initiator.hold.tracker
@@ -730,4 +724,5 @@ class Session:
             ended=self.initiator.hold.ended,
             statistics=statistics,
             core_seconds=core_seconds,
+            waiting=waiting,
         )

@@ -152,15 +152,22 @@ class World:
         self.until(found, f"a log entry with {parts}")
         return found()[0]
 
-    def status(self) -> DiagnosticStatus:
-        """The status of the track initiator's diagnostics, as published after this call."""
+    def statuses(self) -> dict[str, DiagnosticStatus]:
+        """The track initiator's diagnostics by task, as published after this call."""
         seen = len(self.diagnostics)
         self.until(lambda: len(self.diagnostics) > seen, "diagnostics")
-        return self.diagnostics[-1].status[0]
+        found = self.diagnostics[-1].status
+        return {status.name.partition(": ")[2]: status for status in found}
+
+    def status(self, task: str) -> DiagnosticStatus:
+        """One of them."""
+        return self.statuses()[task]
 
     def figures(self) -> dict[str, str]:
-        """The track initiator's figures of diagnostics, as published after this call."""
-        return {value.key: value.value for value in self.status().values}
+        """The figures of all tasks, as published after this call."""
+        return {
+            value.key: value.value for status in self.statuses().values() for value in status.values
+        }
 
     def dropped(self) -> dict[str, int]:
         """Drops by reason, from diagnostics."""

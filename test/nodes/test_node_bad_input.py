@@ -176,7 +176,7 @@ def test_an_unusable_message_is_dropped_counted_and_named(world, name):
     line = world.until_logged(case.reason, case.said, level=WARN)
     assert "\n" not in line
     assert len([one for one in world.logged(WARN) if case.reason in one]) == 1, "throttled"
-    status = world.status()
+    status = world.status("detections")
     assert (status.level, status.message) == (b"\x01", f"dropped: 2 {case.reason}")
     assert_same(received, confirmed(SENT))
     assert_stamps(received, SENT)

@@ -414,7 +414,7 @@ def test_waiting_is_measured_in_real_time_when_simulated_time_runs_fast(world):
         world.until(
             lambda expected=expected: boat.node.get_clock().now().nanoseconds == expected, "time"
         )
-        world.status()
+        world.statuses()
         publish_poses(boat, Ship(), 12 * index, 12 * index + 8)
         world.until(lambda: world.figures()["waiting_for_own_ship"] == "0", "the scan to be taken")
     assert_same(boat.tracks, confirmed(sent))

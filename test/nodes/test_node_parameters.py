@@ -344,8 +344,8 @@ def test_the_same_value_again_keeps_potential_tracks(world):
 def test_the_period_of_diagnostics_may_change_while_running(world):
     world.make(TrackInitiator, {"diagnostics_period": 3600.0})
     assert set_parameters(world, diagnostics_period=0.05) == [""]
-    world.status()
-    world.status()
+    world.statuses()
+    world.statuses()
 
 
 def test_a_parameter_file_is_read(world, tmp_path):

@@ -249,4 +249,4 @@ def test_a_parameter_file_sets_parameters_of_an_executable(world, start, tmp_pat
     path.write_text("track_initiator:\n  ros__parameters:\n    diagnostics_period: 0.06\n")
     start("track_initiator", arguments=["--params-file", str(path)])
     for _ in range(5):
-        world.status()
+        world.statuses()

@@ -32,7 +32,7 @@ def test_an_unsupported_type_is_named_once_and_a_good_driver_is_still_found(worl
     assert POINT_CLOUD in line, "the supported types"
     world.until(lambda: len(world.diagnostics) > 5, "more looks at the graph")
     assert len(world.logged(ERROR)) == 1
-    assert world.status().message == "no publisher of detections yet"
+    assert world.status("detections").message == "no publisher of detections yet"
 
     world.end(wrong)
     assert publisher
@@ -86,7 +86,7 @@ def test_type_and_reliability_given_subscribe_before_there_is_a_driver(world):
     given = {"detections_type": POINT_CLOUD, "detections_reliability": "best_effort"}
     node = world.make(TrackInitiator, named(given))
     assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
-    assert world.status().message == "no scan yet"
+    assert world.status("detections").message == "no scan yet"
 
 
 def test_best_effort_may_be_asked_of_a_reliable_driver(world):

@@ -133,7 +133,7 @@ def test_a_tracker_that_falls_silent_and_comes_back_is_said(world):
     assert world.figures()["tracker"] == "alive"
     assert ids(tracker.held_at(24.0)) == [9], "held here now"
     world.until_logged("downstream tracker was silent for 20 s", level=WARN)
-    assert "silent" in world.status().message
+    assert "silent" in world.status("downstream tracker").message
     assert world.figures()["tracker"] == "silent"
     tracker.say(25.0, 9)
     assert ids(tracker.held_at(36.0)) == [9]

@@ -35,7 +35,26 @@ from tsepm_ros.nodes.track_initiator import TrackInitiator
 SECOND = 10**9
 PARTS = ["ellipse", "label", "position", "velocity"]
 """Namespaces of a track's markers."""
+TASKS = [
+    "track initiation",
+    "detections",
+    "own ship",
+    "latency",
+    "clutter",
+    "quality of service",
+    "downstream tracker",
+]
+"""Of the diagnostics, in their order."""
 TWO_TARGETS = ((3000.0, 4.0, 1500.0, -2.0), (-2000.0, -3.0, 2500.0, 1.0))
+
+
+def shown_markers(world):
+    """The markers from now on: those that greet a viewer have come."""
+    markers = world.listen(MarkerArray, "tracks/markers", LATCHED)
+    world.until(lambda: markers, "what greets a viewer")
+    markers.clear()
+    world.until_connected()
+    return markers
 
 
 @pytest.mark.parametrize("driver_first", [True, False], ids=["driver_first", "node_first"])
@@ -187,8 +206,7 @@ def test_a_late_subscriber_gets_the_current_tracks_as_of_the_last_scan(world):
 
 def test_markers_show_a_track_until_its_hold_time_is_over(world):
     boat = Boat(world, hold_time=30.0)
-    markers = world.listen(MarkerArray, "tracks/markers")
-    world.until_connected()
+    markers = shown_markers(world)
     seen_by_sonar, gone = pings(12, clutter=0)[:5], pings(12, clutter=0)[5:]
     nothing = np.zeros(0, np.float32)
     sent = seen_by_sonar + [replace(ping, range=nothing, azimuth=nothing) for ping in gone]
@@ -211,8 +229,7 @@ def test_markers_show_a_track_until_its_hold_time_is_over(world):
 
 def test_markers_are_at_the_track_and_can_be_drawn(world):
     boat = Boat(world)
-    markers = world.listen(MarkerArray, "tracks/markers")
-    world.until_connected()
+    markers = shown_markers(world)
     tracks = boat.send(pings(5, clutter=0))
     world.until(lambda: len(markers) == 5, "markers")
     [point] = points(tracks[-1])
@@ -227,6 +244,98 @@ def test_markers_are_at_the_track_and_can_be_drawn(world):
     for marker in markers[-1].markers:
         assert marker.color.a > 0
         assert marker.scale.z > 0
+
+
+def drawn(messages):
+    """Ids of the tracks that a viewer of these messages shows."""
+    shown = set()
+    for marker in [marker for message in messages for marker in message.markers]:
+        key = (marker.ns, marker.id)
+        if marker.action == Marker.DELETEALL:
+            shown.clear()
+        elif marker.action == Marker.DELETE:
+            shown.discard(key)
+        else:
+            shown.add(key)
+    return {track_id for _, track_id in shown}
+
+
+@pytest.mark.parametrize("qos", [RELIABLE, LATCHED], ids=["volatile", "latched"])
+def test_a_viewer_that_joins_late_shows_the_tracks_that_are_held(world, qos):
+    boat = Boat(world)
+    sent = pings(10, clutter=0)
+    received = boat.send(sent[:7])
+    ids = {point["track_id"] for message in received for point in points(message)}
+    markers = world.listen(MarkerArray, "tracks/markers", qos)
+    if qos is LATCHED:
+        world.until(lambda: markers, "markers before the next ping")
+    else:  # may come before this side is ready, but no later than with the next ping
+        world.until_connected()
+        boat.send(sent[7:8])
+        world.until(lambda: markers and stamp_ns(markers[-1].markers[-1]) == sent[7].stamp_ns, "it")
+    assert drawn(markers) == ids != set()
+
+
+def test_a_viewer_that_was_away_does_not_show_what_ended_meanwhile(world):
+    boat = Boat(world, hold_time=30.0)
+    first = shown_markers(world)
+    sent = pings(12, clutter=0)
+    boat.send(sent[:5])
+    world.until(lambda: drawn(first), "a track")
+    world.observer.destroy_subscription(first.subscription)
+    world.until_connected()
+    nothing = np.zeros(0, np.float32)
+    boat.send([replace(ping, range=nothing, azimuth=nothing) for ping in sent[5:]])
+    again = world.listen(MarkerArray, "tracks/markers", LATCHED)
+    world.until(lambda: again and again[-1].markers[0].action == Marker.DELETEALL, "a greeting")
+    assert drawn(again) == set()
+
+
+def test_a_node_that_starts_again_removes_the_markers_of_the_one_before(world):
+    boat = Boat(world)
+    markers = shown_markers(world)
+    boat.send(pings(6, clutter=0))
+    world.until(lambda: drawn(markers), "a track")
+    world.end(boat.node)
+    world.make(TrackInitiator, named({}))
+    world.until(lambda: not drawn(markers), "the old markers to go")
+
+
+def test_detections_are_shown_where_they_were_placed(world):
+    boat = Boat(world)
+    placed = world.listen(PointCloud2, "detections/placed")
+    world.until_connected()
+    [ping] = pings(1)
+    boat.send([ping], intensity=np.arange(len(ping.range), dtype=np.float32))
+    world.until(lambda: placed, "detections")
+    assert (placed[0].header.frame_id, stamp_ns(placed[0])) == ("sonar", ping.stamp_ns)
+    found = points(placed[0])
+    # The mean of an azimuth that errs by 1 degree is nearer by exp(-sigma^2 / 2): undone.
+    unbiased = math.exp(math.radians(1.0) ** 2 / 2)
+    x, y = (unbiased * ping.range * turn(ping.azimuth) for turn in (np.cos, np.sin))
+    np.testing.assert_allclose([point["x"] for point in found], x, atol=0.5)
+    np.testing.assert_allclose([point["y"] for point in found], y, atol=0.5)
+    assert [point["intensity"] for point in found] == list(range(len(ping.range)))
+
+
+def test_potential_tracks_are_drawn_by_their_score(world):
+    boat = Boat(world, publish_potential_tracks=True, method="score")
+    clouds = world.listen(PointCloud2, "potential_tracks")
+    markers = world.listen(MarkerArray, "potential_tracks/markers")
+    world.until_connected()
+    boat.send(pings(3))
+    world.until(lambda: len(clouds) == 3 and len(markers) == 3, "potential tracks")
+    found = points(clouds[-1])
+    assert len(found) > 1
+    scores = np.array([point["score"] for point in found])
+    assert np.isfinite(scores).all()
+    first, positions, velocities = markers[-1].markers
+    assert first.action == Marker.DELETEALL
+    assert len(velocities.points) == 2 * len(positions.points) == 2 * len(found)
+    order = np.argsort(scores, kind="stable")
+    red = np.array([color.r for color in positions.colors])
+    assert (np.diff(red[order]) >= -1e-6).all(), "a higher score is nearer to orange"
+    assert red.max() > red.min()
 
 
 def test_potential_tracks_come_only_while_switched_on(world):
@@ -249,7 +358,7 @@ def test_potential_tracks_come_only_while_switched_on(world):
     world.until(lambda: len(potential) >= 3, "potential tracks")
     switch(False)
     boat.send(sent[6:])
-    world.status()  # after the last scan: whatever was published has come
+    world.statuses()  # after the last scan: whatever was published has come
     assert [stamp_ns(message) for message in potential] == [p.stamp_ns for p in sent[3:6]]
 
     same = initiator()
@@ -281,33 +390,61 @@ def test_results_are_published_in_the_callback_that_made_them(world):
 
 def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
     node = world.make(TrackInitiator, named({}))
-    assert world.status().message == "no publisher of detections yet"
-    assert world.status().level == b"\x01"
+    missing = world.status("detections")
+    assert (missing.message, missing.level) == ("no publisher of detections yet", b"\x01")
     world.end(node)
     boat = Boat(world)
-    assert "no scan yet" in world.status().message
+    assert world.status("detections").message == "no scan yet"
     before = boat.node.get_clock().now().nanoseconds
     sent = pings()
     tracks = boat.send(sent)
-    status = world.status()
-    assert status.name == "track_initiator: track initiation"
-    assert status.level == b"\x00"
+    found = world.statuses()
     assert before <= stamp_ns(world.diagnostics[-1]) <= before + 60 * SECOND
-    figures = {value.key: value.value for value in status.values}
+    assert {status.name for status in world.diagnostics[-1].status} == {
+        f"track_initiator: {task}" for task in TASKS
+    }
+    levels = {task: status.level for task, status in found.items()}
+    # A tenth of the clutter of the data sheet: that is said.
+    assert levels == {task: b"\x01" if task == "clutter" else b"\x00" for task in TASKS}
+    figures = world.figures()
     assert int(figures["scans"]) == len(sent)
     assert int(figures["detections"]) == sum(len(ping.range) for ping in sent)
     assert int(figures["confirmed"]) == sum(message.width for message in tracks)
-    assert int(figures["waiting_for_own_ship"]) == 0
+    assert float(figures["scan_interval_s"]) == pytest.approx(12.0)
     assert 0 < float(figures["core_ms"]) < float(figures["latency_ms"])
     assert float(figures["latency_ms"]) < float(figures["latency_all_ms"])
+    assert 0 < float(figures["publishing_ms"]) < float(figures["latency_all_ms"])
     assert {"potential_tracks", "raw_confirmations", "pruned", "merged", "started"} <= set(figures)
     assert not [key for key in figures if key.startswith("dropped.")]
+
+
+def test_a_drop_is_a_warning_for_the_window_only_and_counted_for_good(world):
+    boat = Boat(world, diagnostics__window=0.5)
+    sent = pings()
+    boat.send(sent)
+    boat.driver.ping(sent[-2])
+    world.until(lambda: world.status("detections").level == b"\x01", "the warning")
+    world.until(lambda: world.status("detections").level == b"\x00", "its end")
+    assert world.dropped() == {"scan_late": 1}
+
+
+def test_thresholds_may_change_while_running(world):
+    boat = Boat(world)
+    boat.send(pings())
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.01)
+    request = SetParameters.Request(
+        parameters=[Parameter(name="diagnostics.stale_time", value=value)]
+    )
+    assert world.status("detections").level == b"\x00"
+    response = world.call(SetParameters, "/track_initiator/set_parameters", request)
+    assert response.results[0].successful, response.results[0].reason
+    world.until(lambda: world.status("detections").level == b"\x03", "that it is stale")
 
 
 def test_reset_forgets_scans_tracks_and_counts_but_no_id_comes_twice(world):
     boat = Boat(world)
     current = world.listen(PointCloud2, "tracks/current", LATCHED)
-    markers = world.listen(MarkerArray, "tracks/markers")
+    markers = shown_markers(world)
     world.until_connected()
     sent = pings()
     first = boat.send(sent)
@@ -355,7 +492,7 @@ def test_use_sim_time_takes_the_time_from_clock(world):
     message = Clock()
     message.clock.sec, message.clock.nanosec = 1234, 567
     clock.publish(message)
-    world.status()
+    world.statuses()
     world.until(lambda: stamp_ns(world.diagnostics[-1]) == 1234 * SECOND + 567, "the time in use")
     sent = pings(start_ns=1000 * SECOND)
     assert_same(boat.send(sent), confirmed(sent))

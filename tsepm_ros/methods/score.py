@@ -219,6 +219,13 @@ class Score(Initiator):
         )
         return plan.threshold(share)
 
+    @property
+    def clutter_density(self) -> float:
+        """See `Initiator.clutter_density`."""
+        if self.options.clutter == "given":
+            return super().clutter_density
+        return self._clutter_map.mean
+
     def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
         """Clutter density at each detection, 1/m^2."""
         if self.options.clutter == "given":

@@ -13,6 +13,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from msg_adapters import MessageError, message_class, supported_types
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
+from tsepm_ros.nodes.qos_watch import QosWatch
 
 TOPIC = "detections"
 LOOK_PERIOD = 0.1
@@ -37,6 +38,8 @@ class DetectionsSubscription:
         Messages that may queue up.
     callback : callable
         Called with each message.
+    watch : QosWatch
+        Told of publishers whose quality of service does not fit.
 
     Raises
     ------
@@ -51,11 +54,13 @@ class DetectionsSubscription:
         reliability: str,
         depth: int,
         callback: Callable[[Any], None],
+        watch: QosWatch,
     ) -> None:
         self._node = node
         self._reliability = reliability
         self._depth = depth
         self._callback = callback
+        self._watch = watch
         self._subscription: OfferedSubscription | None = None
         self._refused_types: set[str] = set()
         self._type_name = type_name
@@ -118,6 +123,7 @@ class DetectionsSubscription:
             TOPIC,
             self._depth,
             self._callback,
+            self._watch,
             reliability=reliability,
             fixed=self._reliability != "auto",
         )

@@ -9,6 +9,8 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from tsepm_ros.nodes.qos_watch import QosWatch
+
 
 class OfferedSubscription:
     """Subscribes reliably; as best effort once a publisher turns out to offer no more.
@@ -22,6 +24,8 @@ class OfferedSubscription:
         Messages that may queue up.
     callback : callable
         Called with each message.
+    watch : QosWatch
+        Told of every mismatch.
     reliability : rclpy.qos.ReliabilityPolicy, optional
         To begin with.
     fixed : bool, optional
@@ -35,6 +39,7 @@ class OfferedSubscription:
         topic: str,
         depth: int,
         callback: Callable[[Any], None],
+        watch: QosWatch,
         *,
         reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
         fixed: bool = False,
@@ -44,6 +49,7 @@ class OfferedSubscription:
         self._topic = topic
         self._depth = depth
         self._callback = callback
+        self._watch = watch
         self._fixed = fixed
         self._subscribe(reliability)
 
@@ -62,6 +68,7 @@ class OfferedSubscription:
         )
 
     def _incompatible(self, event: Any) -> None:
+        self._watch.heard[self.topic_name] += 1
         if self._fixed:
             self._node.get_logger().error(
                 f"a publisher of {self.topic_name} does not offer reliable delivery: nothing is "

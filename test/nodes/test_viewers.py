@@ -1,0 +1,103 @@
+"""The RViz configuration and the Foxglove layout name what the nodes of the demo publish."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from boat import named
+from rclpy.qos import DurabilityPolicy
+
+from tsepm_ros.nodes.sonar_simulator import SonarSimulator
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.parameter_groups import SimulatorNodeOptions
+
+ROOT = Path(__file__).parents[2]
+RVIZ = yaml.safe_load((ROOT / "rviz/track_initiator.rviz").read_text())["Visualization Manager"]
+FOXGLOVE = json.loads((ROOT / "foxglove/track_initiator.json").read_text())
+TYPES = {
+    "PointCloud2": "sensor_msgs/msg/PointCloud2",
+    "MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "Odometry": "nav_msgs/msg/Odometry",
+}
+"""What RViz's displays take."""
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@pytest.fixture
+def published(world) -> dict[str, tuple[str, DurabilityPolicy]]:
+    """Types and durabilities by topic, of a simulator and a track initiator."""
+    world.make(TrackInitiator, named({"own_ship_source": "odometry"}))
+    world.make(SonarSimulator)
+    world.until_connected()
+    nodes = [("track_initiator", "/"), ("sonar_simulator", "/")]
+    topics = {
+        topic
+        for node in nodes
+        for topic, _ in world.observer.get_publisher_names_and_types_by_node(*node)
+    }
+    found = {}
+    for topic in topics:
+        for end in world.observer.get_publishers_info_by_topic(topic):
+            found[topic] = end.topic_type, end.qos_profile.durability
+    return found
+
+
+def displays():
+    return [display for display in RVIZ["Displays"] if "Topic" in display]
+
+
+def test_rviz_shows_topics_that_exist_with_types_and_qualities_that_fit(published):
+    assert len(displays()) >= 6
+    for display in displays():
+        topic = display["Topic"]
+        kind, durability = published[topic["Value"]]
+        assert kind == TYPES[display["Class"].removeprefix("rviz_default_plugins/")]
+        assert topic["Reliability Policy"] == "Reliable"
+        latched = durability == DurabilityPolicy.TRANSIENT_LOCAL
+        # Less than is offered would do, but a viewer that joins late would see nothing for a ping.
+        assert topic["Durability Policy"] == ("Transient Local" if latched else "Volatile")
+
+
+def topics_of_panels():
+    panels = FOXGLOVE["configById"]
+    three_d = panels["3D!tracks"]["topics"]
+    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
+    in_paths = {re.match(r"[\w/]+", path)[0] for path in paths}
+    rendered = {panel["topicToRender"] for panel in panels.values() if "topicToRender" in panel}
+    return set(three_d), in_paths, rendered
+
+
+def test_foxglove_shows_topics_that_exist_with_types_that_fit(published):
+    three_d, in_paths, rendered = topics_of_panels()
+    assert three_d and in_paths and rendered == {"/diagnostics"}
+    assert {published[topic][0] for topic in three_d} <= set(TYPES.values())
+    assert {published[topic][0] for topic in in_paths} <= {TYPES["PointCloud2"], DIAGNOSTICS}
+    assert published["/diagnostics"][0] == DIAGNOSTICS
+
+
+def test_foxglove_names_statuses_that_exist(world):
+    world.make(TrackInitiator, named({}))
+    world.statuses()
+    there = {status.name for status in world.diagnostics[-1].status}
+    panels = FOXGLOVE["configById"]
+    paths = [path["value"] for path in panels["Plot!levels"]["paths"]]
+    named_there = {re.search(r'name=="(.*)"', path)[1] for path in paths}
+    assert named_there == there
+    assert panels["DiagnosticStatusPanel!latency"]["selectedName"] in there
+
+
+def test_both_look_at_the_frame_of_the_simulator():
+    frame = SimulatorNodeOptions().fixed_frame
+    assert RVIZ["Global Options"]["Fixed Frame"] == frame
+    assert FOXGLOVE["configById"]["3D!tracks"]["followTf"] == frame
+
+
+def test_every_panel_of_the_layout_is_described():
+    def panels(part):
+        return [part] if isinstance(part, str) else panels(part["first"]) + panels(part["second"])
+
+    assert sorted(panels(FOXGLOVE["layout"])) == sorted(FOXGLOVE["configById"])

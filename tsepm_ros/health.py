@@ -1,0 +1,569 @@
+"""What a session's figures say of its health: one status for each task, as on ``/diagnostics``.
+
+Counts are totals since the start or the last reset; a level tells of the last
+`DiagnosticsOptions.window` only, so that what is over is over.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+import statistics
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from tsepm_ros.clocks import Now, waited
+from tsepm_ros.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRACKER, reason_of
+from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.parameters import check_group, parameter
+
+SCANS = 50
+"""Scans over which intervals and the density of detections are taken."""
+LEAST_SCANS = 5
+"""Scans before the density of detections is judged."""
+LEAST_DETECTIONS = 20.0
+"""Detections, expected or found, before it is."""
+
+
+class Level(enum.IntEnum):
+    """Level of a status, numbered as in diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class Status:
+    """Health of one task.
+
+    Attributes
+    ----------
+    task : str
+    level : Level
+    message : str
+        A sentence, or several with the worst first.
+    values : dict of str to object
+        Figures.
+    """
+
+    task: str
+    level: Level
+    message: str
+    values: Mapping[str, object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiagnosticsOptions:
+    """From where on something is not healthy.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    window: float = parameter(
+        60.0,
+        "Time for which a drop, a late scan, a cut or a long latency keeps its entry from ok",
+        unit="s",
+        positive=True,
+        maximum=86_400.0,
+    )
+    scan_period: float = parameter(
+        0.0,
+        "Expected time between scans; 0: the median of their stamps",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    scan_period_factor: float = parameter(
+        2.0, "Times the expected period that is still good", minimum=1.0, maximum=1000.0
+    )
+    stale_time: float = parameter(
+        60.0,
+        "Without a scan, or own-ship data, for longer than this an entry is stale",
+        unit="s",
+        positive=True,
+        maximum=86_400.0,
+    )
+    max_latency: float = parameter(
+        1.0,
+        "Time from a scan's arrival until everything is published, waiting included, that is good",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+    )
+    max_own_ship_age: float = parameter(
+        3.0,
+        "Own-ship data may be older than this neither now nor at the newest scan",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+    )
+    max_dropped_share: float = parameter(
+        0.1, "Share of single detections that may be dropped", minimum=0.0, maximum=1.0
+    )
+    clutter_factor: float = parameter(
+        3.0,
+        "Times that the density of detections may differ from the clutter density in use",
+        minimum=1.0,
+        maximum=1e6,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Time that a scan took, s.
+
+    Attributes
+    ----------
+    to_tracks, to_all : float
+        From the entry of the callback that processed it until `tracks`, and until everything, was
+        published.
+    waiting : float
+        Before that, for own-ship data.
+    core : float
+        The initiator's part.
+    publishing : float
+        Making and publishing messages.
+    """
+
+    to_tracks: float = 0.0
+    to_all: float = 0.0
+    waiting: float = 0.0
+    core: float = 0.0
+    publishing: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """From arrival until everything was published, s."""
+        return self.waiting + self.to_all
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """State of a session.
+
+    Attributes
+    ----------
+    totals : ScanStatistics
+        Sums since the start or the last reset.
+    potential_tracks : int
+        Potential tracks held.
+    tracks : int
+        Confirmed tracks held.
+    dropped : mapping of str to int
+        Drops by reason.
+    waiting : int
+        Scans that wait for own-ship data.
+    detection_probability, detection_probability_estimated : float
+        In use, and as the tracks held tell it.
+    clutter_density : float
+        In use, the mean over the coverage, 1/m^2.
+    coverage_area : float
+        m^2.
+    own_ship_source : str
+    own_ship_stamp, scan_stamp : float or None
+        Newest stamps, s.
+    tracker : str
+        What is known of the downstream tracker.
+    """
+
+    totals: ScanStatistics
+    potential_tracks: int
+    tracks: int
+    dropped: Mapping[str, int]
+    waiting: int
+    detection_probability: float
+    detection_probability_estimated: float
+    clutter_density: float
+    coverage_area: float
+    own_ship_source: str
+    own_ship_stamp: float | None
+    scan_stamp: float | None
+    tracker: str
+
+
+@dataclass(frozen=True)
+class Connections:
+    """What the middleware tells.
+
+    Attributes
+    ----------
+    subscribed : bool
+        Whether a publisher of detections was found.
+    mismatches_heard : mapping of str to int
+        Events of qualities of service that do not fit, by topic.
+    mismatches : sequence of str
+        The topics on which there is such an endpoint now.
+    """
+
+    subscribed: bool = True
+    mismatches_heard: Mapping[str, int] = field(default_factory=dict)
+    mismatches: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class _ScanRecord:
+    """One processed scan: when, by the first clock (s), its stamp (s), detections and latency."""
+
+    time: float
+    stamp: float
+    detections: int
+    latency: Latency
+
+
+Finding = tuple[Level, str]
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """All that a status is made from."""
+
+    options: DiagnosticsOptions
+    figures: Figures
+    connections: Connections
+    recent: Counter[str]
+    """Drops of the window by reason; and `_scans`, `_detections` and `_cut`."""
+    scans: Sequence[_ScanRecord]
+    since_scan: float
+    since_own_ship: float
+    since_start: float
+    time: float
+
+    @property
+    def recent_scans(self) -> list[_ScanRecord]:
+        """Scans of the window."""
+        return [scan for scan in self.scans if self.time - scan.time <= self.options.window]
+
+    @property
+    def interval(self) -> float:
+        """Median of the stamps' intervals, s; nan while unknown."""
+        steps = [b.stamp - a.stamp for a, b in pairwise(self.scans) if b.stamp > a.stamp]
+        return statistics.median(steps) if steps else math.nan
+
+    @property
+    def period(self) -> float:
+        """Expected time between scans, s; nan while unknown."""
+        return self.options.scan_period or self.interval
+
+    def dropped_of(self, task: str) -> dict[str, object]:
+        """Totals of the drops that belong to a task, as values."""
+        return {
+            f"dropped.{name}": number
+            for name, number in sorted(self.figures.dropped.items())
+            if reason_of(name).task == task
+        }
+
+    def recent_drops(self, task: str, *, of_detections: bool = False) -> Counter[str]:
+        """Drops of the window that belong to a task: of single detections, or of all else."""
+        return Counter(
+            {
+                name: number
+                for name, number in self.recent.items()
+                if number > 0
+                and name[0] != "_"
+                and reason_of(name).task == task
+                and (reason_of(name).lost == "detection") is of_detections
+            }
+        )
+
+
+class Health:
+    """Remembers what is needed to tell the health of a session.
+
+    Parameters
+    ----------
+    options : DiagnosticsOptions
+
+    Attributes
+    ----------
+    options : DiagnosticsOptions
+        May be replaced at any time.
+    latency : Latency
+        That of the last scan.
+    """
+
+    def __init__(self, options: DiagnosticsOptions) -> None:
+        self.options = options
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.latency = Latency()
+        self._scans: deque[_ScanRecord] = deque(maxlen=SCANS)
+        self._heard: dict[str, Now] = {}
+        self._start: Now | None = None
+        self._counts: deque[tuple[float, Counter[str]]] = deque()
+
+    def heard(self, task: str, now: Now) -> None:
+        """Note that data for a task, `DETECTIONS` or `OWN_SHIP`, arrived at a time."""
+        self._heard[task] = now
+
+    def processed(self, stamp: float, detections: int, latency: Latency, now: Now) -> None:
+        """Note a processed scan."""
+        self.latency = latency
+        self._scans.append(_ScanRecord(_first(now), stamp, detections, latency))
+
+    def report(
+        self, figures: Figures, now: Now, connections: Connections = Connections()
+    ) -> list[Status]:
+        """Judge every task.
+
+        Parameters
+        ----------
+        figures : Figures
+        now : float or tuple of float
+            Time on the clocks of `heard` and `processed`, s. The window is one of the first.
+        connections : Connections, optional
+
+        Returns
+        -------
+        list of Status
+        """
+        if self._start is None:
+            self._start = now
+        picture = _Picture(
+            self.options,
+            figures,
+            connections,
+            self._recent(figures, _first(now)),
+            tuple(self._scans),
+            self._since(DETECTIONS, now),
+            self._since(OWN_SHIP, now),
+            waited(self._start, now),
+            _first(now),
+        )
+        return [judge(picture) for judge in _TASKS]
+
+    def _since(self, task: str, now: Now) -> float:
+        return waited(self._heard[task], now) if task in self._heard else math.nan
+
+    def _recent(self, figures: Figures, time: float) -> Counter[str]:
+        """What was counted since the window began; takes the count of now."""
+        totals = figures.totals
+        counts = Counter(
+            _scans=totals.scans,
+            _detections=totals.detections,
+            _cut=totals.cut_potential_tracks + totals.cut_confirmations,
+        )
+        counts.update(figures.dropped)
+        begin = time - self.options.window
+        while len(self._counts) > 1 and self._counts[1][0] <= begin:
+            self._counts.popleft()
+        before = Counter[str]()
+        if self._counts and self._counts[0][0] <= begin:
+            before = self._counts[0][1]
+        self._counts.append((time, counts))
+        recent = Counter(counts)
+        recent.subtract(before)
+        return recent
+
+
+def _first(now: Now) -> float:
+    return now[0] if isinstance(now, tuple) else now
+
+
+def _status(
+    task: str, findings: Sequence[Finding], otherwise: str, values: Mapping[str, object]
+) -> Status:
+    """The status of some findings, the worst first; ok where there are none."""
+    worst_first = sorted(findings, key=lambda finding: -finding[0])
+    if not worst_first:
+        return Status(task, Level.OK, otherwise, values)
+    message = "; ".join(sentence for _, sentence in worst_first)
+    return Status(task, worst_first[0][0], message, values)
+
+
+def _said(drops: Mapping[str, int]) -> str:
+    """Drops in words, the most frequent first."""
+    ordered = sorted(drops.items(), key=lambda drop: -drop[1])
+    return "dropped: " + ", ".join(f"{number} {name}" for name, number in ordered)
+
+
+def _drop_findings(picture: _Picture, task: str) -> list[Finding]:
+    drops = picture.recent_drops(task)
+    return [(Level.WARN, _said(drops))] if drops else []
+
+
+def _initiation(picture: _Picture) -> Status:
+    figures, totals = picture.figures, picture.figures.totals
+    values: dict[str, object] = dataclasses.asdict(totals)
+    values["potential_tracks"] = figures.potential_tracks
+    values["potential_tracks_most"] = totals.potential_tracks
+    values["tracks"] = figures.tracks
+    values["detection_probability"] = figures.detection_probability
+    values["detection_probability_estimated"] = figures.detection_probability_estimated
+    values.update(picture.dropped_of(INITIATION))
+    findings = [(Level.ERROR, said) for _, said in _drop_findings(picture, INITIATION)]
+    if picture.recent["_cut"] > 0:
+        findings.append((Level.WARN, f"a limit cut {picture.recent['_cut']} hypotheses"))
+    message = f"{totals.scans} scans, {totals.confirmed} confirmed tracks"
+    return _status(INITIATION, findings, message, values)
+
+
+def _detections(picture: _Picture) -> Status:
+    single = picture.recent_drops(DETECTIONS, of_detections=True)
+    number = sum(single.values())
+    share = number / max(number + max(picture.recent["_detections"], 0), 1)
+    findings = [*_silence(picture), *_rate(picture), *_drop_findings(picture, DETECTIONS)]
+    if share > picture.options.max_dropped_share:
+        level = Level.ERROR if share == 1.0 else Level.WARN
+        findings.append((level, f"{100 * share:.3g} % of the detections {_said(single)}"))
+    values: dict[str, object] = {
+        "received": picture.figures.totals.detections,
+        "dropped_share": share,
+        "scan_interval_s": picture.interval,
+        "scan_period_expected_s": picture.period,
+        "since_last_scan_s": picture.since_scan,
+        **picture.dropped_of(DETECTIONS),
+    }
+    message = f"{picture.figures.totals.detections} detections"
+    if not math.isnan(picture.interval):
+        message += f", a scan every {picture.interval:.3g} s"
+    return _status(DETECTIONS, findings, message, values)
+
+
+def _silence(picture: _Picture) -> list[Finding]:
+    """Whether scans come at all."""
+    if not picture.connections.subscribed:
+        return [(Level.WARN, "no publisher of detections yet")]
+    silent, options = picture.since_scan, picture.options
+    if math.isnan(silent):
+        return [(Level.WARN, "no scan yet")]
+    if silent > options.stale_time:
+        return [(Level.STALE, f"no scan for {silent:.3g} s")]
+    if silent > options.scan_period_factor * picture.period:
+        expected = f"one is expected every {picture.period:.3g} s"
+        return [(Level.WARN, f"no scan for {silent:.3g} s, {expected}")]
+    return []
+
+
+def _rate(picture: _Picture) -> list[Finding]:
+    """Whether they come as often as expected."""
+    period, factor = picture.period, picture.options.scan_period_factor
+    interval = picture.interval
+    if interval > factor * period or interval * factor < period:
+        return [(Level.WARN, f"a scan every {interval:.3g} s, expected is {period:.3g} s")]
+    begin = picture.time - picture.options.window
+    steps = [b.stamp - a.stamp for a, b in pairwise(picture.scans) if b.time >= begin]
+    long = sum(step > factor * period for step in steps)
+    if long:
+        return [(Level.WARN, f"{long} gaps between scans longer than {factor * period:.3g} s")]
+    return []
+
+
+def _own_ship(picture: _Picture) -> Status:
+    figures = picture.figures
+    values: dict[str, object] = {"source": figures.own_ship_source}
+    if figures.own_ship_source == "none":
+        return Status(OWN_SHIP, Level.OK, "not needed: the sensor does not move", values)
+    behind = math.nan
+    if figures.scan_stamp is not None and figures.own_ship_stamp is not None:
+        behind = figures.scan_stamp - figures.own_ship_stamp
+    values["age_s"] = picture.since_own_ship
+    values["behind_newest_scan_s"] = behind
+    values["waiting_for_own_ship"] = figures.waiting
+    values.update(picture.dropped_of(OWN_SHIP))
+    findings = _drop_findings(picture, OWN_SHIP)
+    if figures.own_ship_source == "odometry":
+        findings += _own_ship_age(picture, behind)
+    return _status(OWN_SHIP, findings, f"own-ship data from {figures.own_ship_source}", values)
+
+
+def _own_ship_age(picture: _Picture, behind: float) -> list[Finding]:
+    """Whether own-ship data is new enough; with tf it is looked up when it is needed."""
+    options, age = picture.options, picture.since_own_ship
+    if math.isnan(age):
+        return [(Level.WARN, "no own-ship data yet")]
+    if age > options.stale_time:
+        return [(Level.STALE, f"no own-ship data for {age:.3g} s")]
+    if age > options.max_own_ship_age:
+        return [(Level.WARN, f"no own-ship data for {age:.3g} s")]
+    if behind > options.max_own_ship_age:
+        return [(Level.WARN, f"own-ship data is {behind:.3g} s older than the newest scan")]
+    return []
+
+
+def _latency(picture: _Picture) -> Status:
+    last = picture.scans[-1].latency if picture.scans else Latency()
+    recent = [scan.latency for scan in picture.recent_scans]
+    longest = max((one.total for one in recent), default=0.0)
+    busiest = max((one.core + one.publishing for one in recent), default=0.0)
+    values: dict[str, object] = {
+        "latency_ms": 1e3 * last.to_tracks,
+        "latency_all_ms": 1e3 * last.to_all,
+        "waiting_ms": 1e3 * last.waiting,
+        "core_ms": 1e3 * last.core,
+        "publishing_ms": 1e3 * last.publishing,
+        "total_most_ms": 1e3 * longest,
+        "waiting_most_ms": 1e3 * max((one.waiting for one in recent), default=0.0),
+        "core_most_ms": 1e3 * max((one.core for one in recent), default=0.0),
+        "publishing_most_ms": 1e3 * max((one.publishing for one in recent), default=0.0),
+    }
+    findings: list[Finding] = []
+    if busiest > picture.interval:
+        said = f"a scan took {busiest:.3g} s, the next came after {picture.interval:.3g} s"
+        findings.append((Level.ERROR, said))
+    if longest > picture.options.max_latency:
+        said = f"a scan was done {longest:.3g} s after its arrival"
+        findings.append((Level.WARN, said))
+    return _status("latency", findings, f"at most {1e3 * longest:.3g} ms", values)
+
+
+def _clutter(picture: _Picture) -> Status:
+    figures, factor = picture.figures, picture.options.clutter_factor
+    scans = len(picture.scans)
+    found = float(sum(scan.detections for scan in picture.scans))
+    exposure = scans * figures.coverage_area
+    expected = figures.clutter_density * exposure
+    density = found / exposure if exposure else math.nan
+    values: dict[str, object] = {
+        "clutter_density": figures.clutter_density,
+        "detection_density": density,
+    }
+    said = f"{figures.clutter_density:.3g} per m^2 in use"
+    findings: list[Finding] = []
+    if scans >= LEAST_SCANS and max(found, expected) >= LEAST_DETECTIONS:
+        said += f", detections are {density:.3g}"
+        if max(found, 1.0) > factor * expected or expected > factor * max(found, 1.0):
+            findings.append((Level.WARN, f"clutter density of {said}"))
+    return _status("clutter", findings, said, values)
+
+
+def _quality_of_service(picture: _Picture) -> Status:
+    heard = picture.connections.mismatches_heard
+    values = {f"mismatches.{topic}": number for topic, number in sorted(heard.items())}
+    findings = [
+        (Level.ERROR, f"the other side of {topic} asks or offers what does not fit: not connected")
+        for topic in picture.connections.mismatches
+    ]
+    return _status("quality of service", findings, "everything fits", values)
+
+
+def _tracker(picture: _Picture) -> Status:
+    findings = _drop_findings(picture, TRACKER)
+    if picture.figures.tracker == "silent":
+        findings.append((Level.WARN, "the downstream tracker is silent"))
+    values = {"tracker": picture.figures.tracker, **picture.dropped_of(TRACKER)}
+    said = {"none": "none has been heard", "alive": "heard"}.get(picture.figures.tracker, "")
+    return _status(TRACKER, findings, said, values)
+
+
+_TASKS: tuple[Callable[[_Picture], Status], ...] = (
+    _initiation,
+    _detections,
+    _own_ship,
+    _latency,
+    _clutter,
+    _quality_of_service,
+    _tracker,
+)

@@ -1,0 +1,114 @@
+"""The topics of the track initiator: each is built for those who listen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters import (
+    clear_markers,
+    make_header,
+    placed_detections_cloud,
+    potential_track_markers,
+    track_cloud,
+    track_markers,
+    track_odometry,
+)
+from tsepm_ros.conversion import convert
+from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.track import ConfirmedTrack
+
+
+def _latched(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class TrackOutputs:
+    """Publishes what a scan gave.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    session : Session
+        Asked for its potential tracks.
+    watch : QosWatch
+    """
+
+    def __init__(self, node: Node, session: Session, watch: QosWatch) -> None:
+        self._session = session
+
+        def publisher(
+            kind: type[Any],
+            topic: str,
+            qos: QoSProfile | int,
+            matched: Callable[[Any], None] | None = None,
+        ) -> Publisher:
+            events = watch.publisher_events(topic, matched)
+            return node.create_publisher(kind, topic, qos, event_callbacks=events)
+
+        self._shown: tuple[Header, Sequence[ConfirmedTrack]] = make_header(0, ""), ()
+        self._afresh = True
+        self._tracks = publisher(PointCloud2, "tracks", 100)
+        self._current = publisher(PointCloud2, "tracks/current", _latched(1))
+        self._odometry = publisher(Odometry, "tracks/odometry", 100)
+        self._markers = publisher(MarkerArray, "tracks/markers", _latched(10), self._joined)
+        self._potential = publisher(PointCloud2, "potential_tracks", 10)
+        self._potential_markers = publisher(MarkerArray, "potential_tracks/markers", _latched(1))
+        self._placed = publisher(PointCloud2, "detections/placed", 10)
+
+    def publish_new(self, header: Header, result: ScanResult) -> None:
+        """Publish the new tracks."""
+        self._tracks.publish(track_cloud(header, result.new))
+
+    def publish_more(self, header: Header, result: ScanResult, potential: bool) -> None:
+        """Publish what is not as urgent as the new tracks; potential tracks where wanted."""
+        self._current.publish(track_cloud(header, result.current))
+        # Nested messages are slow to build in Python: only for those who listen.
+        if self._odometry.get_subscription_count():
+            for track in result.new:
+                self._odometry.publish(track_odometry(header, track))
+        self._shown = header, result.current
+        if self._markers.get_subscription_count():
+            self._markers.publish(
+                track_markers(header, result.current, result.ended, afresh=self._afresh)
+            )
+            self._afresh = False
+        if self._placed.get_subscription_count():
+            found = convert(result.scan, self._session.settings.sensor, 0)
+            self._placed.publish(
+                placed_detections_cloud(header, found["position"], result.scan.features)
+            )
+        if potential:
+            self._publish_potential(header)
+
+    def clear(self, header: Header) -> None:
+        """Publish that there are no tracks any more."""
+        self._shown = header, ()
+        self._markers.publish(clear_markers(header))
+        self._potential_markers.publish(clear_markers(header))
+        self._current.publish(track_cloud(header, []))
+
+    def _publish_potential(self, header: Header) -> None:
+        tracks = self._session.initiator.potential_tracks()
+        self._potential.publish(track_cloud(header, tracks))
+        if self._potential_markers.get_subscription_count():
+            self._potential_markers.publish(potential_track_markers(header, tracks))
+
+    def _joined(self, event: Any) -> None:
+        """Give a viewer that joins the whole picture, in place of what it shows of another run.
+
+        It may not hear this yet (discovery has two sides), so the next scan does the same.
+        """
+        if event.current_count_change > 0:
+            header, tracks = self._shown
+            self._markers.publish(track_markers(header, tracks, afresh=True))
+            self._afresh = True
