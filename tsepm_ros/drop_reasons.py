@@ -72,7 +72,7 @@ def _of_numbers() -> Iterator[tuple[str, DropReason]]:
     for name, (what, faults) in _NUMBERS.items():
         remedy = "None where the sensor has nothing to say; else check the driver, and its units"
         for fault in faults:
-            meaning = f"its {what} {_FAULTS[fault]}"
+            meaning = f"the {what} {_FAULTS[fault]}"
             yield f"{name}_{fault}", DropReason(DETECTIONS, "detection", meaning, remedy)
 
 

@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import chi2
 from visualization_msgs.msg import Marker
 
-from msg_adapters import clear_markers, track_markers
+from msg_adapters import clear_markers, potential_track_markers, track_markers
+from msg_adapters.track_markers import POTENTIAL_COLORS
 
 KINDS = {
     "position": Marker.SPHERE,
@@ -150,3 +151,50 @@ def test_label_has_id_speed_and_sigma_in_ascii(header, make_track):
 def test_color_is_the_caller_s(header, make_track):
     for marker in track_markers(header, [make_track()], color=(1.0, 0.5, 0.25)).markers:
         assert (marker.color.r, marker.color.g, marker.color.b) == (1.0, 0.5, 0.25)
+
+
+def test_afresh_everything_is_removed_before_the_tracks_are_shown(header, make_track):
+    message = track_markers(header, [make_track()], ended_ids=[3], afresh=True)
+    actions = [marker.action for marker in message.markers]
+    assert actions == [Marker.DELETEALL] + [Marker.ADD] * 4
+
+
+def _potential(header, make_track, scores, threshold):
+    tracks = [make_track(score=score, evaluation=score - threshold) for score in scores]
+    return potential_track_markers(header, tracks).markers
+
+
+def test_potential_tracks_are_points_and_lines_that_lead_on(header, make_track, over_the_wire):
+    tracks = [make_track(), make_track(state=np.array([1.0, 2.0, 3.0, 4.0]))]
+    message = over_the_wire(potential_track_markers(header, tracks, lead_time=10.0))
+    clear, positions, velocities = message.markers
+    assert clear.action == Marker.DELETEALL
+    assert (positions.type, velocities.type) == (Marker.POINTS, Marker.LINE_LIST)
+    assert [(point.x, point.y) for point in positions.points] == [(3000.25, 4000.5), (1.0, 3.0)]
+    ends = [(point.x, point.y) for point in velocities.points]
+    assert ends == [(3000.25, 4000.5), (2955.25, 4023.0), (1.0, 3.0), (21.0, 43.0)]
+    assert [len(marker.colors) for marker in (positions, velocities)] == [2, 4]
+    assert all(one.header == header for one in message.markers)
+    assert min(positions.scale.x, positions.scale.y, velocities.scale.x) > 0
+
+
+def test_without_potential_tracks_those_before_are_removed(header):
+    (marker,) = potential_track_markers(header, []).markers
+    assert marker.action == Marker.DELETEALL
+
+
+def test_the_colour_is_the_score_s_share_of_the_threshold(header, make_track):
+    _, positions, velocities = _potential(header, make_track, [-3.0, 0.0, 5.0, 10.0, 12.0], 10.0)
+    bare, full = np.array(POTENTIAL_COLORS)
+    expected = [bare, bare, (bare + full) / 2, full, full]
+    found = [(color.r, color.g, color.b) for color in positions.colors]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert [color.a for color in velocities.colors[::2]] == [c.a for c in positions.colors]
+
+
+@pytest.mark.parametrize("threshold", [math.nan, math.inf], ids=["no-score", "not-known-yet"])
+def test_without_a_score_or_a_threshold_the_colour_is_the_bare_one(header, make_track, threshold):
+    score = math.nan if math.isnan(threshold) else 3.0
+    _, positions, _ = _potential(header, make_track, [score], threshold)
+    color = positions.colors[0]
+    np.testing.assert_allclose((color.r, color.g, color.b), POTENTIAL_COLORS[0], atol=1e-6)

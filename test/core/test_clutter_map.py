@@ -175,3 +175,14 @@ def test_an_empty_scan_is_one_without_clutter():
     for _ in range(10):
         made.update(nothing, nothing, nothing)
     assert 0 < everywhere(made).mean() < before / 5
+
+
+def test_the_mean_is_over_the_area():
+    rng = np.random.default_rng(5)
+    made = ClutterMap(SONAR)
+    for _ in range(30):
+        range_, azimuth = disc(rng, 1e-5)
+        near = range_ < 2000.0  # a twentieth of the area, but most of the rings
+        made.update(range_[near], azimuth[near], np.ones(near.sum()))
+    # 25 000 places even over the area, 1250 of them near: 10 % is 3.5 standard errors.
+    assert made.mean == pytest.approx(made.at(*disc(rng, 1e-4)).mean(), rel=0.1)

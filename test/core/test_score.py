@@ -467,6 +467,15 @@ def test_an_unknown_clutter_density_is_learned_within_ten_scans():
         assert known / 1.5 < rate(given) < known * 1.5
 
 
+@pytest.mark.parametrize(("clutter_is", "density"), [("given", 1e-7), ("estimated", 1e-6)])
+def test_the_clutter_density_in_use_is_told(clutter_is, density):
+    initiator = score(SensorModel(clutter_density=1e-7), clutter=clutter_is)
+    rng = np.random.default_rng(3)
+    for index in range(10):
+        initiator.process(Scan(12.0 * index, *clutter(rng)))
+    assert initiator.clutter_density == pytest.approx(density, rel=0.15)
+
+
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density(factor):
     # The box of 6 by 6 km in 12 km; 58 false tracks are expected with the density known.

@@ -575,29 +575,37 @@ def test_counts_of_several_are_added_up():
     assert one._report == ["not_finite"] * 2
 
 
-def test_health_says_the_state_in_a_sentence_with_figures():
+def test_figures_tell_the_state():
     one = session()
-    level, sentence, _ = one.health()
-    assert (level, sentence) == ("warn", "no scan yet")
+    assert (one.figures().totals.scans, one.figures().scan_stamp) == (0, None)
     play(one, [0, 12, 24])
-    level, sentence, values = one.health()
-    assert (level, sentence) == ("ok", "3 scans, 1 confirmed tracks")
-    assert (values["scans"], values["detections"], values["confirmed"]) == (3, 3, 1)
-    assert values["waiting_for_own_ship"] == 0
-    assert values["detection_probability"] == 0.9
-    assert values["detection_probability_estimated"] == pytest.approx(0.9)
+    figures = one.figures()
+    assert (figures.totals.scans, figures.totals.detections, figures.totals.confirmed) == (3, 3, 1)
+    assert (figures.waiting, figures.tracks, figures.scan_stamp) == (0, 1, 24.0)
+    assert figures.detection_probability == 0.9
+    assert figures.detection_probability_estimated == pytest.approx(0.9)
+    assert figures.clutter_density == FIXED_RANGE_ERROR.clutter_density
     play(one, [24, 20])
-    level, sentence, values = one.health()
-    assert level == "warn"
-    assert "1 scan_" in sentence
-    assert (values["dropped.scan_late"], values["dropped.scan_same_stamp"]) == (1, 1)
+    assert one.figures().dropped == {"scan_late": 1, "scan_same_stamp": 1}
 
 
-def test_health_warns_where_a_limit_cut():
-    one = session(common=CommonOptions(max_potential_tracks=1))
-    one.add_scan(ping(0.0, n=3), 0.0)
-    list(one.process())
-    assert one.health()[:2] == ("warn", "a limit cut 2 hypotheses")
+def test_figures_tell_how_far_own_ship_data_is_behind_the_newest_scan():
+    one = moving()
+    sail(one, 0.0, 20.0)
+    one.add_scan(ping(30.0), 0.0)
+    one.add_scan(ping(42.0), 0.0)
+    figures = one.figures()
+    assert (figures.waiting, figures.scan_stamp, figures.own_ship_stamp) == (2, 42.0, 20.0)
+
+
+def test_a_result_says_how_long_the_scan_waited():
+    one = moving()
+    one.add_scan(ping(10.0), (100.0, 7.0))
+    assert list(one.process((100.5, 7.5))) == []
+    sail(one, 0.0, 20.0)
+    (result,) = one.process((101.5, 99.0))
+    assert result.waiting == 1.5
+    assert play(session(), [0])[0].waiting == math.inf, "no time was given"
 
 
 @pytest.mark.parametrize("live", [False, True])
@@ -732,7 +740,7 @@ def test_a_restart_forgets_what_is_tracked():
     tell(one, 1001.0, 70, 71)
     (result,) = play(one, [0])
     assert (result.arrival, held(result), result.ended) == (Arrival.RESTART, [], [70])
-    assert one.health()[2]["tracker"] == "none"
+    assert one.figures().tracker == "none"
     tell(one, 1013.0, 71)  # still of the run before
     (result,) = play_empty(one, [12])
     assert (held(result), one.dropped) == ([], {"tracked_stale": 1})
@@ -756,7 +764,7 @@ def test_reset_forgets_what_is_tracked_and_its_stamps():
 
 def test_a_tracker_s_silence_and_its_return_are_said_once_each():
     one = session(CommonOptions(tracked_timeout=30.0))
-    assert one.health()[2]["tracker"] == "none"
+    assert one.figures().tracker == "none"
     tell(one, 0.0, 70)
     for stamp, state, said in [
         (12, "alive", []),
@@ -765,14 +773,12 @@ def test_a_tracker_s_silence_and_its_return_are_said_once_each():
         (48, "silent", ["tracker_silent"]),
     ]:
         play_empty(one, [stamp])
-        level, sentence, values = one.health()
-        assert (values["tracker"], list(one._report)) == (state, said)
-        assert ("silent" in sentence, level) == ((state == "silent"), "warn" if said else "ok")
+        assert (one.figures().tracker, list(one._report)) == (state, said)
     for stamp in (60, 72):
         tell(one, float(stamp), 70)
         play_empty(one, [stamp])
     assert one._report == ["tracker_silent", "tracker_back"]
-    assert one.health()[:2] == ("ok", "6 scans, 0 confirmed tracks")
+    assert one.figures().tracker == "alive"
 
 
 def test_the_tracker_s_timeout_may_change_and_another_method_keeps_what_it_tracks():
@@ -781,10 +787,10 @@ def test_the_tracker_s_timeout_may_change_and_another_method_keeps_what_it_track
     play_empty(one, [0])
     one.configure(settings(CommonOptions(tracked_timeout=20.0), method="score"))
     (result,) = play_empty(one, [12])
-    assert (held(result), one.health()[2]["tracker"]) == ([70], "alive")
+    assert (held(result), one.figures().tracker) == ([70], "alive")
     play_empty(one, [24])
-    assert one.health()[2]["tracker"] == "silent"
+    assert one.figures().tracker == "silent"
     one.configure(settings(CommonOptions(tracked_timeout=40.0), method="score"))
     tell(one, 24.0, 70)
     play_empty(one, [60])
-    assert one.health()[2]["tracker"] == "alive"
+    assert one.figures().tracker == "alive"

@@ -7,10 +7,11 @@ from boat import Boat, named
 from expectation import assert_same, confirmed
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros_world import BEST_EFFORT, ERROR, RELIABLE, World
+from ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from sensor_msgs.msg import Image, PointCloud2
 from sonar_driver import Driver, cloud, pings
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
@@ -105,6 +106,37 @@ def test_reliable_asked_of_a_best_effort_driver_is_reported(world):
     assert "/detections" in line
     assert "detections_reliability" in line
     assert reliability(node) == ReliabilityPolicy.RELIABLE
+
+
+def test_a_mismatch_is_an_error_on_diagnostics_until_it_is_gone_and_a_reset_forgets_it(world):
+    world.make(TrackInitiator, named({"detections_reliability": "reliable"}))
+    driver = world.add(Driver(world.context, BEST_EFFORT))
+    quality = "quality of service"
+    world.until(lambda: world.status(quality).level == b"\x02", "the error")
+    assert "/detections" in world.status(quality).message
+    assert world.figures()["mismatches./detections"] == "1"
+    world.end(driver)
+    world.until(lambda: world.status(quality).level == b"\x00", "its end")
+    assert world.figures()["mismatches./detections"] == "1"
+    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    assert "mismatches./detections" not in world.figures()
+
+
+def test_a_best_effort_driver_that_is_followed_is_no_error(world):
+    boat = Boat(world)
+    world.end(boat.driver)
+    boat.driver = world.add(Driver(world.context, BEST_EFFORT))
+    boat.connect()
+    world.until(lambda: world.figures().get("mismatches./detections") == "1", "the event")
+    world.until(lambda: world.status("quality of service").level == b"\x00", "that it fits")
+
+
+def test_a_subscriber_that_asks_for_more_than_is_offered_is_named(world):
+    world.make(TrackInitiator, named({}))
+    world.listen(PointCloud2, "tracks", LATCHED)
+    world.until_logged("a subscriber of /tracks", level=WARN)
+    world.until(lambda: world.status("quality of service").level == b"\x02", "the error")
+    assert "/tracks" in world.status("quality of service").message
 
 
 def test_a_second_driver_that_offers_less_is_read_as_well(world):

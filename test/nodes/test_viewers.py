@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 import yaml
@@ -101,3 +102,11 @@ def test_every_panel_of_the_layout_is_described():
         return [part] if isinstance(part, str) else panels(part["first"]) + panels(part["second"])
 
     assert sorted(panels(FOXGLOVE["layout"])) == sorted(FOXGLOVE["configById"])
+
+
+def test_the_launch_file_starts_rviz_with_a_file_that_exists():
+    launch = ElementTree.parse(ROOT / "launch/tsepm.launch.xml").getroot()
+    [rviz] = [node for node in launch.iter("node") if node.get("pkg") == "rviz2"]
+    assert rviz.get("if") == "$(var rviz)"
+    [path] = re.findall(r"\$\(find-pkg-share tsepm_ros\)/(\S+)", rviz.get("args"))
+    assert (ROOT / path).is_file()

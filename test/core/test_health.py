@@ -1,0 +1,324 @@
+"""Levels, sentences and figures of every task, from what a session counted."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from tsepm_ros.clocks import waited
+from tsepm_ros.drop_reasons import DETECTIONS, OWN_SHIP
+from tsepm_ros.health import (
+    Connections,
+    DiagnosticsOptions,
+    Figures,
+    Health,
+    Latency,
+    Level,
+    Status,
+)
+from tsepm_ros.initiator import ScanStatistics
+
+GOOD = Figures(
+    totals=ScanStatistics(),
+    potential_tracks=0,
+    tracks=0,
+    dropped={},
+    waiting=0,
+    detection_probability=0.9,
+    detection_probability_estimated=0.8,
+    clutter_density=1e-6,
+    coverage_area=1e8,
+    own_ship_source="none",
+    own_ship_stamp=None,
+    scan_stamp=None,
+    tracker="none",
+)
+
+
+class Run:
+    """A session's health over time, on one clock."""
+
+    def __init__(self, **options: float) -> None:
+        self.health = Health(DiagnosticsOptions(**options))
+        self.figures = GOOD
+        self.connections = Connections()
+
+    def scan(self, time: float, stamp: float | None = None, detections: int = 100, **latency):
+        """Process a scan, at once after its arrival."""
+        self.health.heard(DETECTIONS, time)
+        one = ScanStatistics(scans=1, detections=detections)
+        self.figures = dataclasses.replace(self.figures, totals=self.figures.totals + one)
+        stamp = time if stamp is None else stamp
+        self.health.processed(stamp, detections, Latency(**latency), time)
+
+    def scans(self, *times: float) -> None:
+        for time in times:
+            self.scan(time)
+
+    def drop(self, reason: str, number: int = 1) -> None:
+        before = self.figures.dropped
+        dropped = {**before, reason: before.get(reason, 0) + number}
+        self.figures = dataclasses.replace(self.figures, dropped=dropped)
+
+    def set(self, **values: object) -> None:
+        self.figures = dataclasses.replace(self.figures, **values)
+
+    def status(self, task: str, time: float) -> Status:
+        found = {one.task: one for one in self.health.report(self.figures, time, self.connections)}
+        return found[task]
+
+    def said(self, task: str, time: float) -> tuple[Level, str]:
+        status = self.status(task, time)
+        return status.level, status.message
+
+
+def test_before_the_first_scan_what_is_missing_is_said():
+    run = Run()
+    run.connections = Connections(subscribed=False)
+    assert run.said("detections", 0.0) == (Level.WARN, "no publisher of detections yet")
+    run.connections = Connections()
+    assert run.said("detections", 1.0) == (Level.WARN, "no scan yet")
+    run.set(own_ship_source="odometry")
+    assert run.said("own ship", 2.0) == (Level.WARN, "no own-ship data yet")
+
+
+def test_a_run_without_faults_is_ok_everywhere():
+    run = Run()
+    run.set(own_ship_source="odometry", own_ship_stamp=60.0, scan_stamp=60.0)
+    for time in range(0, 72, 12):
+        run.health.heard(OWN_SHIP, float(time))
+        run.scan(float(time))
+    levels = {one.task: one.level for one in run.health.report(run.figures, 61.0)}
+    assert set(levels.values()) == {Level.OK}
+    assert run.said("track initiation", 61.0)[1] == "6 scans, 0 confirmed tracks"
+    assert run.said("detections", 61.0)[1] == "600 detections, a scan every 12 s"
+
+
+def test_silence_is_judged_by_the_median_of_the_stamps_then_by_the_stale_time():
+    run = Run(stale_time=60.0)
+    run.scans(0.0, 12.0, 24.0)
+    assert run.status("detections", 24.0 + 24.0).level == Level.OK
+    said = (Level.WARN, "no scan for 25 s, one is expected every 12 s")
+    assert run.said("detections", 24.0 + 25.0) == said
+    assert run.said("detections", 24.0 + 61.0) == (Level.STALE, "no scan for 61 s")
+
+
+def test_silence_counts_on_the_clock_on_which_it_is_shorter():
+    health = Health(DiagnosticsOptions(stale_time=60.0))
+    health.heard(DETECTIONS, (0.0, 0.0))
+    for now, level in [((100.0, 1.0), Level.OK), ((100.0, 61.0), Level.STALE)]:
+        (found,) = (one for one in health.report(GOOD, now) if one.task == "detections")
+        assert found.level == level
+
+
+def test_time_waited_is_the_least_of_any_clock_that_was_not_set_back():
+    assert waited((0.0, 0.0), (5.0, 3.0)) == 3.0
+    assert waited((0.0, 10.0), (5.0, 3.0)) == 5.0
+    assert waited(10.0, 3.0) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("interval", "level"),
+    [(24.0, Level.OK), (24.5, Level.WARN), (6.0, Level.OK), (5.9, Level.WARN)],
+)
+def test_a_rate_other_than_the_expected_is_a_warning(interval, level):
+    run = Run(scan_period=12.0, scan_period_factor=2.0)
+    run.scans(*(index * interval for index in range(4)))
+    assert run.status("detections", 3 * interval).level == level
+
+
+def test_a_gap_between_scans_is_a_warning_for_the_window():
+    run = Run(window=60.0)
+    run.scans(0.0, 12.0, 24.0, 60.0, 72.0)
+    said = (Level.WARN, "1 gaps between scans longer than 24 s")
+    assert run.said("detections", 72.0) == said
+    run.scans(84.0, 96.0, 108.0, 120.0)
+    assert run.status("detections", 121.0).level == Level.OK
+
+
+def test_a_burst_of_recorded_scans_has_the_rate_of_its_stamps():
+    run = Run()
+    for index in range(6):
+        run.scan(0.01 * index, stamp=12.0 * index)
+    status = run.status("detections", 0.1)
+    assert (status.level, status.values["scan_interval_s"]) == (Level.OK, 12.0)
+
+
+def test_a_drop_warns_for_the_window_and_is_counted_for_good():
+    run = Run(window=60.0)
+    run.scan(0.0)
+    run.status("detections", 1.0)
+    run.drop("scan_late", 2)
+    run.drop("short_data")
+    said = (Level.WARN, "dropped: 2 scan_late, 1 short_data")
+    for time in range(2, 62):
+        run.scan(float(time))
+        assert run.said("detections", time) == said
+    run.scan(62.0)
+    status = run.status("detections", 62.0)
+    assert status.level == Level.OK
+    assert status.values["dropped.scan_late"] == 2
+    run.drop("scan_late")
+    assert run.said("detections", 63.0) == (Level.WARN, "dropped: 1 scan_late")
+
+
+def test_what_happened_before_the_first_report_is_recent():
+    run = Run()
+    run.scan(0.0)
+    run.drop("scan_late")
+    assert run.said("detections", 0.5) == (Level.WARN, "dropped: 1 scan_late")
+
+
+@pytest.mark.parametrize(
+    ("dropped", "taken", "level"),
+    [(10, 90, Level.OK), (11, 89, Level.WARN), (100, 0, Level.ERROR)],
+)
+def test_single_detections_are_judged_by_their_share(dropped, taken, level):
+    run = Run(max_dropped_share=0.1)
+    run.scan(0.0, detections=taken)
+    run.drop("range_not_finite", dropped)
+    status = run.status("detections", 0.0)
+    assert status.level == level
+    assert status.values["dropped_share"] == pytest.approx(dropped / 100)
+    assert ("range_not_finite" in status.message) == (level > Level.OK)
+
+
+@pytest.mark.parametrize(
+    ("reason", "task", "level"),
+    [
+        ("own_ship_stale", "own ship", Level.WARN),
+        ("tracked_late", "downstream tracker", Level.WARN),
+        ("internal_error", "track initiation", Level.ERROR),
+        ("short_data", "detections", Level.WARN),
+    ],
+)
+def test_a_drop_stands_in_the_entry_that_it_belongs_to_and_in_no_other(reason, task, level):
+    run = Run()
+    run.set(own_ship_source="tf")
+    run.scan(0.0)
+    run.drop(reason)
+    found = run.health.report(run.figures, 0.0)
+    assert {one.task for one in found if one.level > Level.OK} == {task}
+    (entry,) = (one for one in found if f"dropped.{reason}" in one.values)
+    assert (entry.task, entry.level) == (task, level)
+
+
+def test_a_limit_that_cut_is_a_warning_for_the_window():
+    run = Run(window=60.0)
+    run.set(totals=ScanStatistics(scans=1, cut_potential_tracks=2, cut_confirmations=3))
+    assert run.said("track initiation", 0.0) == (Level.WARN, "a limit cut 5 hypotheses")
+    assert run.status("track initiation", 61.0).level == Level.OK
+
+
+def test_own_ship_data_is_not_needed_where_the_sensor_does_not_move():
+    run = Run()
+    assert run.said("own ship", 0.0) == (Level.OK, "not needed: the sensor does not move")
+
+
+def test_the_age_of_own_ship_data_is_judged_now_and_at_the_newest_scan():
+    run = Run(max_own_ship_age=3.0, stale_time=60.0)
+    run.set(own_ship_source="odometry", own_ship_stamp=100.0, scan_stamp=103.0)
+    run.health.heard(OWN_SHIP, 0.0)
+    assert run.said("own ship", 3.0) == (Level.OK, "own-ship data from odometry")
+    assert run.said("own ship", 4.0) == (Level.WARN, "no own-ship data for 4 s")
+    assert run.said("own ship", 61.0) == (Level.STALE, "no own-ship data for 61 s")
+    run.health.heard(OWN_SHIP, 61.0)
+    run.set(scan_stamp=103.5)
+    said = (Level.WARN, "own-ship data is 3.5 s older than the newest scan")
+    assert run.said("own ship", 61.0) == said
+    assert run.status("own ship", 61.0).values["behind_newest_scan_s"] == 3.5
+
+
+def test_latency_is_split_and_judged_as_a_whole():
+    run = Run(max_latency=1.0, window=60.0)
+    run.scan(0.0, waiting=0.7, core=0.2, publishing=0.05, to_tracks=0.24, to_all=0.27)
+    run.scan(12.0, waiting=0.8, core=0.2, publishing=0.05, to_tracks=0.24, to_all=0.27)
+    status = run.status("latency", 12.0)
+    assert (status.level, status.message) == (
+        Level.WARN,
+        "a scan was done 1.07 s after its arrival",
+    )
+    assert {name: round(value) for name, value in status.values.items()} == {
+        "latency_ms": 240,
+        "latency_all_ms": 270,
+        "waiting_ms": 800,
+        "core_ms": 200,
+        "publishing_ms": 50,
+        "total_most_ms": 1070,
+        "waiting_most_ms": 800,
+        "core_most_ms": 200,
+        "publishing_most_ms": 50,
+    }
+    run.scan(24.0)
+    assert run.status("latency", 73.0).level == Level.OK
+
+
+def test_work_that_takes_longer_than_the_sonar_is_an_error():
+    run = Run(max_latency=100.0)
+    for time in (0.0, 2.0, 4.0):
+        run.scan(time, core=1.5, publishing=0.6, to_all=2.1)
+    said = (Level.ERROR, "a scan took 2.1 s, the next came after 2 s")
+    assert run.said("latency", 4.0) == said
+
+
+@pytest.mark.parametrize(
+    ("detections", "level"), [(33, Level.WARN), (34, Level.OK), (300, Level.OK), (301, Level.WARN)]
+)
+def test_a_clutter_density_that_detections_contradict_is_a_warning(detections, level):
+    run = Run(clutter_factor=3.0)  # 100 are expected
+    for index in range(5):
+        assert run.status("clutter", 12.0 * index).level == Level.OK, "too few scans"
+        run.scan(12.0 * index, detections=detections)
+    status = run.status("clutter", 60.0)
+    assert status.level == level
+    assert status.values["detection_density"] == pytest.approx(detections / 1e8)
+
+
+def test_a_few_detections_say_nothing_of_the_clutter_density():
+    run = Run()
+    run.set(coverage_area=1e6)  # 1 is expected, 5 times that come
+    for index in range(3 * 5):
+        run.scan(12.0 * index, detections=index % 5 == 0 and 6 or 0)
+    assert run.status("clutter", 200.0).level == Level.OK
+
+
+def test_a_mismatch_of_qualities_is_an_error_while_it_stands():
+    run = Run()
+    run.connections = Connections(mismatches_heard={"/tracks": 2}, mismatches=["/tracks"])
+    status = run.status("quality of service", 0.0)
+    assert (status.level, status.values) == (Level.ERROR, {"mismatches./tracks": 2})
+    assert "/tracks" in status.message
+    run.connections = Connections(mismatches_heard={"/tracks": 2})
+    status = run.status("quality of service", 0.0)
+    assert (status.level, status.values) == (Level.OK, {"mismatches./tracks": 2})
+
+
+def test_a_silent_tracker_is_a_warning_while_it_is_silent():
+    run = Run()
+    levels = []
+    for state in ("none", "alive", "silent", "alive"):
+        run.set(tracker=state)
+        levels.append(run.status("downstream tracker", 0.0).level)
+    assert levels == [Level.OK, Level.OK, Level.WARN, Level.OK]
+
+
+def test_the_worst_is_said_first_and_gives_the_level():
+    run = Run(max_latency=1.0)
+    for time in (0.0, 2.0, 4.0):
+        run.scan(time, core=2.1, to_all=2.1)
+    level, message = run.said("latency", 4.0)
+    assert level == Level.ERROR
+    assert message.index("the next came") < message.index("after its arrival")
+
+
+def test_reset_forgets_drops_scans_and_arrivals():
+    run = Run()
+    run.scans(0.0, 12.0)
+    run.drop("scan_late")
+    run.status("detections", 12.0)
+    run.health.reset()
+    run.figures = GOOD
+    assert run.said("detections", 13.0) == (Level.WARN, "no scan yet")
+    assert run.health.latency == Latency()
