@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.evidence import summed
 from tsepm_ros.track import TrackArrays
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 
 _LABEL_HEIGHT = 3.0  # in sizes of the position's marker: readable when that is a few pixels
 _ELLIPSE_OPACITY = 0.25
+_MOST_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
 _POTENTIAL_OPACITY = 0.3, 1.0  # as the colours
 _POTENTIAL_SIZE, _POTENTIAL_LINE = 60.0, 15.0  # m
 _THICKNESS = 0.01  # m; RViz refuses a scale of 0
@@ -103,11 +105,14 @@ def track_markers(
 def potential_track_markers(
     header: Header, tracks: Sequence[ConfirmedTrack], *, lead_time: float = LEAD_TIME
 ) -> MarkerArray:
-    """Build the markers of all potential tracks, in place of those before.
+    """Build the markers of the potential tracks that are brewing, in place of those before.
 
     They are many, so they are two markers: points at the positions, and lines to where the
-    velocities take them. What has a score goes from grey to orange as that nears the threshold,
-    ``score - evaluation``; where a method has none, all are grey.
+    velocities take them. Where they have scores, the evidence of those with the same newest hit is
+    summed, as when it is tested for confirmation, and the best of them is drawn if it is above 0, a
+    target more likely than clutter: from grey to orange as it nears the threshold, ``score -
+    evaluation``. Where a method has no score, all are drawn and grey. At most 1000 are, those
+    nearest to the threshold.
 
     Parameters
     ----------
@@ -127,9 +132,11 @@ def potential_track_markers(
 
     markers = [_marker(header, "", 0, "DELETEALL")]
     arrays = TrackArrays.of(tracks)
-    if not len(arrays):
+    drawn, nearness = _brewing(arrays)
+    if not len(drawn):
         return MarkerArray(markers=markers)  # RViz refuses points of which there are none
-    share = _nearness(arrays)[:, None]
+    first = np.argsort(-nearness, kind="stable")[:_MOST_POTENTIAL]
+    arrays, share = arrays.where(drawn[first]), nearness[first, None]
     (bare, full), (faint, opaque) = np.array(POTENTIAL_COLORS), _POTENTIAL_OPACITY
     rgba = np.hstack([bare + share * (full - bare), faint + share * (opaque - faint)])
     colors = [ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in rgba.tolist()]
@@ -150,11 +157,19 @@ def potential_track_markers(
     return MarkerArray(markers=[*markers, positions, velocities])
 
 
-def _nearness(tracks: TrackArrays) -> NDArray[np.float64]:
-    """Score as a share of the threshold, from 0 to 1; 0 where there is none, (n,)."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = tracks.score / (tracks.score - tracks.evaluation)
-    return np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0)
+def _brewing(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Rows to draw, (k,), and how near each is to the threshold, from 0 to 1, (k,)."""
+    scored = np.isfinite(tracks.score)
+    if not scored.any():
+        return np.arange(len(tracks)), np.zeros(len(tracks))
+    best_first = np.flatnonzero(scored)[np.argsort(-tracks.score[scored], kind="stable")]
+    newest = [tracks.hits[row][-1] for row in best_first]
+    _, best, group = np.unique(newest, axis=0, return_index=True, return_inverse=True)
+    total = summed(tracks.score[best_first], group.ravel(), len(best))
+    rows = best_first[best]
+    threshold = tracks.score[rows] - tracks.evaluation[rows]
+    brewing = total > 0.0
+    return rows[brewing], np.clip(total / threshold, 0.0, 1.0)[brewing]
 
 
 def clear_markers(header: Header) -> MarkerArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -159,13 +160,19 @@ def test_afresh_everything_is_removed_before_the_tracks_are_shown(header, make_t
     assert actions == [Marker.DELETEALL] + [Marker.ADD] * 4
 
 
-def _potential(header, make_track, scores, threshold):
-    tracks = [make_track(score=score, evaluation=score - threshold) for score in scores]
+def _potential(header, make_track, scores, threshold, newest=None):
+    """Markers of potential tracks whose newest hits are all different, or given."""
+    tracks = [
+        make_track(score=score, evaluation=score - threshold, hits=((0, 3), (1, hit)))
+        for score, hit in zip(scores, newest or range(len(scores)), strict=True)
+    ]
     return potential_track_markers(header, tracks).markers
 
 
 def test_potential_tracks_are_points_and_lines_that_lead_on(header, make_track, over_the_wire):
-    tracks = [make_track(), make_track(state=np.array([1.0, 2.0, 3.0, 4.0]))]
+    one = make_track(score=9.0, evaluation=-1.0, hits=((0, 3), (1, 0)))
+    two = make_track(score=8.0, evaluation=-2.0, state=np.array([1.0, 2.0, 3.0, 4.0]))
+    tracks = [two, one]
     message = over_the_wire(potential_track_markers(header, tracks, lead_time=10.0))
     clear, positions, velocities = message.markers
     assert clear.action == Marker.DELETEALL
@@ -184,12 +191,54 @@ def test_without_potential_tracks_those_before_are_removed(header):
 
 
 def test_the_colour_is_the_score_s_share_of_the_threshold(header, make_track):
-    _, positions, velocities = _potential(header, make_track, [-3.0, 0.0, 5.0, 10.0, 12.0], 10.0)
+    _, positions, velocities = _potential(header, make_track, [12.0, 10.0, 5.0, 1e-9], 10.0)
     bare, full = np.array(POTENTIAL_COLORS)
-    expected = [bare, bare, (bare + full) / 2, full, full]
+    expected = [full, full, (bare + full) / 2, bare]
     found = [(color.r, color.g, color.b) for color in positions.colors]
     np.testing.assert_allclose(found, expected, atol=1e-6)
     assert [color.a for color in velocities.colors[::2]] == [c.a for c in positions.colors]
+
+
+def test_what_is_more_likely_clutter_is_not_drawn(header, make_track):
+    _, positions, _ = _potential(header, make_track, [-3.0, 0.0, 5.0], 10.0)
+    assert len(positions.points) == 1
+    assert len(_potential(header, make_track, [-3.0, 0.0], 10.0)) == 1
+
+
+def test_the_evidence_of_those_with_one_newest_hit_is_summed_and_the_best_is_drawn(
+    header, make_track
+):
+    scores = [2.0, 2.0 - math.log(2.0), 2.0 - math.log(2.0), -1.0, -1.0]
+    places = [make_track(score=score, evaluation=score - 10.0) for score in scores]
+    tracks = [
+        replace(track, hits=((0, index), (4, hit)), state=np.array([index, 0.0, 0.0, 0.0]))
+        for index, (track, hit) in enumerate(zip(places, [5, 5, 5, 6, 7], strict=True))
+    ]
+    _, positions, _ = potential_track_markers(header, tracks).markers
+    assert [point.x for point in positions.points] == [0.0]
+    bare, full = np.array(POTENTIAL_COLORS)
+    color = positions.colors[0]
+    nearness = (2.0 + math.log(2.0)) / 10.0  # ln(e^2 + 2 e^2 / 2)
+    np.testing.assert_allclose((color.r, color.g, color.b), bare + nearness * (full - bare), 1e-6)
+
+
+def test_two_that_are_less_likely_than_clutter_may_be_a_target_together(header, make_track):
+    assert len(_potential(header, make_track, [-0.5, -0.5], 10.0, newest=[4, 4])) == 3
+    assert len(_potential(header, make_track, [-0.5, -0.5], 10.0)) == 1
+
+
+def test_of_very_many_those_nearest_to_the_threshold_are_drawn(header, make_track):
+    tracks = [
+        make_track(
+            score=score,
+            evaluation=score - 2000.0,
+            state=np.array([score, 0.0, 0.0, 0.0]),
+            hits=((0, 0), (1, int(score))),
+        )
+        for score in np.arange(1.0, 1200.0)
+    ]
+    _, positions, _ = potential_track_markers(header, tracks).markers
+    assert {point.x for point in positions.points} == set(np.arange(200.0, 1200.0))
 
 
 @pytest.mark.parametrize("threshold", [math.nan, math.inf], ids=["no-score", "not-known-yet"])
@@ -198,3 +247,8 @@ def test_without_a_score_or_a_threshold_the_colour_is_the_bare_one(header, make_
     _, positions, _ = _potential(header, make_track, [score], threshold)
     color = positions.colors[0]
     np.testing.assert_allclose((color.r, color.g, color.b), POTENTIAL_COLORS[0], atol=1e-6)
+
+
+def test_without_scores_all_are_drawn(header, make_track):
+    _, positions, _ = _potential(header, make_track, [math.nan] * 3, math.nan, newest=[1, 1, 1])
+    assert len(positions.points) == 3

@@ -278,10 +278,12 @@ def test_a_clutter_density_that_detections_contradict_is_a_warning(detections, l
 
 def test_a_few_detections_say_nothing_of_the_clutter_density():
     run = Run()
-    run.set(coverage_area=1e6)  # 1 is expected, 5 times that come
-    for index in range(3 * 5):
-        run.scan(12.0 * index, detections=index % 5 == 0 and 6 or 0)
-    assert run.status("clutter", 200.0).level == Level.OK
+    run.set(coverage_area=1e6, clutter_density=1e-8)  # 0.2 are expected in all
+    for index in range(19):
+        run.scan(12.0 * index, detections=1)
+    assert run.status("clutter", 220.0).level == Level.OK
+    run.scan(228.0, detections=1)
+    assert run.status("clutter", 228.0).level == Level.WARN
 
 
 def test_a_mismatch_of_qualities_is_an_error_while_it_stands():
