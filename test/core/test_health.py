@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +21,7 @@ from tsepm_ros.health import (
     Status,
 )
 from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.parameters import table
 
 GOOD = Figures(
     totals=ScanStatistics(),
@@ -324,3 +327,12 @@ def test_reset_forgets_drops_scans_and_arrivals():
     run.figures = GOOD
     assert run.said("detections", 13.0) == (Level.WARN, "no scan yet")
     assert run.health.latency == Latency()
+
+
+def test_the_operating_page_names_every_entry_and_every_threshold():
+    page = (Path(__file__).parents[2] / "docs/operating.md").read_text()
+    entries = [one.task for one in Health(DiagnosticsOptions()).report(GOOD, 0.0)]
+    thresholds = [row.name for row in table(DiagnosticsOptions)]
+    missing = [task for task in entries if f"\n| `{task}` | " not in page]
+    missing += [name for name in thresholds if not re.search(rf"`(diagnostics\.)?{name}`", page)]
+    assert missing == []
