@@ -145,6 +145,12 @@ _SINGLE = {
         "Compare the clocks of sonar and navigation; see `own_ship_timeout`, "
         "`own_ship_max_extrapolation` and `own_ship_max_gap`",
     ),
+    "no_horizontal_range": DropReason(
+        DETECTIONS,
+        "detection",
+        "it lies straight above or below the sonar once roll and pitch are taken out",
+        "Nothing, where it is rare; else check the attitude",
+    ),
     "heading_unknown": DropReason(
         OWN_SHIP,
         "scan",
