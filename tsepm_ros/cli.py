@@ -30,6 +30,7 @@ from tsepm_ros.parameter_groups import (
     TRACK_INITIATOR,
     InitiatorNodeOptions,
     as_markdown,
+    as_page,
     as_yaml,
     make_groups,
     parse_values,
@@ -80,8 +81,8 @@ def _parser() -> argparse.ArgumentParser:
     one.set_defaults(command=_methods)
 
     one = commands.add_parser("parameters", help="print the parameters of a node, with defaults")
-    one.add_argument("node", nargs="?", choices=sorted(NODES), default="track_initiator")
-    one.add_argument("--markdown", action="store_true", help="a table instead of YAML")
+    one.add_argument("node", nargs="?", choices=[*sorted(NODES), "all"], default="track_initiator")
+    one.add_argument("--markdown", action="store_true", help="tables instead of YAML")
     one.set_defaults(command=_parameters)
 
     one = commands.add_parser("run", help="start tracks on a recording; prints them as CSV")
@@ -127,6 +128,10 @@ def _methods(options: argparse.Namespace) -> None:
 
 
 def _parameters(options: argparse.Namespace) -> None:
+    if options.node == "all":
+        every = "\n".join(as_yaml(node, groups) for node, groups in NODES.items())
+        print(as_page(NODES) if options.markdown else every, end="")
+        return
     groups = NODES[options.node]
     print(as_markdown(groups) if options.markdown else as_yaml(options.node, groups), end="")
 

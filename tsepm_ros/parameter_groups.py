@@ -262,6 +262,27 @@ def as_yaml(node: str, groups: Groups) -> str:
     return "\n".join(lines) + "\n"
 
 
+def as_page(nodes: Mapping[str, Groups]) -> str:
+    """The documentation's page of parameters: a section per node, a table per prefix."""
+    parts = [
+        "# Parameters",
+        "Made by `tsepm parameters all --markdown`; a test compares. How to find the values that "
+        "your sonar needs: [tuning](tuning.md). A number is written with its point, 4.0 and not 4: "
+        "ROS parameters are typed. What is *live* may change while the node runs and takes effect "
+        "at the next scan.",
+    ]
+    for node, groups in nodes.items():
+        parts.append(f"## `{node}`")
+        for prefix in dict.fromkeys(prefix for prefix, _ in groups):
+            method = prefix.removesuffix(".")
+            if prefix:
+                parts.append(f"### `{prefix}*`")
+            if method in METHODS:
+                parts.append(f"Of the method [`{method}`](methods/{method}.md).")
+            parts.append(as_markdown(tuple(one for one in groups if one[0] == prefix)).rstrip())
+    return "\n\n".join(parts) + "\n"
+
+
 def as_markdown(groups: Groups) -> str:
     """A table of all parameters for the documentation."""
     lines = [

@@ -13,6 +13,7 @@ import yaml
 from tsepm_ros.analysis.report import text_table
 from tsepm_ros.cli import main
 from tsepm_ros.methods import available_methods
+from tsepm_ros.parameter_groups import NODES, as_page
 
 
 @pytest.fixture
@@ -36,6 +37,13 @@ def test_methods_are_listed_with_what_they_are(capsys):
 def test_parameters_are_a_parameter_file(capsys, node):
     assert main(["parameters", node]) == 0
     assert list(yaml.safe_load(capsys.readouterr().out)) == [node]
+
+
+def test_the_parameters_of_all_nodes_are_one_file_and_one_page(capsys):
+    assert main(["parameters", "all"]) == 0
+    assert list(yaml.safe_load(capsys.readouterr().out)) == list(NODES)
+    assert main(["parameters", "all", "--markdown"]) == 0
+    assert capsys.readouterr().out == as_page(NODES)
 
 
 def test_a_recording_gives_tracks_as_csv(capsys, recording):
