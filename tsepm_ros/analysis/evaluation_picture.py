@@ -102,9 +102,10 @@ def _saved(figure: Figure, path: Path) -> Path:
 def _looks(one: Evaluated) -> dict[str, tuple[str, str]]:
     """Colour and marker of each method."""
     methods = dict.fromkeys(point.method for point in one.points)
+    turns = [divmod(place, len(COLOURS)) for place in range(len(methods))]
     return {
-        method: (COLOURS[place % len(COLOURS)], MARKERS[place % len(MARKERS)])
-        for place, method in enumerate(methods)
+        method: (COLOURS[place], MARKERS[(place + turn) % len(MARKERS)])
+        for method, (turn, place) in zip(methods, turns, strict=True)
     }
 
 
