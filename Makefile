@@ -17,11 +17,11 @@ ifneq ($(SOURCED),)
   # The distribution's rclpy, numpy and scipy stay; pip adds only what is missing.
   PYTHONS := python3
   VENV_FLAGS := --system-site-packages
-  EXTRAS := plot,test
+  EXTRAS := plot,test,docs
   READY := $(VENV)/.ready-sourced
 else
   PYTHONS := python3 python3.12 python3.11
-  EXTRAS := ros,plot,test
+  EXTRAS := ros,plot,test,docs
   READY := $(VENV)/.ready-wheels
   # Only Fast DDS comes as a wheel. Another ROS in the calling shell must not mix with the wheels,
   # nor may the library path of other wheels, which comes with their guard variable.
@@ -37,7 +37,7 @@ unexport ROS_STATIC_PEERS ROS_LOCALHOST_ONLY
 export ROS_LOG_DIR := $(CURDIR)/build/ros_log
 export MPLCONFIGDIR := $(CURDIR)/build/matplotlib
 
-.PHONY: help demo test lint env clean
+.PHONY: help demo test lint docs env clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -53,6 +53,9 @@ lint: env  ## ruff and mypy
 	$(VENV)/bin/python -m ruff check .
 	$(VENV)/bin/python -m ruff format --check .
 	$(VENV)/bin/python -m mypy
+
+docs: env  ## the documentation as a site in build/site; a warning is an error
+	$(VENV)/bin/python -m mkdocs build --strict --quiet
 
 env: $(READY)  ## only the environment that these use, in .venv
 	@mkdir -p $(ROS_LOG_DIR) $(MPLCONFIGDIR)

@@ -57,6 +57,7 @@ setup(
         "ros": ROS_WHEELS,
         "plot": ["matplotlib>=3.6", "tqdm"],
         "distributed": ["distributed"],
+        "docs": ["mkdocs>=1.6,<2", "mkdocstrings[python]>=0.26"],
         "test": [
             "distributed",
             "pytest>=7.4",
