@@ -55,7 +55,7 @@ lint: env  ## ruff and mypy
 	$(VENV)/bin/python -m mypy
 
 docs: env  ## the documentation as a site in build/site; a warning is an error
-	$(VENV)/bin/python -m mkdocs build --strict --quiet
+	$(VENV)/bin/python -m mkdocs build --strict
 
 env: $(READY)  ## only the environment that these use, in .venv
 	@mkdir -p $(ROS_LOG_DIR) $(MPLCONFIGDIR)
