@@ -56,10 +56,12 @@ setup(
     extras_require={
         "ros": ROS_WHEELS,
         "plot": ["matplotlib>=3.6", "tqdm"],
+        "bags": ["rosbags>=0.11"],
         "distributed": ["distributed"],
         "docs": ["mkdocs>=1.6,<2", "mkdocstrings[python]>=0.26"],
         "test": [
             "distributed",
+            "rosbags>=0.11",
             "pytest>=7.4",
             "pytest-timeout",
             "pytest-xdist",

@@ -215,10 +215,21 @@ def _point_fields(dtype: np.dtype[Any]) -> tuple[PointField, ...]:
     """Return the field descriptions of a structured dtype; the same ones for the same dtype."""
     from sensor_msgs.msg import PointField
 
+    return tuple(PointField(**values) for values in point_fields(dtype))
+
+
+def point_fields(dtype: np.dtype[Any]) -> list[dict[str, Any]]:
+    """Return the values of sensor_msgs/PointField for every field of a structured dtype.
+
+    Raises
+    ------
+    ValueError
+        If a field has a type that a cloud has not.
+    """
     described = []
     for name, (form, offset, *_) in (dtype.fields or {}).items():
         number = _NUMBER_OF_FORMAT.get(f"{form.kind}{form.itemsize}")
         if number is None:
             raise ValueError(f"points: field {name!r} has the type {form}, which a cloud has not")
-        described.append(PointField(name=name, offset=offset, datatype=number, count=1))
-    return tuple(described)
+        described.append({"name": name, "offset": offset, "datatype": number, "count": 1})
+    return described

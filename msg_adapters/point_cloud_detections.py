@@ -124,15 +124,15 @@ def detections_cloud(
     range: ArrayLike,
     azimuth: ArrayLike | None = None,
     bearing: ArrayLike | None = None,
-    bearing_reference: str = "bow",
+    bearing_reference: str | None = "bow",
     **optional: ArrayLike | None,
 ) -> PointCloud2:
     """Build a cloud of detections that `read_point_cloud` reads back without loss.
 
     First come `x`, `y`, `z` = 0 in the sensor frame as FLOAT32, which RViz and PCL need, then what
-    is given here as FLOAT64. Bearings from north are the exception: where they lie in the sensor
-    frame is not known without the heading, so such a cloud has no `x`, `y`, `z`, and RViz does not
-    show it.
+    is given here as FLOAT64. Bearings not from the bow are the exception: where they lie in the
+    sensor frame is not known without the heading, so such a cloud has no `x`, `y`, `z`, and RViz
+    does not show it.
 
     Parameters
     ----------
@@ -142,8 +142,8 @@ def detections_cloud(
         m. No value is checked here.
     azimuth, bearing : (n,) array_like
         rad. Exactly one is given.
-    bearing_reference : {"bow", "north"}, optional
-        What `bearing` is measured from, clockwise.
+    bearing_reference : {"bow", "north"} or None, optional
+        What `bearing` is measured from, clockwise; None: not known here, the reader's to say.
     **optional : (n,) array_like or None
         `range_std`, `azimuth_std`, `time_offset`, `intensity`, `range_width`, `azimuth_width` or
         `range_rate`; None leaves a field out.
@@ -157,7 +157,8 @@ def detections_cloud(
     ValueError
         If both or none of azimuth and bearing are given, a name is not known, or a shape differs.
     """
-    reference = ReadingOptions(bearing_reference).bearing_reference
+    if bearing_reference is not None:
+        ReadingOptions(bearing_reference)
     if (azimuth is None) == (bearing is None):
         raise ValueError("exactly one of azimuth and bearing must be given")
     unknown = sorted(set(optional) - {*ERROR_FIELDS, *FEATURE_FIELDS})
@@ -172,7 +173,7 @@ def detections_cloud(
             )
     if bearing is None:
         return write_cloud(header, _with_xyz(fields, fields["azimuth"]))
-    if reference == "bow":
+    if bearing_reference == "bow":
         return write_cloud(header, _with_xyz(fields, azimuth_of_bearing(fields["bearing"], "bow")))
     return write_cloud(header, _points(fields, ()))
 

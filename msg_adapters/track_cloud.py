@@ -81,6 +81,28 @@ def track_cloud(header: Header, tracks: Sequence[ConfirmedTrack]) -> PointCloud2
     ValueError
         If a track_id does not fit 32 bits without a sign.
     """
+    return cloud_of(header, *track_points(tracks))
+
+
+def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
+    """Return the points of some tracks as `track_cloud` packs them.
+
+    Parameters
+    ----------
+    tracks : sequence of ConfirmedTrack
+
+    Returns
+    -------
+    points : (n,) ndarray of TRACK_DTYPE
+        Zero in the padding.
+    is_dense : bool
+        Whether every number is finite.
+
+    Raises
+    ------
+    ValueError
+        If a track_id does not fit 32 bits without a sign.
+    """
     arrays = TrackArrays.of(tracks)
     bad_ids = arrays.track_id[(arrays.track_id < 0) | (arrays.track_id > _LARGEST_ID)]
     if len(bad_ids):
@@ -97,7 +119,7 @@ def track_cloud(header: Header, tracks: Sequence[ConfirmedTrack]) -> PointCloud2
     records["counts"][:, 1] = np.minimum(arrays.scan_count, _LARGEST_COUNT)
     records["age"] = arrays.age
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
-    return cloud_of(header, records.view(TRACK_DTYPE), is_dense)
+    return records.view(TRACK_DTYPE), is_dense
 
 
 def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:

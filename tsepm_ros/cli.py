@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from typing import TextIO
+from collections.abc import Sequence
 
 from tsepm_ros.analysis.design_command import add_design_arguments, run_design
 from tsepm_ros.analysis.evaluate_command import (
@@ -22,24 +20,18 @@ from tsepm_ros.analysis.figures import HEADINGS, SPECS, Figures, figures_of
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.report import text_table, with_progress
+from tsepm_ros.analysis.run_command import add_recording_arguments, run_recording
 from tsepm_ros.analysis.study import study
 from tsepm_ros.methods import METHODS, available_methods
-from tsepm_ros.offline import process_recording
 from tsepm_ros.parameter_groups import (
     NODES,
-    TRACK_INITIATOR,
-    InitiatorNodeOptions,
     as_markdown,
     as_page,
     as_yaml,
-    make_groups,
     parse_values,
-    settings_from,
 )
-from tsepm_ros.recording import read_recording
-from tsepm_ros.session import ScanResult, SessionOptions
+from tsepm_ros.session import SessionOptions
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
-from tsepm_ros.track import ConfirmedTrack
 
 INTERRUPTED = 130
 """What a shell takes for ended by an interrupt."""
@@ -85,10 +77,13 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--markdown", action="store_true", help="tables instead of YAML")
     one.set_defaults(command=_parameters)
 
-    one = commands.add_parser("run", help="start tracks on a recording; prints them as CSV")
-    one.add_argument("recording", help="folder with detections.csv")
+    one = commands.add_parser(
+        "run",
+        help="start tracks on a recording, a bag or a simulated scenario; as CSV, or a picture",
+    )
+    add_recording_arguments(one)
     _add_parameters(one)
-    one.set_defaults(command=_run)
+    one.set_defaults(command=run_recording)
 
     one = commands.add_parser(
         "design", help="what a sonar and a wish lead to: thresholds, rules, what is found and when"
@@ -134,48 +129,6 @@ def _parameters(options: argparse.Namespace) -> None:
         return
     groups = NODES[options.node]
     print(as_markdown(groups) if options.markdown else as_yaml(options.node, groups), end="")
-
-
-def _run(options: argparse.Namespace) -> None:
-    recording = read_recording(options.recording)
-    values = parse_values(options.parameter)
-    if recording.own_ship:
-        values.setdefault("own_ship_source", "odometry")
-    made = make_groups(TRACK_INITIATOR, values)
-    settings = settings_from(made)
-    results, dropped = process_recording(
-        recording, settings, made[InitiatorNodeOptions].bearing_reference
-    )
-    write_tracks(results, sys.stdout, settings.make_initiator().reason)
-    for reason, number in sorted(dropped.items()):
-        print(f"dropped: {number} {reason}", file=sys.stderr)
-
-
-def write_tracks(
-    results: Iterable[ScanResult], file: TextIO, reason: Callable[[ConfirmedTrack], str]
-) -> None:
-    """Write the confirmed tracks of a run as CSV, a row each, with why each was confirmed."""
-    writer = csv.writer(file, lineterminator="\n")
-    covariance = [f"cov_{row}{column}" for row in range(4) for column in range(4)]
-    state = ["state_x", "state_vx", "state_y", "state_vy"]
-    last = ["evaluation", "score", "hit_count", "scan_count", "age", "reason"]
-    writer.writerow(["stamp", "track_id", *state, *covariance, *last])
-    for result in results:
-        for track in result.new:
-            writer.writerow(
-                [
-                    repr(track.stamp),
-                    track.track_id,
-                    *track.state.tolist(),
-                    *track.covariance.ravel().tolist(),
-                    track.evaluation,
-                    track.score,
-                    len(track.hits),
-                    track.scan_count,
-                    track.age,
-                    reason(track),
-                ]
-            )
 
 
 def _study(options: argparse.Namespace) -> None:

@@ -116,20 +116,45 @@ class SimulatorNodeOptions:
 class PlayerNodeOptions:
     """Parameters of the node `scan_player`."""
 
-    recording: str = parameter("", "Folder or file of the recording", read_only=True)
+    recording: str = parameter(
+        "", "Folder of CSV files; or bag: folder with metadata.yaml, .mcap or .db3", read_only=True
+    )
     rate_factor: float = parameter(
         1.0, "How much faster than real time", positive=True, maximum=1e6, read_only=True
     )
+    start_offset: float = parameter(
+        0.0,
+        "Leave out what was recorded before this time after the recording's start",
+        unit="s",
+        minimum=0.0,
+        read_only=True,
+    )
     start_stamp: float = parameter(
         0.0,
-        "Added to the recorded stamps; negative: the recording starts at the clock's time",
+        "Added to the stamps of a CSV recording; negative: it starts at the clock's time",
         unit="s",
         maximum=2e9,
         read_only=True,
     )
     publish_clock: bool = parameter(False, "Publish the recorded time on /clock", read_only=True)
-    fixed_frame: str = parameter("odom", "Frame of the own ship (ENU)", read_only=True)
-    sensor_frame: str = parameter("sonar", "Frame of the detections", read_only=True)
+    fixed_frame: str = parameter(
+        "odom", "Frame of a CSV recording's own ship (ENU)", read_only=True
+    )
+    sensor_frame: str = parameter("sonar", "Frame of a CSV recording's detections", read_only=True)
+    detections_topic: str = parameter(
+        "", "Topic of a bag to play as detections; empty: found by name or type", read_only=True
+    )
+    odometry_topic: str = parameter(
+        "",
+        "Topic of a bag to play as own_ship/odometry; empty: found by name or type",
+        read_only=True,
+    )
+    tracked_topic: str = parameter(
+        "", "Topic of a bag to play as tracked; empty: found by name", read_only=True
+    )
+    ground_truth_topic: str = parameter(
+        "", "Topic of a bag to play as ground_truth; empty: found by name", read_only=True
+    )
     wait_for_subscribers: int = parameter(
         1,
         "Start when this many subscribe to the detections",

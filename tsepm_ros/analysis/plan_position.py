@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
 
@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
+from tsepm_ros.analysis.run_scene import RunScene, velocity_seconds
 from tsepm_ros.track import ConfirmedTrack
 
 FloatArray = NDArray[np.float64]
@@ -47,7 +48,7 @@ class Picture:
     velocity_seconds : float
         Length of the velocity lines, s of travel.
     on_target_label, off_target_label : str
-        What the legend calls the tracks; the number is added.
+        What the legend calls the tracks; the number is added. Empty: such tracks are not named.
     """
 
     title: str
@@ -59,6 +60,24 @@ class Picture:
     velocity_seconds: float = 120.0
     on_target_label: str = "true starts (velocity, 95 % ellipse)"
     off_target_label: str = "false starts"
+
+
+def picture_of(scene: RunScene) -> Picture:
+    """Return the picture of a whole run: every detection, every start, the truth where known."""
+    seconds = velocity_seconds(scene)
+    judged = scene.judged is not None
+    return Picture(
+        title=scene.title,
+        detections=[view.detections for view in scene.scans],
+        truth=[path[:, 1:] for path in scene.truth],
+        on_target=scene.starts_by(true=True),
+        off_target=scene.starts_by(true=False),
+        own_ship=scene.own_ship,
+        velocity_seconds=seconds,
+        on_target_label=f"{'true starts' if judged else 'new tracks'} "
+        f"(velocity over {seconds:g} s, 95 % ellipse)",
+        off_target_label="false, misplaced and redundant starts" if judged else "",
+    )
 
 
 def draw(picture: Picture, insets: Sequence[FloatArray] = ()) -> Figure:
@@ -103,7 +122,6 @@ def save(picture: Picture, path: Path, insets: Sequence[FloatArray] = ()) -> Non
 
 
 def _scene(axes: Axes, picture: Picture, inset: bool = False) -> None:
-    axes.set_facecolor(SEA)
     ages = np.linspace(0.12, 0.6, max(len(picture.detections), 1))
     for alpha, points in zip(ages, picture.detections, strict=False):
         axes.scatter(points[:, 0], points[:, 1], s=5, color=INK, alpha=alpha, linewidths=0)
@@ -111,7 +129,7 @@ def _scene(axes: Axes, picture: Picture, inset: bool = False) -> None:
         axes.plot(*picture.own_ship.T, color=INK, linewidth=1.2)
         axes.plot(*picture.own_ship[-1], marker="^", color=INK, markersize=8)
     for track in picture.off_target:
-        _track(axes, track, picture, BAD, 0.55, 0.7)
+        draw_track(axes, track, picture.velocity_seconds, BAD, 0.55, 0.7)
     for number, path in enumerate(picture.truth):
         axes.plot(*path.T, color=TRUTH, linewidth=2.2)
         axes.plot(*path[0], marker="o", color=TRUTH, markersize=4)
@@ -120,24 +138,31 @@ def _scene(axes: Axes, picture: Picture, inset: bool = False) -> None:
                 str(number), path[-1], (6, 6), textcoords="offset points", color=TRUTH, fontsize=11
             )
     for track in picture.on_target:
-        _track(axes, track, picture, GOOD, 1.0, 1.6)
-    axes.set_aspect("equal", adjustable="box" if inset else "datalim")
+        draw_track(axes, track, picture.velocity_seconds, GOOD, 1.0, 1.6)
+    dress(axes, "box" if inset else "datalim")
+
+
+def dress(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
+    """Give axes of a plan their background, scale, names and grid."""
+    axes.set_facecolor(SEA)
+    axes.set_aspect("equal", adjustable=adjustable)
     axes.set_xlabel("east, m")
     axes.set_ylabel("north, m")
     axes.grid(color="#e2e8f0", linewidth=0.6)
     axes.set_axisbelow(True)
 
 
-def _track(
+def draw_track(
     axes: Axes,
     track: ConfirmedTrack,
-    picture: Picture,
+    velocity_seconds: float,
     colour: str,
     alpha: float,
     width: float,
 ) -> None:
+    """Draw a track: its position, its velocity over some seconds, and its 95 % ellipse."""
     start = track.position
-    end = start + track.velocity * picture.velocity_seconds
+    end = start + track.velocity * velocity_seconds
     axes.plot([start[0], end[0]], [start[1], end[1]], color=colour, alpha=alpha, linewidth=width)
     axes.plot(*start, marker="o", color=colour, alpha=alpha, markersize=2.5 * width)
     values, vectors = np.linalg.eigh(track.position_covariance)
@@ -155,37 +180,25 @@ def _track(
 
 
 def _legend(picture: Picture) -> list[Line2D]:
-    def dots(colour: str, label: str, **style: Any) -> Line2D:
-        return Line2D([], [], color=colour, marker="o", linestyle="", label=label, **style)
-
     number = sum(len(points) for points in picture.detections)
-    handles = [dots(INK, f"detections, fading with age ({number})", markersize=3, alpha=0.6)]
+    handles = [legend_dots(INK, f"detections, fading with age ({number})", markersize=3, alpha=0.6)]
     if picture.own_ship is not None and len(picture.own_ship):
         handles.append(Line2D([], [], color=INK, marker="^", label="own ship"))
     if picture.truth:
         handles.append(Line2D([], [], color=TRUTH, linewidth=2.2, label="truth"))
-    handles.append(
-        Line2D(
-            [],
-            [],
-            color=GOOD,
-            marker="o",
-            markersize=4,
-            label=f"{picture.on_target_label}: {len(picture.on_target)}",
-        )
-    )
-    handles.append(
-        Line2D(
-            [],
-            [],
-            color=BAD,
-            marker="o",
-            markersize=2,
-            alpha=0.7,
-            label=f"{picture.off_target_label}: {len(picture.off_target)}",
-        )
-    )
+    tracks = Line2D([], [], color=GOOD, marker="o", markersize=4)
+    tracks.set_label(f"{picture.on_target_label}: {len(picture.on_target)}")
+    handles.append(tracks)
+    if picture.off_target_label:
+        tracks = Line2D([], [], color=BAD, marker="o", markersize=2, alpha=0.7)
+        tracks.set_label(f"{picture.off_target_label}: {len(picture.off_target)}")
+        handles.append(tracks)
     return handles
+
+
+def legend_dots(colour: str, label: str, **style: Any) -> Line2D:
+    """Return a legend's entry for points."""
+    return Line2D([], [], color=colour, marker="o", linestyle="", label=label, **style)
 
 
 def _inset_reach(picture: Picture, insets: Sequence[FloatArray]) -> float:

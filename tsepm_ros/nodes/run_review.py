@@ -13,19 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters import (
-    pose_sample,
-    read_detections,
-    read_own_ship,
-    sensor_scan,
-    time_to_ns,
-    track_states,
-)
+from msg_adapters import time_to_ns, track_states
 from tsepm_ros.analysis.plan_position import Picture
 from tsepm_ros.analysis.report import counts_line, target_table, text_table
 from tsepm_ros.analysis.truth import Outcome, judge
+from tsepm_ros.bag import DETECTIONS, OWN_SHIP
 from tsepm_ros.conversion import convert
 from tsepm_ros.nodes.run_recorder import RunRecorder
+from tsepm_ros.offline import MessageInput
 from tsepm_ros.parameter_groups import (
     TRACK_INITIATOR,
     InitiatorNodeOptions,
@@ -73,19 +68,13 @@ def replay(recorder: RunRecorder, parameters: Sequence[str]) -> tuple[list[ScanR
     """
     values = {"own_ship_source": "odometry", **parse_values(parameters)}
     made = make_groups(TRACK_INITIATOR, values)
-    options = made[InitiatorNodeOptions]
     session = Session(settings_from(made))
+    given = MessageInput(session, made[InitiatorNodeOptions])
     for message in recorder.own_ship:
-        sample = read_own_ship(message)
-        session.add_own_ship(pose_sample(sample), sample.frame_id)
+        given.take(OWN_SHIP, message, now=0.0)
     results: list[ScanResult] = []
     for message in sorted(recorder.detections, key=lambda m: time_to_ns(m.header.stamp)):
-        detections = read_detections(
-            message,
-            bearing_reference=options.bearing_reference,
-            sound_speed=options.sound_speed,
-        )
-        session.add_scan(sensor_scan(detections), now=0.0)
+        given.take(DETECTIONS, message, now=0.0)
         results.extend(session.process())
     return results, session
 

@@ -1,0 +1,316 @@
+"""The command `tsepm run`: a recording, a bag or a simulated scenario, from messages to tracks."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters import MessageError, read_track_cloud, time_to_ns
+from tsepm_ros.analysis.run_scene import RunScene, ScanView, truth_paths
+from tsepm_ros.analysis.track_files import TrackBag, TrackTable
+from tsepm_ros.analysis.truth import judge
+from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
+from tsepm_ros.offline import MessageInput, bag_results, recording_results
+from tsepm_ros.parameter_groups import (
+    TRACK_INITIATOR,
+    InitiatorNodeOptions,
+    make_groups,
+    parse_values,
+    settings_from,
+)
+from tsepm_ros.parameters import Value
+from tsepm_ros.recording import read_recording
+from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.simulation.recorded import simulated_recording
+
+FloatArray = NDArray[np.float64]
+Origins = list[NDArray[np.int64]]
+
+TOPIC_OPTIONS = {
+    DETECTIONS: "detections",
+    OWN_SHIP: "odometry",
+    TRACKED: "tracked",
+    TRUTH: "ground-truth",
+}
+"""Options that name the topics of a bag, by role."""
+
+
+def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `tsepm run`."""
+    scenarios = ", ".join(shipped_scenarios())
+    parser.add_argument(
+        "recording",
+        help="folder with detections.csv; bag: folder with metadata.yaml, .mcap or .db3 file; "
+        f"or scenario to simulate: {scenarios} or a .yaml file",
+    )
+    parser.add_argument(
+        "--out", type=Path, help="folder for tracks.csv, tracks.mcap and picture.png"
+    )
+    parser.add_argument("--picture", type=Path, help="plan-position picture, such as run.png")
+    parser.add_argument("--animation", type=Path, help="the same as an animation, a .gif file")
+    parser.add_argument("--seed", type=int, default=1, help="of a simulated scenario")
+    for role, name in TOPIC_OPTIONS.items():
+        parser.add_argument(
+            f"--{name}", dest=f"topic_{role}", default="", help=f"topic of a bag to read as {role}"
+        )
+
+
+@dataclass
+class Run:
+    """A run that is ready to begin.
+
+    Attributes
+    ----------
+    title : str
+    session : Session
+    results : iterator of ScanResult
+    truth : list of (m, 3) ndarray
+        Time (s), x and y (m) of each target.
+    judge : callable, optional
+        Judges the starts of a scene where it is known which detections are a target's.
+    notes : dict of str to str
+        What was said and not counted, the first sentence of a kind.
+    duration : float
+        Time that was recorded, s.
+    """
+
+    title: str
+    session: Session
+    results: Iterator[ScanResult]
+    truth: list[FloatArray] = field(default_factory=list)
+    judge: Callable[[RunScene], None] = lambda scene: None
+    notes: dict[str, str] = field(default_factory=dict)
+    duration: float = 0.0
+
+
+def run_recording(options: argparse.Namespace) -> None:
+    """Start tracks on what is given, and write them.
+
+    Raises
+    ------
+    ValueError
+        If something given is not allowed, or a recording cannot be read.
+    """
+    if options.animation and options.animation.suffix != ".gif":
+        raise ValueError(f"--animation must be a .gif file; got {options.animation}")
+    if options.picture or options.animation:
+        _need_matplotlib()
+    with ExitStack() as stack:
+        run = _open(options, stack)
+        if options.out:
+            options.out.mkdir(parents=True, exist_ok=True)
+        began = time.perf_counter()
+        scene = _process(run, options)
+        seconds = time.perf_counter() - began
+    _tell(run, scene, seconds, options)
+    _draw(run, scene, options)
+
+
+def _need_matplotlib() -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise ValueError(
+            "pictures and animations need matplotlib, which comes with the extra plot"
+        ) from None
+
+
+def _open(options: argparse.Namespace, stack: ExitStack) -> Run:
+    name = options.recording
+    if name.endswith((".yaml", ".yml")) or (
+        name in shipped_scenarios() and not Path(name).exists()
+    ):
+        return _simulation(load_scenario(name), options)
+    if is_bag(name):
+        return _bag(stack.enter_context(Bag(name)), options)
+    return _recording(options)
+
+
+def _session(
+    options: argparse.Namespace, defaults: dict[str, Value]
+) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
+    """Make a session from what is given; what it reports once per kind is noted."""
+    made = make_groups(TRACK_INITIATOR, {**defaults, **parse_values(options.parameter)})
+    notes: dict[str, str] = {}
+
+    def note(reason: str, sentence: str) -> None:
+        notes.setdefault(reason, sentence)
+
+    session = Session(settings_from(made), note)
+    if session.settings.session.own_ship_source == "tf":
+        raise ValueError("own_ship_source tf is for the node only; offline it is odometry or none")
+    return session, made[InitiatorNodeOptions], notes
+
+
+def _recording(options: argparse.Namespace) -> Run:
+    recording = read_recording(options.recording)
+    defaults: dict[str, Value] = {"own_ship_source": "odometry"} if recording.own_ship else {}
+    session, node, notes = _session(options, defaults)
+    first, last = recording.span
+    return Run(
+        title=_title(options, session),
+        session=session,
+        results=recording_results(recording, session, node.bearing_reference),
+        truth=truth_paths(recording.targets),
+        notes=notes,
+        duration=last - first,
+    )
+
+
+def _bag(bag: Bag, options: argparse.Namespace) -> Run:
+    given = {role: getattr(options, f"topic_{role}") for role in TOPIC_OPTIONS}
+    try:
+        topics = find_topics(bag.topics, given)
+    except ValueError as error:
+        names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
+        raise ValueError(f"{error} (topics are named by {names})") from None
+    source = "odometry" if OWN_SHIP in topics else "none"
+    session, node, notes = _session(options, {"own_ship_source": source})
+    if session.settings.session.own_ship_source == "none":
+        topics.pop(OWN_SHIP, None)  # the node does not listen to it either
+    return Run(
+        title=_title(options, session),
+        session=session,
+        results=_with_assumptions(bag, topics, session, node, notes),
+        truth=_bag_truth(bag, topics) if _wants_scene(options) else [],
+        notes=notes,
+        duration=bag.duration,
+    )
+
+
+def _with_assumptions(
+    bag: Bag,
+    topics: dict[str, str],
+    session: Session,
+    node: InitiatorNodeOptions,
+    notes: dict[str, str],
+) -> Iterator[ScanResult]:
+    given = MessageInput(session, node)
+    yield from bag_results(bag, topics, session, given)
+    notes.update({sentence: sentence for sentence in sorted(given.assumptions)})
+
+
+def _bag_truth(bag: Bag, topics: dict[str, str]) -> list[FloatArray]:
+    """The paths of the targets that a topic of the bag tells, by track id."""
+    paths: dict[int, list[tuple[float, float, float]]] = {}
+    for message in bag.messages([topics[TRUTH]] if TRUTH in topics else []):
+        try:
+            cloud = bag.read(message)
+            points = read_track_cloud(cloud)
+        except MessageError:
+            continue  # of no use for the picture, and nothing else needs it
+        stamp = 1e-9 * time_to_ns(cloud.header.stamp)
+        for point in points:
+            place = (stamp, float(point["state_x"]), float(point["state_y"]))
+            paths.setdefault(int(point["track_id"]), []).append(place)
+    return [np.array(path) for path in paths.values()]
+
+
+def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
+    simulator = Simulator(scenario, options.seed)
+    recording, origins = simulated_recording(simulator)
+    sensor: dict[str, Value] = {
+        f"sensor.{name}": value for name, value in dataclasses.asdict(scenario.sensor).items()
+    }
+    session, node, notes = _session(options, {"own_ship_source": "odometry", **sensor})
+
+    def judge_starts(scene: RunScene) -> None:
+        scene.judged = judge(
+            scene.starts,
+            origins,
+            simulator.truth,
+            scenario.sensor,
+            lambda stamp: scenario.own_ship.pose(stamp)[:2],
+        )
+
+    return Run(
+        title=f"{scenario.name}, seed {options.seed}, method {session.settings.session.method}",
+        session=session,
+        results=recording_results(recording, session, node.bearing_reference),
+        truth=truth_paths(recording.targets),
+        judge=judge_starts,
+        notes=notes,
+        duration=scenario.duration,
+    )
+
+
+def _title(options: argparse.Namespace, session: Session) -> str:
+    path = Path(options.recording)
+    name = path.parent.name if path.name == "detections.csv" else path.stem
+    return f"{name or path.resolve().name}, method {session.settings.session.method}"
+
+
+def _wants_scene(options: argparse.Namespace) -> bool:
+    return bool(options.out or options.picture or options.animation)
+
+
+def _process(run: Run, options: argparse.Namespace) -> RunScene:
+    """Run it and write the tracks; the scene is empty where nobody wants to see it."""
+    scene = RunScene(run.title, truth=run.truth)
+    wanted = _wants_scene(options)
+    with ExitStack() as stack:
+        file = sys.stdout
+        if options.out:
+            path = options.out / "tracks.csv"
+            file = stack.enter_context(path.open("w", encoding="utf-8", newline=""))
+        table = TrackTable(file, run.session.settings.make_initiator().reason)
+        bag = stack.enter_context(_track_bag(options.out)) if options.out else None
+        for result in run.results:
+            table.write(result)
+            if bag is not None:
+                bag.write(result)
+            if wanted:
+                scene.scans.append(ScanView.of(result, run.session.settings.sensor))
+    run.judge(scene)
+    return scene
+
+
+def _track_bag(folder: Path) -> TrackBag | nullcontext[None]:
+    try:
+        return TrackBag(folder / "tracks.mcap")
+    except ImportError:
+        print("no tracks.mcap: it needs rosbags, which comes with the extra bags", file=sys.stderr)
+        return nullcontext()
+
+
+def _tell(run: Run, scene: RunScene, seconds: float, options: argparse.Namespace) -> None:
+    dropped = run.session.dropped
+    for reason, sentence in run.notes.items():
+        if reason not in dropped:
+            print(f"note: {sentence}", file=sys.stderr)
+    for reason, number in sorted(dropped.items()):
+        print(f"dropped: {number} {reason}", file=sys.stderr)
+    if options.out:
+        print(
+            f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {run.duration:.1f} s "
+            f"in {seconds:.2f} s, {run.duration / seconds:.0f} times faster than real time"
+        )
+
+
+def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:
+    picture = options.picture or (options.out and options.out / "picture.png")
+    if not picture and not options.animation:
+        return
+    try:
+        from tsepm_ros.analysis.plan_animation import animate
+        from tsepm_ros.analysis.plan_position import picture_of, save
+    except ImportError:
+        print("no picture: it needs matplotlib, which comes with the extra plot", file=sys.stderr)
+        return
+    if picture:
+        save(picture_of(scene), picture, scene.insets)
+        print(f"picture: {picture}", file=sys.stderr)
+    if options.animation:
+        step = animate(scene, options.animation)
+        every = "" if step == 1 else f", a frame for every {step} scans"
+        print(f"animation: {options.animation}{every}", file=sys.stderr)

@@ -1,0 +1,133 @@
+"""What a plan-position picture or animation of a run shows, scan by scan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.analysis.truth import Judged, Outcome
+from tsepm_ros.conversion import convert
+from tsepm_ros.recording import RecordedMotion
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.session import ScanResult
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ScanView:
+    """One scan in the fixed frame.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    detections : (n, 2) ndarray
+        Positions, m.
+    sensor : (2,) ndarray or None
+        Position of the sensor at the nearest echo, m; None where the scan does not say.
+    new, held : TrackArrays
+        Tracks confirmed in this scan, and all that are held after it.
+    """
+
+    stamp: float
+    detections: FloatArray
+    sensor: FloatArray | None
+    new: TrackArrays
+    held: TrackArrays
+
+    @classmethod
+    def of(cls, result: ScanResult, sensor: SensorModel) -> ScanView:
+        """What is seen of a processed scan."""
+        scan = result.scan
+        poses = np.reshape(scan.sensor_pose, (-1, 3))
+        nearest = 0
+        if len(poses) > 1 and scan.time_offset is not None:
+            nearest = int(np.argmin(scan.time_offset))
+        return cls(
+            stamp=result.stamp,
+            detections=convert(scan, sensor, 0)["position"],
+            sensor=poses[nearest, :2] if len(poses) else None,
+            new=result.new,
+            held=result.current,
+        )
+
+
+@dataclass
+class RunScene:
+    """A whole run.
+
+    Attributes
+    ----------
+    title : str
+    scans : list of ScanView
+        In the order in which they were processed.
+    truth : list of (m, 3) ndarray
+        Time (s), x and y (m) of each target.
+    judged : list of Judged, optional
+        What each start is, where it is known which detections are a target's.
+    """
+
+    title: str
+    scans: list[ScanView] = field(default_factory=list)
+    truth: list[FloatArray] = field(default_factory=list)
+    judged: list[Judged] | None = None
+
+    @property
+    def starts(self) -> list[ConfirmedTrack]:
+        """Every confirmed track, as it was when confirmed."""
+        return [track for view in self.scans for track in view.new]
+
+    def starts_by(self, true: bool) -> list[ConfirmedTrack]:
+        """The starts that were judged to be true, or the others; unjudged ones are true."""
+        if self.judged is None:
+            return self.starts if true else []
+        return [one.track for one in self.judged if (one.outcome is Outcome.TRUE) is true]
+
+    @property
+    def insets(self) -> list[FloatArray]:
+        """Points to enlarge, (2,) m: where the targets are halfway, if the starts are judged."""
+        if self.judged is None:
+            return []
+        return [path[len(path) // 2, 1:] for path in self.truth]
+
+    @property
+    def own_ship(self) -> FloatArray:
+        """Path of the sensor, (m, 2)."""
+        return own_ship_path(self.scans)
+
+
+def own_ship_path(scans: Iterable[ScanView]) -> FloatArray:
+    """Positions of the sensor in some scans, (m, 2)."""
+    return np.array([view.sensor for view in scans if view.sensor is not None]).reshape(-1, 2)
+
+
+def truth_paths(targets: Mapping[int, Sequence[RecordedMotion]]) -> list[FloatArray]:
+    """Time (s), x and y (m) of recorded targets, (m, 3) each."""
+    return [
+        np.array([(motion.time, motion.state[0], motion.state[2]) for motion in path])
+        for path in targets.values()
+    ]
+
+
+def position_at(path: FloatArray, stamp: float) -> FloatArray | None:
+    """Position of a target at a time (s), (2,) m; None where it is not known."""
+    if not path[0, 0] <= stamp <= path[-1, 0]:
+        return None
+    return np.array([np.interp(stamp, path[:, 0], path[:, axis]) for axis in (1, 2)])
+
+
+def velocity_seconds(scene: RunScene) -> float:
+    """Time for which velocities are drawn, s: a fast track's line is a 25th of the scene."""
+    points = [view.detections for view in scene.scans] + [path[:, 1:] for path in scene.truth]
+    every = np.concatenate([*points, np.zeros((0, 2))])
+    speeds = [float(np.hypot(*track.velocity)) for track in scene.starts]
+    if not len(every) or not speeds:
+        return 60.0
+    extent = float(np.ptp(every, axis=0).max())
+    wanted = 0.04 * extent / max(float(np.quantile(speeds, 0.9)), 1e-3)
+    return float(f"{wanted:.0e}") or 1.0

@@ -1,0 +1,132 @@
+"""Writing the tracks of a run: as CSV, and as a bag of the messages that the node publishes."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TextIO
+
+import numpy as np
+
+from msg_adapters.point_cloud import point_fields
+from msg_adapters.stamps import NANOSECONDS_PER_SECOND
+from msg_adapters.track_cloud import COVARIANCE_FIELDS, STATE_FIELDS, track_points
+from tsepm_ros.bag import POINTS
+from tsepm_ros.session import ScanResult
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
+
+COLUMNS = (
+    *("stamp", "track_id"),
+    *STATE_FIELDS,
+    *COVARIANCE_FIELDS,
+    *("evaluation", "score", "hit_count", "scan_count", "age", "reason"),
+)
+
+
+class TrackTable:
+    """Writes confirmed tracks as CSV, a row each, with why each was confirmed.
+
+    Parameters
+    ----------
+    file : text file
+    reason : callable
+        Says why a track was confirmed.
+    """
+
+    def __init__(self, file: TextIO, reason: Callable[[ConfirmedTrack], str]) -> None:
+        self._writer = csv.writer(file, lineterminator="\n")
+        self._reason = reason
+        self._writer.writerow(COLUMNS)
+
+    def write(self, result: ScanResult) -> None:
+        """Write the tracks that one scan confirmed."""
+        for track in result.new:
+            self._writer.writerow(
+                [
+                    repr(track.stamp),
+                    track.track_id,
+                    *track.state.tolist(),
+                    *track.covariance.ravel().tolist(),
+                    track.evaluation,
+                    track.score,
+                    len(track.hits),
+                    track.scan_count,
+                    track.age,
+                    self._reason(track),
+                ]
+            )
+
+
+class TrackBag:
+    """Writes what the node publishes on `tracks` and `tracks/current` as an MCAP file.
+
+    Each message is logged at its scan's stamp. The file appears at the end of the `with` block, if
+    that ends without an error.
+
+    Parameters
+    ----------
+    path : path
+        Of the file; one that exists is replaced.
+
+    Raises
+    ------
+    ImportError
+        If the library rosbags, which writes it, is not installed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+
+        self._path = path
+        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._folder = TemporaryDirectory(dir=path.parent)
+        self._writer = Writer(
+            Path(self._folder.name) / "bag", version=9, storage_plugin=StoragePlugin.MCAP
+        )
+        self._writer.open()
+        self._new, self._current = (
+            self._writer.add_connection(topic, POINTS, typestore=self._store)
+            for topic in ("/tracks", "/tracks/current")
+        )
+
+    def __enter__(self) -> TrackBag:
+        """Return the bag itself."""
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        """Close the file and put it into its place."""
+        with self._folder:
+            if kind is None:
+                self._writer.close()
+                os.replace(Path(self._folder.name) / "bag" / "bag.mcap", self._path)
+            else:
+                self._writer.abort()
+
+    def write(self, result: ScanResult) -> None:
+        """Write the two messages of one scan."""
+        log_ns = max(result.stamp_ns, 0)
+        for topic, tracks in ((self._new, result.new), (self._current, result.current)):
+            message = self._cloud(result.stamp_ns, result.frame_id, tracks)
+            self._writer.write(topic, log_ns, self._store.serialize_cdr(message, POINTS))
+
+    def _cloud(self, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
+        types = self._store.types
+        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
+        stamp = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
+        points, is_dense = track_points(tracks)
+        point_field = types["sensor_msgs/msg/PointField"]
+        return types[POINTS](
+            header=types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id),
+            height=1,
+            width=len(points),
+            fields=[point_field(**values) for values in point_fields(points.dtype)],
+            is_bigendian=False,
+            point_step=points.dtype.itemsize,
+            row_step=points.nbytes,
+            data=points.view(np.uint8),
+            is_dense=is_dense,
+        )

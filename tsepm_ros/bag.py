@@ -1,0 +1,215 @@
+"""Recorded messages in rosbag2 bags, sqlite3 or MCAP, read without ROS by the library rosbags."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from msg_adapters import MessageError, supported_types
+
+DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
+"""What a bag holds for a run, by the name of the topic that the nodes use for it."""
+
+ROLES = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH)
+
+POINTS, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
+_OUTPUTS = (TRACKED, TRUTH, "tracks", "tracks/current", "tracks/odometry", "potential_tracks")
+"""Topics that are never guessed to be a driver's."""
+
+_SUFFIXES = (".mcap", ".db3")
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """A message as it was recorded.
+
+    Attributes
+    ----------
+    topic, type_name : str
+    log_ns : int
+        When it was received, ns.
+    data : bytes
+        Serialised, CDR.
+    """
+
+    topic: str
+    type_name: str
+    log_ns: int
+    data: bytes
+
+
+def is_bag(path: Path | str) -> bool:
+    """Whether a path names a bag: its folder with metadata.yaml, or its .mcap or .db3 file."""
+    path = Path(path)
+    return (path / "metadata.yaml").is_file() or path.suffix in _SUFFIXES
+
+
+class Bag:
+    """A bag that is open for reading; closed at the end of its `with` block.
+
+    Types are read by the definitions that the bag carries, and by those of ROS 2 Jazzy where it
+    carries none.
+
+    Parameters
+    ----------
+    path : path
+        As for `is_bag`.
+
+    Attributes
+    ----------
+    topics : dict of str to str
+        Message types by topic.
+    start_ns, end_ns : int
+        Times of the first and last message, ns; equal where there is none.
+
+    Raises
+    ------
+    ValueError
+        If rosbags is not installed or the bag cannot be read.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self._path = Path(path)
+        try:
+            from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise ValueError(
+                f"{path} is a bag, and the library rosbags, which reads it, is not installed: "
+                "pip install rosbags"
+            ) from None
+        with self._reading():
+            store = get_typestore(Stores.ROS2_JAZZY)
+            self._reader = AnyReader([self._path], default_typestore=store)
+            self._reader.open()
+        self.topics = {name: info.msgtype or "" for name, info in self._reader.topics.items()}
+        self.start_ns = self.end_ns = 0
+        if self._reader.message_count:
+            # The reader's end is the first time after the last message.
+            self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
+
+    def __enter__(self) -> Bag:
+        """Return the bag itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the bag; nothing can be read any more."""
+        self._reader.close()
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last message, s."""
+        return 1e-9 * (self.end_ns - self.start_ns)
+
+    def messages(
+        self, topics: Collection[str], start_ns: int | None = None
+    ) -> Iterator[BagMessage]:
+        """Iterate over the messages of some topics in the order in which they were received.
+
+        Parameters
+        ----------
+        topics : collection of str
+        start_ns : int, optional
+            Leave out what was received before, ns.
+
+        Raises
+        ------
+        ValueError
+            If the bag is damaged.
+        """
+        wanted = [one for one in self._reader.connections if one.topic in topics]
+        if not wanted:  # to the reader, no topics means all
+            return
+        with self._reading():
+            for connection, log_ns, data in self._reader.messages(wanted, start=start_ns):
+                yield BagMessage(connection.topic, connection.msgtype, log_ns, bytes(data))
+
+    def read(self, message: BagMessage) -> Any:
+        """Return the content of a message, with the fields of its type as attributes.
+
+        Raises
+        ------
+        MessageError
+            If it is not a message of its type.
+        """
+        try:
+            return self._reader.deserialize(message.data, message.type_name)
+        except Exception as error:  # whatever the parser stumbles over
+            raise MessageError(
+                "corrupt", f"a message on {message.topic} is no {message.type_name}: {error}"
+            ) from error
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Turn what rosbags and its storage libraries raise, of any kind, into a ValueError."""
+        try:
+            yield
+        except Exception as error:
+            raise ValueError(
+                f"the bag {self._path} cannot be read: {error or type(error).__name__}"
+            ) from error
+
+
+def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+    """Find the topics of a bag that a run needs.
+
+    Parameters
+    ----------
+    topics : mapping of str to str
+        Message types by topic, as of `Bag`.
+    given : mapping of str to str
+        Topics by role (one of ROLES). Where one is empty or missing it is the topic of the role's
+        own name, in whatever namespace; else, for detections and the own ship, the only topic of a
+        type that is read.
+
+    Returns
+    -------
+    dict of str to str
+        Topics by role; a role that the bag has no topic for is missing.
+
+    Raises
+    ------
+    ValueError
+        If a given topic is not there or of another type, if there are several candidates, or none
+        for the detections; the message names them.
+    """
+    found = {role: _find(topics, role, given.get(role, "")) for role in ROLES}
+    if not found[DETECTIONS]:
+        there = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
+        raise ValueError(f"the bag has no topic of detections; it has {there or 'none at all'}")
+    return {role: topic for role, topic in found.items() if topic}
+
+
+def _find(topics: Mapping[str, str], role: str, given: str) -> str:
+    types = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,)}.get(role, (POINTS,))
+    if given:
+        topic = given if given in topics else f"/{given}"
+        if topic not in topics:
+            there = ", ".join(sorted(topics))
+            raise ValueError(f"the bag has no topic {given}; it has {there or 'none'}")
+        if topics[topic] not in types:
+            raise ValueError(
+                f"{topic} is of type {topics[topic]}, which is not read as {role}; that must be "
+                f"{' or '.join(types)}"
+            )
+        return topic
+    candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
+    named = [topic for topic in candidates if _is_called(topic, role)]
+    if role in (DETECTIONS, OWN_SHIP) and not named:
+        named = [
+            topic for topic in candidates if not any(_is_called(topic, name) for name in _OUTPUTS)
+        ]
+    if len(named) > 1:
+        raise ValueError(f"the bag has several topics that may be the {role}: {', '.join(named)}")
+    return named[0] if named else ""
+
+
+def _is_called(topic: str, name: str) -> bool:
+    return f"/{topic}".endswith(f"/{name}")

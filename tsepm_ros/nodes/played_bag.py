@@ -1,0 +1,122 @@
+"""A bag's messages, published as they were recorded."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from functools import partial
+from itertools import chain
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from msg_adapters import MessageError
+from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, BagMessage, find_topics
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event
+from tsepm_ros.parameter_groups import PlayerNodeOptions
+
+LOG_PERIOD = 5.0
+TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
+
+
+class PlayedBag:
+    """Publishes the detections, the own ship and what else the track initiator reads from a bag.
+
+    The messages go out byte for byte; those that are corrupt are left out, counted and said. Where
+    tf2_msgs is installed, /tf and /tf_static go out too, the latter from the bag's very start.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    options : PlayerNodeOptions
+
+    Attributes
+    ----------
+    detections : Publisher
+    publishers : list of Publisher
+        Those whose messages must arrive.
+    dropped : int
+        Messages that were left out.
+
+    Raises
+    ------
+    ParameterError
+        If the bag cannot be read or played so.
+    """
+
+    def __init__(self, node: Node, options: PlayerNodeOptions) -> None:
+        self._node = node
+        self.dropped = 0
+        if options.start_stamp:
+            raise ParameterError("start_stamp: the messages of a bag go out as they were recorded")
+        given = {
+            DETECTIONS: options.detections_topic,
+            OWN_SHIP: options.odometry_topic,
+            TRACKED: options.tracked_topic,
+            TRUTH: options.ground_truth_topic,
+        }
+        try:
+            self._bag = Bag(options.recording)
+            topics = find_topics(self._bag.topics, given)
+        except ValueError as error:
+            raise ParameterError(f"recording: {error}") from None
+        if options.start_offset > self._bag.duration:
+            raise ParameterError(
+                f"start_offset: {options.start_offset:g} s is beyond the end of the bag of "
+                f"{self._bag.duration:g} s"
+            )
+        self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
+        self._publishers = {topic: self._publisher(topic, role) for role, topic in topics.items()}
+        self.detections = self._publishers[topics[DETECTIONS]]
+        self._add_tf()
+        self.publishers = list(self._publishers.values())
+        played = ", ".join(f"{topic} as {role}" for role, topic in topics.items())
+        node.get_logger().info(f"{self._bag.duration:.1f} s of {played}")
+
+    def events(self) -> Iterator[Event]:
+        """Iterate over what was recorded, in order of reception; a damaged bag ends where it is."""
+        static = [one for one in self._publishers if one == TF_STATIC]
+        before = (one for one in self._bag.messages(static) if one.log_ns < self._from_ns)
+        try:
+            for message in chain(before, self._bag.messages(self._publishers, self._from_ns)):
+                yield 1e-9 * max(message.log_ns, self._from_ns), partial(self._publish, message)
+        except ValueError as error:
+            self._node.get_logger().error(f"the end comes early: {error}")
+
+    def _publish(self, message: BagMessage) -> None:
+        try:
+            self._bag.read(message)
+        except MessageError as error:
+            self.dropped += 1
+            self._node.get_logger().warning(f"left out ({self.dropped} so far): {error}")
+            return
+        self._publishers[message.topic].publish(message.data)
+        self._node.get_logger().info(
+            f"{1e-9 * (message.log_ns - self._bag.start_ns):.1f} s",
+            throttle_duration_sec=LOG_PERIOD,
+        )
+
+    def _publisher(self, topic: str, name: str, durability: str = "VOLATILE") -> Publisher:
+        qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DurabilityPolicy[durability])
+        return self._node.create_publisher(self._class(topic), name, qos)
+
+    def _class(self, topic: str) -> type:
+        type_name = self._bag.topics[topic]
+        package, _, name = type_name.split("/")
+        try:
+            found: type = getattr(importlib.import_module(f"{package}.msg"), name)
+        except (ImportError, AttributeError):
+            raise ParameterError(
+                f"recording: {topic} is of type {type_name}, whose package is not installed"
+            ) from None
+        return found
+
+    def _add_tf(self) -> None:
+        for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, "TRANSIENT_LOCAL")):
+            if self._bag.topics.get(topic) == TF_TYPE:
+                try:
+                    self._publishers[topic] = self._publisher(topic, topic, durability)
+                except ParameterError as error:
+                    self._node.get_logger().warning(f"not played: {error}")
