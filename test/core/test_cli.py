@@ -64,6 +64,145 @@ def test_what_a_recording_loses_is_said(capsys, recording, tmp_path):
     assert "dropped: 1 range_not_positive" in capsys.readouterr().err
 
 
+def test_what_was_only_noticed_is_said_too(capsys, recording, tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text(path.read_text() + "\n9000.0,3000.0,0.0\n")
+    assert main(["run", recording]) == 0
+    assert "note: long gap before 9000.000 s" in capsys.readouterr().err
+
+
+SMALL = """
+scans: 8
+period: 12.0
+sensor: {range_std: 5.0, range_std_fraction: 0.0, azimuth_std: 0.005, max_range: 3000.0,
+         detection_probability: 1.0, clutter_density: 1.0e-7}
+targets:
+  - {state: [1500.0, 4.0, 700.0, -3.0]}
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL)
+    return str(path)
+
+
+def test_a_scenario_is_simulated_with_its_own_sensor_and_a_seed(capsys, scenario):
+    outs = []
+    for seed in ("1", "1", "2"):
+        assert main(["run", scenario, "--seed", seed]) == 0
+        outs.append(capsys.readouterr().out)
+    assert outs[0] == outs[1] != outs[2]
+    row = next(csv.DictReader(io.StringIO(outs[0])))
+    # With the default sensor (1.5 %, 1 degree) it would be 25 m and more.
+    assert np.sqrt(float(row["cov_00"])) < 15.0
+    time = float(row["stamp"])
+    assert float(row["state_x"]) == pytest.approx(1500.0 + 4.0 * time, abs=40.0)
+
+
+def test_a_folder_gets_tracks_and_what_the_run_gave_is_said(capsys, recording, tmp_path):
+    assert main(["run", recording]) == 0
+    expected = capsys.readouterr().out
+    out = tmp_path / "deep" / "out"
+    assert main(["run", recording, "--out", str(out)]) == 0
+    assert (out / "tracks.csv").read_text() == expected
+    assert "8 scans, 1 confirmed tracks; 84.0 s in" in capsys.readouterr().out
+
+
+def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
+    pytest.importorskip("rosbags")
+    from msg_adapters import read_track_cloud, time_to_ns
+    from tsepm_ros.bag import Bag
+
+    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
+    with Bag(tmp_path / "out" / "tracks.mcap") as bag:
+        heard = {
+            topic: [bag.read(message) for message in bag.messages([topic])] for topic in bag.topics
+        }
+    assert set(heard) == {"/tracks", "/tracks/current"}
+    for clouds in heard.values():
+        stamps = [time_to_ns(cloud.header.stamp) for cloud in clouds]
+        assert stamps == [12 * 10**9 * k for k in range(8)]
+    assert [cloud.width for cloud in heard["/tracks"]] == [0, 0, 1, 0, 0, 0, 0, 0]
+    assert [cloud.width for cloud in heard["/tracks/current"]] == [0, 0, 1, 1, 1, 1, 1, 1]
+    with (tmp_path / "out" / "tracks.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    (point,) = read_track_cloud(heard["/tracks"][2])
+    for name in ("state_x", "state_vy", "cov_01", "score", "age", "hit_count"):
+        assert float(row[name]) == point[name]
+    assert not list(tmp_path.glob("out/tmp*"))
+
+
+def test_without_rosbags_there_is_no_mcap_and_a_sentence(capsys, recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
+    assert "no tracks.mcap: it needs rosbags" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "tracks.mcap").exists()
+    assert (tmp_path / "out" / "tracks.csv").exists()
+
+
+def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
+    pytest.importorskip("matplotlib")
+    from PIL import Image
+
+    picture, animation = tmp_path / "p" / "run.png", tmp_path / "a" / "run.gif"
+    assert main(["run", scenario, "--picture", str(picture), "--animation", str(animation)]) == 0
+    assert np.ptp(np.asarray(Image.open(picture))) > 100
+    with Image.open(animation) as frames:
+        shown = 0
+        for number in range(frames.n_frames):
+            frames.seek(number)
+            shown += frames.info["duration"]
+    assert shown == 500 * (8 + 3), "ms: each scan for half a second, the last one four times"
+    assert animation.stat().st_size < 3e6
+
+
+def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    from tsepm_ros.analysis import plan_animation
+    from tsepm_ros.analysis.run_scene import RunScene, ScanView
+    from tsepm_ros.track import TrackArrays
+
+    nothing = TrackArrays.of([])
+    views = [ScanView(float(k), np.zeros((0, 2)), None, nothing, nothing) for k in range(8)]
+    shown = []
+    monkeypatch.setattr(plan_animation, "MOST_FRAMES", 3)
+    monkeypatch.setattr(
+        plan_animation, "_draw", lambda axes, scene, index, *_, **__: shown.append(index)
+    )
+    assert plan_animation.animate(RunScene("run", views), tmp_path / "run.gif") == 3
+    assert shown == [1, 4, 7]
+
+
+def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
+    capsys, recording, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["run", recording, "--picture", str(tmp_path / "a.png")]) == 2
+    captured = capsys.readouterr()
+    assert "need matplotlib" in captured.err
+    assert captured.out == ""
+
+
+def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
+    bag_files = pytest.importorskip("bag_files")
+    entries = bag_files.simulated(namespace="/a") + bag_files.simulated(namespace="/b", seed=9)
+    path = str(bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time)))
+    given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
+    assert main(["run", path, *given]) == 2
+    error = capsys.readouterr().err
+    assert "may be the detections: /a/detections, /b/detections" in error
+    assert "--detections" in error
+    outs = []
+    for name in ("a", "b"):
+        topics = ["--detections", f"/{name}/detections", "--odometry", f"{name}/own_ship/odometry"]
+        assert main(["run", path, *topics, *given]) == 0
+        outs.append(capsys.readouterr().out)
+    assert outs[0] != outs[1]
+    assert len(outs[0].splitlines()) > 2
+
+
 def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
     arguments = ["study", "box", "--runs", "6", "--scans", "8", "--seed", "3", "--workers", "1"]
     arguments += ["--method", "tsepm"]
@@ -79,6 +218,9 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
     ("arguments", "named"),
     [
         (["run", "/nowhere"], "detections.csv"),
+        (["run", "nowhere.yaml"], "nowhere.yaml"),
+        (["run", "box", "--animation", "a.mp4"], "a.mp4"),
+        (["run", "box", "-p", "own_ship_source:=tf"], "own_ship_source tf"),
         (["study", "nowhere"], "nowhere"),
         (["study", "box", "--method", "tsepm", "-p", "min_hats:=4"], "min_hats"),
         (["evaluate", "nowhere"], "nowhere"),

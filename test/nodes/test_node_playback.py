@@ -356,6 +356,19 @@ def test_the_players_start_is_added_to_recorded_stamps(world, record):
     assert stamp_ns(show.own_ship[0]) == (10**9 + 10) * SECOND
 
 
+def test_the_player_may_begin_within_the_recording(world, record):
+    folder = record(detections=DETECTIONS, own_ship=OWN_SHIP, target=TARGET)
+    show = Show(world, ScanPlayer, recording=folder, start_offset=2.5).play()
+    assert [stamp_ns(m) / SECOND for m in show.own_ship] == [12.5, 20.0]
+    assert [stamp_ns(m) for m in show.detections] == [12 * SECOND + SECOND // 2, 15 * SECOND + 1]
+    assert [stamp_ns(m) / SECOND for m in show.truth] == [15.0]
+
+
+def test_a_start_beyond_the_end_is_refused(world, record):
+    with pytest.raises(ParameterError, match="start_offset: 6 s is beyond the end"):
+        Show(world, ScanPlayer, recording=record(detections=DETECTIONS), start_offset=6.0)
+
+
 def test_a_negative_start_lets_the_recording_begin_at_the_clocks_time(world, record):
     before = time.time_ns()
     show = Show(world, ScanPlayer, recording=record(detections=DETECTIONS), start_stamp=-1.0).play()

@@ -1,0 +1,126 @@
+"""Messages of every supported type as the library rosbags reads them from a bag."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from msg_adapters import (
+    OwnShipSample,
+    make_header,
+    odometry_message,
+    read_detections,
+    read_own_ship,
+    supported_types,
+)
+
+pytest.importorskip("rosbags", reason="bags need the library rosbags")
+
+from bag_files import Entry, write_bag
+from driver_messages import MAKERS, echoes_of
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from tsepm_ros.bag import Bag
+
+DEFINITIONS = {
+    "marine_acoustic_msgs/msg/PingInfo": """float64 frequency
+        float64 sound_speed
+        float32[] tx_beamwidths
+        float32[] rx_beamwidths""",
+    "marine_acoustic_msgs/msg/DetectionFlag": "uint8 flag",
+    "marine_acoustic_msgs/msg/SonarDetections": """std_msgs/Header header
+        PingInfo ping_info
+        DetectionFlag[] flags
+        float32[] two_way_travel_times
+        float32[] tx_delays
+        float32[] intensities
+        float32[] tx_angles
+        float32[] rx_angles""",
+    "marine_acoustic_msgs/msg/SonarRanges": """std_msgs/Header header
+        PingInfo ping_info
+        DetectionFlag[] flags
+        float32[] transmit_delays
+        float32[] intensities
+        geometry_msgs/Vector3[] beam_unit_vec
+        float32[] ranges""",
+    "radar_msgs/msg/RadarReturn": """float32 range
+        float32 azimuth
+        float32 elevation
+        float32 doppler_velocity
+        float32 amplitude""",
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nRadarReturn[] returns",
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score",
+    "vision_msgs/msg/ObjectHypothesisWithPose": """ObjectHypothesis hypothesis
+        geometry_msgs/PoseWithCovariance pose""",
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+    "vision_msgs/msg/Detection3D": """std_msgs/Header header
+        ObjectHypothesisWithPose[] results
+        BoundingBox3D bbox
+        string id""",
+    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",
+}
+
+
+@pytest.fixture(scope="module")
+def store():
+    made = get_typestore(Stores.ROS2_JAZZY)
+    types: dict[str, Any] = {}
+    for name, text in DEFINITIONS.items():
+        lines = "\n".join(line.strip() for line in text.splitlines()) + "\n"
+        types.update(get_types_from_msg(lines, name))
+    made.register(types)
+    return made
+
+
+def type_name(message: Any) -> str:
+    kind = type(message)
+    return f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+
+
+def converted(store: Any, value: Any) -> Any:
+    """A message of ROS, or of a stand-in, as one of rosbags."""
+    if hasattr(value, "__slots__") and type_name(value) in store.types:
+        kind = store.types[type_name(value)]
+        names = [field.name for field in dataclasses.fields(kind) if field.name[0] != "_"]
+        return kind(**{name: converted(store, getattr(value, name)) for name in names})
+    if isinstance(value, list):
+        return [converted(store, one) for one in value]
+    return np.asarray(value) if hasattr(value, "typecode") else value
+
+
+def through_a_bag(store: Any, tmp_path: Any, message: Any) -> Any:
+    name = type_name(message)
+    data = bytes(store.serialize_cdr(converted(store, message), name))
+    with Bag(write_bag(tmp_path / "bag", [Entry(1.0, "/a", name, data)], store=store)) as bag:
+        [found] = bag.messages(["/a"])
+        return bag.read(found)
+
+
+@pytest.mark.parametrize("echoes", [12, 0])
+@pytest.mark.parametrize("name", supported_types())
+def test_a_bags_message_is_read_like_the_one_of_ros(store, tmp_path, name, echoes):
+    message, _ = MAKERS[name](make_header(12_000_000_345, "sonar"), echoes_of(3)[:echoes])
+    expected = read_detections(message)
+    found = read_detections(through_a_bag(store, tmp_path, message))
+    assert len(expected) > 5 or echoes == 0
+    for field in dataclasses.fields(expected):
+        one, other = getattr(expected, field.name), getattr(found, field.name)
+        if isinstance(one, dict):
+            assert one.keys() == other.keys()
+            one, other = list(one.values()), list(other.values())
+        np.testing.assert_array_equal(one, other, err_msg=field.name)
+
+
+def test_a_bags_odometry_is_read_like_the_one_of_ros(store, tmp_path):
+    covariance = np.diag([4.0, 9.0, 0.01])
+    sample = OwnShipSample(
+        7, "odom", "sonar", 1.5, -2.5, 0.7, 0.1, -0.2, 3.0, 4.0, 0.05, covariance
+    )
+    message = odometry_message(sample)
+    expected, found = read_own_ship(message), read_own_ship(through_a_bag(store, tmp_path, message))
+    for field in dataclasses.fields(expected):
+        one, other = getattr(expected, field.name), getattr(found, field.name)
+        np.testing.assert_array_equal(one, other, err_msg=field.name)

@@ -1,0 +1,152 @@
+"""Bags for tests: simulated messages, written with the library rosbags and without ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from tsepm_ros.simulation import Simulator
+from tsepm_ros.simulation.scenario import Scenario, scenario_from
+
+pytest.importorskip("rosbags", reason="bags need the library rosbags")
+
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+POINTS, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
+STORAGES = ("sqlite3", "mcap")
+LATENCY = 0.4
+"""From a stamp of the own ship until the message is recorded, s."""
+
+SCENE: dict[str, Any] = {
+    "scans": 10,
+    "period": 4.0,
+    "sound_speed": 1500.0,
+    "sensor": {
+        "range_std": 5.0,
+        "range_std_fraction": 0.0,
+        "azimuth_std": 0.005,
+        "max_range": 3000.0,
+        "detection_probability": 0.95,
+        "clutter_density": 1.0e-6,
+    },
+    "own_ship": {"x": 100.0, "y": -50.0, "yaw_deg": 40.0, "speed": 5.0, "turn_rate_deg": 2.0},
+    "targets": [{"state": [1500.0, 4.0, 700.0, -3.0]}, {"state": [-900.0, 0.0, 1200.0, 5.0]}],
+}
+PARAMETERS = ("sensor.range_std:=5.0", "sensor.range_std_fraction:=0.0", "max_speed:=10.0")
+PARAMETERS += ("sensor.azimuth_std:=0.005", "sensor.max_range:=3000.0")
+
+
+class Entry(NamedTuple):
+    """A message and when it was recorded, s; bytes are written as they are."""
+
+    time: float
+    topic: str
+    type_name: str
+    message: Any
+
+
+def small_scenario(**changes: Any) -> Scenario:
+    return scenario_from({**SCENE, **changes}, "small")
+
+
+def header(stamp: float, frame_id: str) -> Any:
+    whole, fraction = divmod(round(stamp * 1e9), 10**9)
+    time = STORE.types["builtin_interfaces/msg/Time"](sec=whole, nanosec=fraction)
+    return STORE.types["std_msgs/msg/Header"](stamp=time, frame_id=frame_id)
+
+
+def cloud(stamp: float, frame_id: str, **fields: Any) -> Any:
+    """A cloud of float64 fields."""
+    columns = np.stack([np.asarray(values, "<f8") for values in fields.values()], axis=1)
+    point_field = STORE.types["sensor_msgs/msg/PointField"]
+    return STORE.types[POINTS](
+        header=header(stamp, frame_id),
+        height=1,
+        width=len(columns),
+        fields=[
+            point_field(name=name, offset=8 * index, datatype=8, count=1)
+            for index, name in enumerate(fields)
+        ],
+        is_bigendian=False,
+        point_step=8 * len(fields),
+        row_step=columns.nbytes,
+        data=np.frombuffer(columns.tobytes(), np.uint8),
+        is_dense=True,
+    )
+
+
+def odometry(stamp: float, x: float, y: float, yaw: float) -> Any:
+    def make(name: str, **values: Any) -> Any:
+        return STORE.types[f"geometry_msgs/msg/{name}"](**values)
+
+    def zero() -> Any:
+        return make("Vector3", x=0.0, y=0.0, z=0.0)
+
+    turned = make("Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+    pose = make("Pose", position=make("Point", x=x, y=y, z=0.0), orientation=turned)
+    twist = make("Twist", linear=zero(), angular=zero())
+    return STORE.types[ODOMETRY](
+        header=header(stamp, "odom"),
+        child_frame_id="sonar",
+        pose=make("PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
+        twist=make("TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+    )
+
+
+def simulated(
+    scenario: Scenario | None = None, seed: int = 5, start: float = 1000.0, namespace: str = ""
+) -> list[Entry]:
+    """What a recorder hears of a sonar and its own ship; scans come before the last poses."""
+    scenario = scenario or small_scenario()
+    entries, last = [], start
+    for one in Simulator(scenario, seed, start):
+        scan = one.scan
+        message = cloud(
+            scan.stamp,
+            "sonar",
+            range=scan.range,
+            azimuth=scan.azimuth,
+            time_offset=scan.time_offset,
+        )
+        entries.append(Entry(one.complete, f"{namespace}/detections", POINTS, message))
+        last = one.complete
+    for index in range(math.ceil(last - start) + 1):
+        x, y, yaw = scenario.own_ship.pose(float(index)).tolist()
+        message = odometry(start + index, x, y, yaw)
+        entries.append(
+            Entry(start + index + LATENCY, f"{namespace}/own_ship/odometry", ODOMETRY, message)
+        )
+    return sorted(entries, key=lambda entry: entry.time)
+
+
+def serialized(entry: Entry) -> bytes:
+    if isinstance(entry.message, bytes):
+        return entry.message
+    return bytes(STORE.serialize_cdr(entry.message, entry.type_name))
+
+
+def write_bag(path: Path, entries: Iterable[Entry], storage: str = "mcap", store=STORE) -> Path:
+    """Write a bag; returns its folder."""
+    plugin = StoragePlugin[storage.upper()]
+    with Writer(path, version=9, storage_plugin=plugin) as writer:
+        topics: dict[str, Any] = {}
+        for entry in entries:
+            if entry.topic not in topics:
+                topics[entry.topic] = writer.add_connection(
+                    entry.topic, entry.type_name, typestore=store
+                )
+            writer.write(topics[entry.topic], round(entry.time * 1e9), serialized(entry))
+    return path
+
+
+def storage_file(folder: Path) -> Path:
+    """The file with the messages of a bag."""
+    [path] = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
+    return path

@@ -1,0 +1,182 @@
+"""Bags through the nodes: played as recorded, and the same tracks as offline, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bag_files import (
+    ODOMETRY,
+    PARAMETERS,
+    POINTS,
+    STORAGES,
+    STORE,
+    Entry,
+    serialized,
+    simulated,
+    write_bag,
+)
+from boat import named
+from nav_msgs.msg import Odometry
+from ros_world import RELIABLE, World
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+
+from tsepm_ros.bag import Bag
+from tsepm_ros.cli import main
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.scan_player import ScanPlayer
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.parameter_groups import parse_values
+
+FAST = {"rate_factor": 1e5, "settling_time": 0.0}
+BOTH = pytest.mark.parametrize("storage", STORAGES)
+
+
+def listen_raw(world: World, kind: type, topic: str) -> list[bytes]:
+    """The serialised messages of a topic, as they arrive."""
+    heard: list[bytes] = []
+    world.observer.create_subscription(kind, topic, heard.append, RELIABLE, raw=True)
+    return heard
+
+
+def play(world: World, path, subscribers: int = 1, **parameters) -> ScanPlayer:
+    """Play a bag to its end."""
+    given = {**FAST, "wait_for_subscribers": subscribers + 1, "recording": str(path)}
+    player = world.make(ScanPlayer, {**given, **parameters})
+    world.until_connected()
+    world.listen(PointCloud2, "detections")  # the last subscriber
+    world.until(player.finished.done, "the end")
+    return player
+
+
+def recorded(entries, kind: str, name: str = "") -> list[bytes]:
+    return [
+        serialized(entry)
+        for entry in entries
+        if entry.type_name == kind and entry.topic.endswith(name)
+    ]
+
+
+@BOTH
+def test_messages_are_played_byte_for_byte_under_the_nodes_names(world, tmp_path, storage):
+    entries = simulated(namespace="/boat/sonar")
+    detections = listen_raw(world, PointCloud2, "detections")
+    own_ship = listen_raw(world, Odometry, "own_ship/odometry")
+    play(world, write_bag(tmp_path / "bag", entries, storage))
+    world.until(lambda: len(own_ship) == len(recorded(entries, ODOMETRY)), "the own ship")
+    world.until(lambda: len(detections) == 10, "the detections")
+    assert detections == recorded(entries, POINTS)
+    assert own_ship == recorded(entries, ODOMETRY)
+
+
+def canonical(data: bytes) -> bytes:
+    """The same message with zeros between its fields, where the middleware leaves anything."""
+    return bytes(STORE.serialize_cdr(STORE.deserialize_cdr(data, POINTS), POINTS))
+
+
+@BOTH
+@pytest.mark.parametrize("method", ["score", "tsepm"])
+def test_a_bag_gives_the_same_tracks_through_the_node_and_offline(world, tmp_path, storage, method):
+    path = write_bag(tmp_path / "bag", simulated(), storage)
+    arguments = [part for one in (*PARAMETERS, f"method:={method}") for part in ("-p", one)]
+    assert main(["run", str(path), "--out", str(tmp_path / "out"), *arguments]) == 0
+    with Bag(tmp_path / "out" / "tracks.mcap") as bag:
+        offline = {
+            topic: [message.data for message in bag.messages([topic])]
+            for topic in ("/tracks", "/tracks/current")
+        }
+    live = {topic: listen_raw(world, PointCloud2, topic) for topic in offline}
+    values = {**parse_values(PARAMETERS), "method": method, "own_ship_source": "odometry"}
+    world.make(TrackInitiator, named({**values, "max_scan_time": 3600.0}))
+    world.listen(PointCloud2, "tracks")
+    player = {"recording": str(path), "wait_for_subscribers": 2, **FAST}
+    player_node = world.make(ScanPlayer, player)
+    world.until(lambda: world.observer.count_subscribers("/detections") == 1, "the initiator")
+    world.until_connected()
+    world.listen(PointCloud2, "detections")
+    world.until(player_node.finished.done, "the end")
+    world.until(lambda: {*map(len, live.values())} == {10}, "an answer to every scan")
+    for topic, messages in offline.items():
+        assert [canonical(data) for data in live[topic]] == messages
+    widths = [STORE.deserialize_cdr(data, POINTS).width for data in offline["/tracks"]]
+    assert len(widths) == 10
+    assert sum(widths) >= 2
+    assert world.dropped() == {}
+
+
+def test_corrupt_messages_are_left_out_and_said(world, tmp_path):
+    entries = simulated()
+    bad = Entry(entries[-1].time + 0.1, "/detections", POINTS, b"\x00\x01\x00")
+    detections = listen_raw(world, PointCloud2, "detections")
+    player = play(world, write_bag(tmp_path / "bag", [*entries, bad]))
+    world.until(lambda: len(detections) == 10, "the detections")
+    world.until_logged("left out (1 so far)", "/detections")
+    assert player.finished.done()
+
+
+def test_a_start_offset_leaves_out_what_came_before(world, tmp_path):
+    entries = simulated()
+    path = write_bag(tmp_path / "bag", entries)
+    detections = listen_raw(world, PointCloud2, "detections")
+    clock = world.listen(Clock, "/clock")
+    play(world, path, start_offset=15.0, publish_clock=True)
+    begin = entries[0].time + 15.0
+    expected = recorded([entry for entry in entries if entry.time >= begin], POINTS)
+    world.until(lambda: len(detections) == len(expected), "the detections")
+    assert detections == expected
+    assert 0 < len(expected) < 10
+    world.until(lambda: clock, "the clock")
+    times = np.array([message.clock.sec + 1e-9 * message.clock.nanosec for message in clock])
+    assert times.min() >= begin - 1e-6
+    assert (np.diff(times) >= 0).all()
+
+
+def test_a_bag_is_played_again_in_a_loop(world, tmp_path):
+    entries = simulated()
+    detections = listen_raw(world, PointCloud2, "detections")
+    path = write_bag(tmp_path / "bag", entries)
+    world.make(ScanPlayer, {**FAST, "recording": str(path), "loop": True})
+    world.until(lambda: len(detections) >= 20, "a second time")
+    assert detections[:10] == detections[10:20] == recorded(entries, POINTS)
+
+
+def test_other_topics_may_be_named(world, tmp_path):
+    entries = simulated(namespace="/a") + simulated(seed=9, namespace="/b")
+    entries.sort(key=lambda entry: entry.time)
+    detections = listen_raw(world, PointCloud2, "detections")
+    path = write_bag(tmp_path / "bag", entries)
+    given = {"detections_topic": "/b/detections", "odometry_topic": "/a/own_ship/odometry"}
+    play(world, path, **given)
+    world.until(lambda: len(detections) == 10, "the detections")
+    assert detections == recorded(entries, POINTS, "/b/detections")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ({"detections_topic": "/other"}, "recording: the bag has no topic /other"),
+        ({"start_offset": 1e6}, r"start_offset: 1e\+06 s is beyond the end of the bag of"),
+        ({"start_stamp": 10.0}, "start_stamp: the messages of a bag go out as they were"),
+    ],
+)
+def test_what_a_bag_cannot_do_is_refused_with_a_sentence(world, tmp_path, parameters, sentence):
+    path = write_bag(tmp_path / "bag", simulated())
+    with pytest.raises(ParameterError, match=sentence):
+        world.make(ScanPlayer, {**FAST, "recording": str(path), **parameters})
+
+
+def test_a_damaged_bag_is_refused_with_a_sentence(world, tmp_path):
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(b"no bag")
+    with pytest.raises(ParameterError, match=r"recording: the bag .* cannot be read"):
+        world.make(ScanPlayer, {**FAST, "recording": str(path)})
+
+
+def test_a_type_whose_package_is_not_here_is_refused_with_its_topic(world, tmp_path):
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store, name = get_typestore(Stores.ROS2_JAZZY), "radar_msgs/msg/RadarScan"
+    store.register(get_types_from_msg("std_msgs/Header header\n", name))
+    path = write_bag(tmp_path / "bag", [Entry(1.0, "/radar", name, b"")], store=store)
+    with pytest.raises(ParameterError, match=f"/radar is of type {name}, whose package is not"):
+        world.make(ScanPlayer, {**FAST, "recording": str(path)})
