@@ -285,6 +285,22 @@ def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_pa
     assert sum(session.dropped.values()) == lost
 
 
+def test_what_the_detections_do_not_say_is_noted():
+    made = make_groups(TRACK_INITIATOR, {})
+    given = MessageInput(Session(settings_from(made)), made[InitiatorNodeOptions])
+    scan = STORE.types["sensor_msgs/msg/LaserScan"](
+        header=cloud(1.0, "laser", range=[]).header,
+        **{"angle_min": 0.0, "angle_max": 1.0, "angle_increment": 1.0, "time_increment": 0.0},
+        **{"scan_time": 1.0, "range_min": 0.0, "range_max": 9000.0},
+        ranges=np.array([100.0, 200.0], np.float32),
+        intensities=np.array([1.0, 2.0, 3.0], np.float32),
+    )
+    given.take(DETECTIONS, scan, now=0.0)
+    assert given.assumptions == {
+        "intensities are not as many as detections: they are not used",
+    }
+
+
 def test_without_an_own_ship_the_detections_frame_is_fixed(tmp_path):
     entries = [entry for entry in simulated() if entry.type_name == POINTS]
     results, _ = run(write_bag(tmp_path / "bag", entries), source="none")

@@ -203,6 +203,26 @@ def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
     assert len(outs[0].splitlines()) > 2
 
 
+def test_the_truth_of_a_bag_is_drawn(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    bag_files = pytest.importorskip("bag_files")
+    from msg_adapters.track_cloud import TRACK_DTYPE
+    from tsepm_ros.analysis import plan_position
+
+    entries = bag_files.simulated()
+    for stamp in (1000.0, 1010.0):
+        values = {name: [0.0] for name in TRACK_DTYPE.names}
+        values |= {"track_id": [3.0], "state_x": [stamp], "state_y": [-stamp]}
+        message = bag_files.cloud(stamp, "odom", **values)
+        entries.append(bag_files.Entry(stamp, "/ground_truth", bag_files.POINTS, message))
+    path = bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time))
+    drawn = []
+    monkeypatch.setattr(plan_position, "save", lambda picture, *_: drawn.append(picture))
+    assert main(["run", str(path), "--picture", str(tmp_path / "a.png")]) == 0
+    (truth,) = drawn[0].truth
+    assert truth.tolist() == [[1000.0, -1000.0], [1010.0, -1010.0]]
+
+
 def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
     arguments = ["study", "box", "--runs", "6", "--scans", "8", "--seed", "3", "--workers", "1"]
     arguments += ["--method", "tsepm"]

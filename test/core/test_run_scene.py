@@ -1,0 +1,111 @@
+"""What pictures show of a run, and the files that it leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tsepm_ros.analysis.run_scene import (
+    RunScene,
+    ScanView,
+    position_at,
+    truth_paths,
+    velocity_seconds,
+)
+from tsepm_ros.conversion import convert
+from tsepm_ros.offline import recording_results
+from tsepm_ros.recording import RecordedMotion
+from tsepm_ros.session import Session, SessionOptions, Settings
+from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.simulation.recorded import simulated_recording
+from tsepm_ros.track import ConfirmedTrack, TrackArrays
+
+MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
+SAILING = {"own_ship": {"x": 100.0, "y": -50.0, "yaw_deg": 40.0, "speed": 5.0}, "scans": 6}
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    simulator = Simulator(load_scenario("four_targets", SAILING), 3, start=50.0)
+    return simulator, *simulated_recording(simulator)
+
+
+def test_a_simulated_recording_has_what_the_simulator_says(simulated):
+    simulator, recording, origins = simulated
+    again = list(Simulator(simulator.scenario, 3, start=50.0))
+    for scan, origin, one in zip(recording.scans, origins, again, strict=True):
+        assert scan.time == one.scan.stamp
+        np.testing.assert_array_equal(scan.fields["range"], one.scan.range)
+        np.testing.assert_array_equal(scan.fields["azimuth"], one.scan.azimuth)
+        np.testing.assert_array_equal(scan.fields["time_offset"], one.scan.time_offset)
+        np.testing.assert_array_equal(origin, one.origin)
+    assert len(recording.targets) == 4
+    np.testing.assert_array_equal(recording.targets[2][5].state, again[5].truth[2])
+
+
+def test_its_own_ship_is_known_until_the_last_echo(simulated):
+    simulator, recording, _ = simulated
+    assert [motion.time for motion in recording.own_ship[:3]] == [50.0, 51.0, 52.0]
+    assert recording.own_ship[-1].time >= recording.scans[-1].time + 2 * 8000.0 / 1500.0
+    x, y, yaw = simulator.scenario.own_ship.pose(7.0)
+    motion = recording.own_ship[7]
+    assert (motion.state[0], motion.state[2], motion.yaw) == (x, y, yaw)
+
+
+def test_no_scan_of_it_is_dropped_and_each_is_seen_where_it_was_placed(simulated):
+    _, recording, _ = simulated
+    session = Session(MOVING)
+    results = list(recording_results(recording, session, "bow"))
+    assert len(results) == 6
+    assert not session.dropped
+    for result in results:
+        view = ScanView.of(result, MOVING.sensor)
+        expected = convert(result.scan, MOVING.sensor, 0)["position"]
+        np.testing.assert_array_equal(view.detections, expected)
+        time = result.stamp - 50.0 + float(result.scan.time_offset.min())
+        there = simulated[0].scenario.own_ship.pose(time)[:2]
+        assert np.hypot(*(view.sensor - there)) < 5.0 * 1.0, "within a second's way"
+
+
+def test_truth_is_interpolated_and_unknown_outside_its_time():
+    def motion(time, x, y):
+        return RecordedMotion(time, np.array([x, 0.0, y, 0.0]))
+
+    (path,) = truth_paths({7: [motion(10.0, 0.0, 5.0), motion(20.0, 100.0, 7.0)]})
+    np.testing.assert_allclose(position_at(path, 15.0), [50.0, 6.0])
+    assert position_at(path, 9.0) is None
+    assert position_at(path, 20.5) is None
+
+
+def test_a_tracks_velocity_is_drawn_as_a_25th_of_the_scene():
+    track = ConfirmedTrack(
+        track_id=0,
+        stamp=0.0,
+        state=np.array([0.0, 6.0, 0.0, 8.0]),
+        covariance=np.eye(4),
+        hits=(),
+        evaluation=0.0,
+        score=0.0,
+        scan_count=1,
+        age=0.0,
+    )
+    one = TrackArrays.of([track])
+    corners = np.array([[0.0, 0.0], [10_000.0, 3000.0]])
+    scene = RunScene("run", [ScanView(0.0, corners, None, one, one)])
+    assert velocity_seconds(scene) == 40.0
+    assert velocity_seconds(RunScene("nothing")) > 0
+
+
+def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):
+    pytest.importorskip("rosbags")
+    from tsepm_ros.analysis.track_files import TrackBag
+
+    path = tmp_path / "tracks.mcap"
+    with pytest.raises(RuntimeError, match="midway"), TrackBag(path):
+        raise RuntimeError("midway")
+    assert not list(tmp_path.iterdir())
+    path.write_text("an older one")
+    with TrackBag(path):
+        pass
+    assert path.read_bytes().startswith(b"\x89MCAP")
+    assert [one.name for one in tmp_path.iterdir()] == ["tracks.mcap"]
