@@ -117,8 +117,8 @@ def _draw(
         draw_track(axes, track, seconds, NEW if new else GOOD, 1.0, 2.0)
         axes.annotate(str(track.track_id), (x, y), (9, 9), textcoords="offset points", fontsize=11)
     axes.set_title(
-        f"{scene.title}\n{_time(view.stamp)}, scan {index + 1} of {len(scene.scans)}: "
-        f"{len(view.held)} tracks held, {len(new_ids)} new",
+        f"{scene.title}\n{_time(view.stamp)}, scan {index + 1} of {len(scene.scans)}; "
+        f"tracks held: {len(view.held)}, new: {len(new_ids)}",
         loc="left",
         fontsize=11,
     )
