@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -85,6 +85,8 @@ class Bag:
             store = get_typestore(Stores.ROS2_JAZZY)
             self._reader = AnyReader([self._path], default_typestore=store)
             self._reader.open()
+        self._open = ExitStack()
+        self._open.callback(self._reader.close)
         self.topics = {name: info.msgtype or "" for name, info in self._reader.topics.items()}
         self.start_ns = self.end_ns = 0
         if self._reader.message_count:
@@ -101,7 +103,7 @@ class Bag:
 
     def close(self) -> None:
         """Close the bag; nothing can be read any more."""
-        self._reader.close()
+        self._open.close()
 
     @property
     def duration(self) -> float:

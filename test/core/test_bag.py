@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import sys
 from itertools import pairwise
 
@@ -88,6 +89,18 @@ def test_types_that_only_the_bag_knows_are_read_by_its_definition(tmp_path):
         content = bag.read(found)
     assert content.depths.tolist() == [1.5, 2.5]
     assert content.header.stamp.sec == 3
+
+
+def test_a_bag_without_definitions_is_read_by_those_of_ros(tmp_path):
+    entries = simulated()
+    path = write_bag(tmp_path / "bag", entries, "sqlite3")
+    with sqlite3.connect(storage_file(path)) as database:
+        database.execute("DELETE FROM message_definitions")
+    with Bag(path) as bag:
+        content = [bag.read(message) for message in bag.messages(["/own_ship/odometry"])]
+    assert [one.pose.pose.position.x for one in content] == [
+        entry.message.pose.pose.position.x for entry in entries if entry.type_name == ODOMETRY
+    ]
 
 
 @pytest.mark.parametrize(

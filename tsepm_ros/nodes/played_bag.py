@@ -51,6 +51,17 @@ class PlayedBag:
         self.dropped = 0
         if options.start_stamp:
             raise ParameterError("start_stamp: the messages of a bag go out as they were recorded")
+        try:
+            self._bag = Bag(options.recording)
+        except ValueError as error:
+            raise ParameterError(f"recording: {error}") from None
+        try:
+            self._prepare(options)
+        except ParameterError:
+            self.close()
+            raise
+
+    def _prepare(self, options: PlayerNodeOptions) -> None:
         given = {
             DETECTIONS: options.detections_topic,
             OWN_SHIP: options.odometry_topic,
@@ -58,7 +69,6 @@ class PlayedBag:
             TRUTH: options.ground_truth_topic,
         }
         try:
-            self._bag = Bag(options.recording)
             topics = find_topics(self._bag.topics, given)
         except ValueError as error:
             raise ParameterError(f"recording: {error}") from None
@@ -73,7 +83,11 @@ class PlayedBag:
         self._add_tf()
         self.publishers = list(self._publishers.values())
         played = ", ".join(f"{topic} as {role}" for role, topic in topics.items())
-        node.get_logger().info(f"{self._bag.duration:.1f} s of {played}")
+        self._node.get_logger().info(f"{self._bag.duration:.1f} s of {played}")
+
+    def close(self) -> None:
+        """Close the bag."""
+        self._bag.close()
 
     def events(self) -> Iterator[Event]:
         """Iterate over what was recorded, in order of reception; a damaged bag ends where it is."""

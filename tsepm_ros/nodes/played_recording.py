@@ -79,6 +79,9 @@ class PlayedRecording:
         self._truth_markers = node.create_publisher(MarkerArray, "ground_truth/markers", 10)
         self.publishers = [self._own_ship, self.detections, self._truth]
 
+    def close(self) -> None:
+        """Do nothing: the files are read."""
+
     def events(self) -> Iterator[Event]:
         """What was recorded, in order of time; at equal times own ship, truth, scan."""
         events: list[tuple[float, int, Any]] = [

@@ -24,7 +24,8 @@ class ScanPlayer(Node):
         options: PlayerNodeOptions = NodeParameters(self, SCAN_PLAYER).made[PlayerNodeOptions]
         if not options.recording:
             raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
-        played = (PlayedBag if is_bag(options.recording) else PlayedRecording)(self, options)
+        kind = PlayedBag if is_bag(options.recording) else PlayedRecording
+        self._played = played = kind(self, options)
         self._playback = Playback(
             self,
             played.events,
@@ -37,6 +38,11 @@ class ScanPlayer(Node):
             loop=options.loop,
         )
         self.finished = self._playback.finished
+
+    def destroy_node(self) -> None:
+        """End the node, and close what it plays."""
+        super().destroy_node()
+        self._played.close()
 
 
 def main(args: Sequence[str] | None = None) -> int:
