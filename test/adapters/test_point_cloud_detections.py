@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from raw_cloud import raw_cloud
 
-from msg_adapters import MessageError, detections_cloud, read_detections
+from msg_adapters import MessageError, detections_cloud, make_header, read_detections
 from tsepm_ros.scan import LARGEST
 
 RANGE = [1000.5, 2500.25, 7071.0]
@@ -440,3 +440,17 @@ def test_built_cloud_carries_bad_values_as_they_are(header):
 def test_built_cloud_refuses_what_it_cannot_say(header, given, sentence):
     with pytest.raises(ValueError, match=sentence):
         detections_cloud(header, range=[1.0], **given)
+
+
+def test_a_bearing_whose_reference_is_not_known_is_written_without_a_place():
+    header = make_header(0, "sonar")
+    cloud = detections_cloud(header, bearing_reference=None, range=[100.0], bearing=[0.5])
+    assert [field.name for field in cloud.fields] == ["range", "bearing"]
+    for reference in ("bow", "north"):
+        expected = detections_cloud(
+            header, bearing_reference=reference, range=[100.0], bearing=[0.5]
+        )
+        found, wanted = (
+            read_detections(one, bearing_reference=reference) for one in (cloud, expected)
+        )
+        assert found.azimuth.tolist() == wanted.azimuth.tolist()
