@@ -18,10 +18,11 @@ from msg_adapters import (
     tracker_report,
 )
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
+from tsepm_ros.clocks import Now
 from tsepm_ros.own_ship import PoseSample
 from tsepm_ros.parameter_groups import InitiatorNodeOptions
 from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
-from tsepm_ros.session import Now, ScanResult, Session, Settings
+from tsepm_ros.session import ScanResult, Session, Settings
 
 FRAME = "recording"
 UNKNOWN_YAW_VARIANCE = 1e6
