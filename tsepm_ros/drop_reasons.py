@@ -145,6 +145,12 @@ _SINGLE = {
         "Compare the clocks of sonar and navigation; see `own_ship_timeout`, "
         "`own_ship_max_extrapolation` and `own_ship_max_gap`",
     ),
+    "message_corrupt": DropReason(
+        DETECTIONS,
+        "scan",
+        "a message in a bag cannot be read (offline runs only; it may be any topic's)",
+        "Record again, or see what wrote the bag",
+    ),
     "no_horizontal_range": DropReason(
         DETECTIONS,
         "detection",

@@ -4,23 +4,13 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
-from msg_adapters import (
-    MessageError,
-    pose_sample,
-    read_detections,
-    read_own_ship,
-    read_recorded_scan,
-    sensor_scan,
-    tracker_report,
-)
+from msg_adapters import MessageError, read_recorded_scan, sensor_scan
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
-from tsepm_ros.clocks import Now
+from tsepm_ros.message_input import MessageInput
 from tsepm_ros.own_ship import PoseSample
-from tsepm_ros.parameter_groups import InitiatorNodeOptions
 from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
 from tsepm_ros.session import ScanResult, Session, Settings
 
@@ -70,75 +60,6 @@ def recording_results(
         yield from session.process()
 
 
-class MessageInput:
-    """Gives a session the messages that the node `track_initiator` subscribes to, as it does.
-
-    Parameters
-    ----------
-    session : Session
-    options : InitiatorNodeOptions
-        How detections are read.
-
-    Attributes
-    ----------
-    assumptions : set of str
-        Sentences that say what was taken to be so because the detections do not say it.
-    """
-
-    def __init__(self, session: Session, options: InitiatorNodeOptions) -> None:
-        self._session = session
-        self._options = options
-        self.assumptions: set[str] = set()
-
-    def take(self, role: str, message: Any, now: Now) -> None:
-        """Take a message.
-
-        Parameters
-        ----------
-        role : {"detections", "own_ship/odometry", "tracked"}
-            The topic of the node that it belongs to.
-        message : ROS message
-            Read by its attributes.
-        now : float or tuple of float
-            When it arrived, s.
-        """
-        if role == DETECTIONS:
-            self._take_detections(message, now)
-        elif role == OWN_SHIP:
-            self._take_own_ship(message)
-        else:
-            self._take_tracked(message)
-
-    def _take_detections(self, message: Any, now: Now) -> None:
-        try:
-            detections = read_detections(
-                message,
-                bearing_reference=self._options.bearing_reference,
-                sound_speed=self._options.sound_speed,
-            )
-        except MessageError as error:
-            self._session.drop(error.reason, f"detections dropped: {error}")
-            return
-        for reason, number in detections.dropped.items():
-            self._session.drop(reason, f"{number} detections dropped: {reason}", number)
-        self.assumptions.update(detections.assumptions)
-        self._session.add_scan(sensor_scan(detections), now)
-
-    def _take_own_ship(self, message: Any) -> None:
-        try:
-            sample = read_own_ship(message)
-        except MessageError as error:
-            self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
-            return
-        self._session.add_own_ship(pose_sample(sample), sample.frame_id, sample.child_frame_id)
-
-    def _take_tracked(self, message: Any) -> None:
-        try:
-            self._session.add_tracked(tracker_report(message))
-        except MessageError as error:
-            self._session.drop(f"tracked_{error.reason}", f"tracked targets dropped: {error}")
-
-
 def bag_results(
     bag: Bag, topics: Mapping[str, str], session: Session, given: MessageInput
 ) -> Iterator[ScanResult]:
@@ -161,6 +82,7 @@ def bag_results(
         If the bag turns out to be damaged.
     """
     roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED) if role in topics}
+    takes = {OWN_SHIP: given.take_own_ship, TRACKED: given.take_tracked}
     for message in bag.messages(roles):
         now = 1e-9 * message.log_ns
         if session.waiting:  # what has waited too long by now, did so before this message came
@@ -168,9 +90,13 @@ def bag_results(
         try:
             content = bag.read(message)
         except MessageError as error:
-            session.drop(f"message_{error.reason}", str(error))
+            session.drop(error.reason, str(error))
             continue
-        given.take(roles[message.topic], content, now)
+        role = roles[message.topic]
+        if role == DETECTIONS:
+            given.take_detections(content, now)
+        else:
+            takes[role](content)
         yield from _processed(session, now)
     yield from _processed(session)
 

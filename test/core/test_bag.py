@@ -27,7 +27,8 @@ from bag_files import (
 from msg_adapters import MessageError
 from msg_adapters.track_cloud import track_points
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
-from tsepm_ros.offline import MessageInput, bag_results
+from tsepm_ros.message_input import MessageInput
+from tsepm_ros.offline import bag_results
 from tsepm_ros.parameter_groups import (
     TRACK_INITIATOR,
     InitiatorNodeOptions,
@@ -308,7 +309,7 @@ def test_what_the_detections_do_not_say_is_noted():
         ranges=np.array([100.0, 200.0], np.float32),
         intensities=np.array([1.0, 2.0, 3.0], np.float32),
     )
-    given.take(DETECTIONS, scan, now=0.0)
+    given.take_detections(scan, now=0.0)
     assert given.assumptions == {
         "intensities are not as many as detections: they are not used",
     }

@@ -19,7 +19,8 @@ from tsepm_ros.analysis.run_scene import RunScene, ScanView, truth_paths
 from tsepm_ros.analysis.track_files import TrackBag, TrackTable
 from tsepm_ros.analysis.truth import judge
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
-from tsepm_ros.offline import MessageInput, bag_results, recording_results
+from tsepm_ros.message_input import MessageInput
+from tsepm_ros.offline import bag_results, recording_results
 from tsepm_ros.parameter_groups import (
     TRACK_INITIATOR,
     InitiatorNodeOptions,

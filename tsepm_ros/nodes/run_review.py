@@ -17,10 +17,9 @@ from msg_adapters import time_to_ns, track_states
 from tsepm_ros.analysis.plan_position import Picture
 from tsepm_ros.analysis.report import counts_line, target_table, text_table
 from tsepm_ros.analysis.truth import Outcome, judge
-from tsepm_ros.bag import DETECTIONS, OWN_SHIP
 from tsepm_ros.conversion import convert
+from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.run_recorder import RunRecorder
-from tsepm_ros.offline import MessageInput
 from tsepm_ros.parameter_groups import (
     TRACK_INITIATOR,
     InitiatorNodeOptions,
@@ -71,10 +70,10 @@ def replay(recorder: RunRecorder, parameters: Sequence[str]) -> tuple[list[ScanR
     session = Session(settings_from(made))
     given = MessageInput(session, made[InitiatorNodeOptions])
     for message in recorder.own_ship:
-        given.take(OWN_SHIP, message, now=0.0)
+        given.take_own_ship(message)
     results: list[ScanResult] = []
     for message in sorted(recorder.detections, key=lambda m: time_to_ns(m.header.stamp)):
-        given.take(DETECTIONS, message, now=0.0)
+        given.take_detections(message, now=0.0)
         results.extend(session.process())
     return results, session
 

@@ -10,20 +10,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import (
-    MessageError,
-    diagnostics,
-    make_header,
-    pose_sample,
-    read_detections,
-    read_own_ship,
-    sensor_scan,
-    time_to_ns,
-)
+from msg_adapters import diagnostics, make_header, time_to_ns
 from tsepm_ros.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.health import Connections, DiagnosticsOptions, Health, Latency
+from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
@@ -31,7 +24,6 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_outputs import TrackOutputs
-from tsepm_ros.nodes.tracked_subscription import subscribe_tracked
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, InitiatorNodeOptions, settings_from
 from tsepm_ros.session import ScanResult, Session, SessionOptions
 
@@ -40,6 +32,7 @@ WAIT_PERIOD = 0.05
 WARNING_PERIOD = 10.0
 """Least time between warnings of the same kind, s."""
 OWN_SHIP_DEPTH = 1000
+TRACKED_DEPTH = 10
 
 
 class TrackInitiator(Node):
@@ -58,7 +51,7 @@ class TrackInitiator(Node):
                 "none: the tracks are then in an east-north frame, not in the sensor's"
             )
         self._warned: dict[str, float] = {}
-        self._assumed: set[str] = set()
+        self._input = MessageInput(self._session, options, self.get_logger().warning)
         self._health = Health(self._given.made[DiagnosticsOptions])
         self._qos = QosWatch(self)
         self._outputs = TrackOutputs(self, self._session, self._qos)
@@ -73,7 +66,9 @@ class TrackInitiator(Node):
             )
         if source != "none":
             self.create_timer(WAIT_PERIOD, self._process, clock=steady)
-        self._tracked = subscribe_tracked(self, self._session, self._qos)
+        self._tracked = OfferedSubscription(
+            self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, self._qos
+        )
         self._detections = DetectionsSubscription(
             self,
             options.detections_type,
@@ -95,33 +90,12 @@ class TrackInitiator(Node):
     def _on_detections(self, message: Any) -> None:
         entered = time.perf_counter()
         self._health.heard(DETECTIONS, self._now())
-        options = self._given.made[InitiatorNodeOptions]
-        try:
-            detections = read_detections(
-                message,
-                bearing_reference=options.bearing_reference,
-                sound_speed=options.sound_speed,
-            )
-        except MessageError as error:
-            self._session.drop(error.reason, f"detections dropped: {error}")
-            return
-        for reason, number in detections.dropped.items():
-            self._session.drop(reason, f"{number} detections dropped: {reason}", number)
-        for assumption in detections.assumptions:
-            if assumption not in self._assumed:
-                self._assumed.add(assumption)
-                self.get_logger().warning(assumption)
-        self._session.add_scan(sensor_scan(detections), self._now())
+        self._input.take_detections(message, self._now())
         self._process(entered)
 
     def _on_own_ship(self, message: Odometry) -> None:
         self._health.heard(OWN_SHIP, self._now())
-        try:
-            sample = read_own_ship(message)
-        except MessageError as error:
-            self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
-            return
-        self._session.add_own_ship(pose_sample(sample), sample.frame_id, sample.child_frame_id)
+        self._input.take_own_ship(message)
         self._process()
 
     def _process(self, entered: float | None = None) -> None:
@@ -165,6 +139,7 @@ class TrackInitiator(Node):
     def _configure(self, made: Mapping[type[Any], Any]) -> None:
         if not self._session.configure(settings_from(made)):
             self.get_logger().info("parameters changed: potential tracks start over")
+        self._input.options = made[InitiatorNodeOptions]
         self._health.options = made[DiagnosticsOptions]
         self._diagnostics_timer.timer_period_ns = int(
             made[InitiatorNodeOptions].diagnostics_period * 1e9

@@ -1,0 +1,86 @@
+"""From messages as they arrive to a session: what the node and offline runs share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from msg_adapters import (
+    MessageError,
+    pose_sample,
+    read_detections,
+    read_own_ship,
+    sensor_scan,
+    tracker_report,
+)
+from tsepm_ros.clocks import Now
+from tsepm_ros.parameter_groups import InitiatorNodeOptions
+from tsepm_ros.session import Session
+
+
+class MessageInput:
+    """Gives a session the messages that `track_initiator` subscribes to.
+
+    What cannot be used is dropped and counted by the session.
+
+    Parameters
+    ----------
+    session : Session
+    options : InitiatorNodeOptions
+        How detections are read.
+    say : callable, optional
+        Called with each of the `assumptions` when it is made.
+
+    Attributes
+    ----------
+    options : InitiatorNodeOptions
+        How detections are read from now on.
+    assumptions : set of str
+        Sentences that say what was taken to be so because the detections do not say it.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        options: InitiatorNodeOptions,
+        say: Callable[[str], None] = lambda sentence: None,
+    ) -> None:
+        self._session = session
+        self.options = options
+        self._say = say
+        self.assumptions: set[str] = set()
+
+    def take_detections(self, message: Any, now: Now) -> None:
+        """Take a message of any type that `read_detections` reads, which arrived at `now`, s."""
+        try:
+            detections = read_detections(
+                message,
+                bearing_reference=self.options.bearing_reference,
+                sound_speed=self.options.sound_speed,
+            )
+        except MessageError as error:
+            self._session.drop(error.reason, f"detections dropped: {error}")
+            return
+        for reason, number in detections.dropped.items():
+            self._session.drop(reason, f"{number} detections dropped: {reason}", number)
+        for assumption in detections.assumptions:
+            if assumption not in self.assumptions:
+                self.assumptions.add(assumption)
+                self._say(assumption)
+        self._session.add_scan(sensor_scan(detections), now)
+
+    def take_own_ship(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry."""
+        try:
+            sample = read_own_ship(message)
+        except MessageError as error:
+            self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
+            return
+        self._session.add_own_ship(pose_sample(sample), sample.frame_id, sample.child_frame_id)
+
+    def take_tracked(self, message: Any) -> None:
+        """Take what a downstream tracker says that it tracks, a cloud in the layout of tracks."""
+        try:
+            self._session.add_tracked(tracker_report(message))
+        except MessageError as error:
+            self._session.drop(f"tracked_{error.reason}", f"tracked targets dropped: {error}")
