@@ -20,6 +20,7 @@ from tsepm_ros.analysis.figures import HEADINGS, SPECS, Figures, figures_of
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.report import text_table, with_progress
+from tsepm_ros.analysis.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.analysis.run_command import add_recording_arguments, run_recording
 from tsepm_ros.analysis.study import study
 from tsepm_ros.methods import METHODS, available_methods
@@ -105,6 +106,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_evaluation_arguments(one)
     one.set_defaults(command=_evaluate)
+
+    one = commands.add_parser(
+        "reproduce", help="what the sources publish, regenerated beside the published values"
+    )
+    add_reproduction_arguments(one)
+    one.set_defaults(command=_reproduce)
     return parser
 
 
@@ -147,6 +154,10 @@ def _study(options: argparse.Namespace) -> None:
 
 def _evaluate(options: argparse.Namespace) -> None:
     run_evaluation(options, options.line)
+
+
+def _reproduce(options: argparse.Namespace) -> None:
+    run_reproduction(options, options.line)
 
 
 STUDY_FIGURES = (

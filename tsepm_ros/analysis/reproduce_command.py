@@ -1,0 +1,72 @@
+"""The command `tsepm reproduce`: its arguments, and what it writes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from tsepm_ros.analysis.evaluate_command import positive
+from tsepm_ros.analysis.operating_points import package_version
+from tsepm_ros.analysis.report import with_progress
+from tsepm_ros.analysis.reproduction.document import Part, write
+from tsepm_ros.analysis.reproduction.runs import Setting
+from tsepm_ros.analysis.reproduction.sources import SOURCES
+
+RUNS = 300
+
+
+def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of a reproduction."""
+    parser.add_argument(
+        "source", nargs="*", metavar="SOURCE", help=f"{', '.join(SOURCES)}; default all"
+    )
+    parser.add_argument("--runs", type=positive, default=RUNS, help=f"default {RUNS}")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1)
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("build/reproduction"),
+        help="folder of the runs done so far and of what is written; default build/reproduction",
+    )
+
+
+def run_reproduction(options: argparse.Namespace, command: str) -> None:
+    """Regenerate what the sources publish and write the report.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        From `add_reproduction_arguments`.
+    command : str
+        The command as it was given, for the report.
+
+    Raises
+    ------
+    ValueError
+        If there is no such source, or the seed is below 0.
+    """
+    names = list(dict.fromkeys(options.source or SOURCES))
+    for name in names:
+        if name not in SOURCES:
+            raise ValueError(f"source must be one of {', '.join(SOURCES)}; got {name!r}")
+    if options.seed < 0:
+        raise ValueError(f"seed must be at least 0; got {options.seed}")
+    setting = Setting(
+        folder=options.out / "runs",
+        runs=options.runs,
+        seed=options.seed,
+        processes=options.workers,
+        progress=with_progress,
+    )
+    parts: list[Part] = [
+        "# Reproduction of the published results",
+        f"`{command}`\n\n{options.runs} runs, seed {options.seed}, 95 % intervals, "
+        f"tsepm_ros {package_version()}.",
+    ]
+    for name in names:
+        print(f"{name}: {SOURCES[name].title}", flush=True)
+        parts += [f"## {SOURCES[name].title}", *SOURCES[name].reproduce(setting)]
+    written = write(parts, options.out / "report.md")
+    print("written: " + ", ".join(map(str, written)))

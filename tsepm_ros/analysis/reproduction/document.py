@@ -1,0 +1,170 @@
+"""The report of a reproduction: texts, tables and pictures, as Markdown, CSV and PNG."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tsepm_ros.analysis.intervals import Estimate
+
+Cell = str | int | float | Estimate
+DOTS_PER_INCH = 100
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    heading : str
+    spec : str
+        Number format of its cells.
+    """
+
+    heading: str
+    spec: str = ""
+
+    def text(self, cell: Cell) -> str:
+        """A cell as it is shown, a dash where there is no figure."""
+        if isinstance(cell, str):
+            return cell.replace("|", "\\|")
+        value = cell.value if isinstance(cell, Estimate) else cell
+        return "-" if math.isnan(value) else format(cell, self.spec)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table, which becomes a CSV file too.
+
+    Attributes
+    ----------
+    name : str
+        Of its file, without an ending.
+    columns : sequence of Column
+    rows : sequence of sequence of Cell
+    """
+
+    name: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Any]]
+
+    def markdown(self) -> str:
+        """The table in Markdown."""
+        lines = [
+            [column.heading for column in self.columns],
+            ["---"] * len(self.columns),
+            *(
+                [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
+                for row in self.rows
+            ),
+        ]
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+    def write_csv(self, path: Path) -> None:
+        """Write the numbers, those with an interval as three columns."""
+        wide = [any(isinstance(row[k], Estimate) for row in self.rows) for k in self._places]
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(
+                heading
+                for k in self._places
+                for heading in _headings(self.columns[k].heading, wide[k])
+            )
+            for row in self.rows:
+                writer.writerow(value for k in self._places for value in _values(row[k], wide[k]))
+
+    @property
+    def _places(self) -> range:
+        return range(len(self.columns))
+
+
+def _headings(heading: str, wide: bool) -> list[str]:
+    return [heading, f"{heading}, low", f"{heading}, high"] if wide else [heading]
+
+
+def _values(cell: Cell, wide: bool) -> list[str | float]:
+    if isinstance(cell, Estimate):
+        return [cell.value, cell.low, cell.high]
+    return [cell, "", ""] if wide else [cell]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture.
+
+    Attributes
+    ----------
+    name : str
+        Of its file, without an ending.
+    caption : str
+    draw : callable
+        Draws it on an empty matplotlib figure.
+    size : (float, float)
+        Width and height, inches.
+    """
+
+    name: str
+    caption: str
+    draw: Callable[[Any], None]
+    size: tuple[float, float] = (9.0, 4.5)
+
+
+Part = str | Table | Picture
+"""A part of a chapter; a text is a paragraph in Markdown."""
+
+
+def write(parts: Sequence[Part], report: Path) -> list[Path]:
+    """Write a report, and its tables and pictures beside it.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    report : Path
+        The report's file.
+
+    Returns
+    -------
+    list of Path
+        Everything written. Without matplotlib there are no pictures, which the report says.
+    """
+    report.parent.mkdir(parents=True, exist_ok=True)
+    texts, written = [], [report]
+    for part in parts:
+        if isinstance(part, Table):
+            texts.append(part.markdown())
+            written.append(report.parent / f"{part.name}.csv")
+            part.write_csv(written[-1])
+        elif isinstance(part, Picture):
+            path = report.parent / f"{part.name}.png"
+            drawn = _draw(part, path)
+            written += [path] * drawn
+            texts.append(_picture_text(part, path, drawn))
+        else:
+            texts.append(part)
+    report.write_text("\n\n".join(texts) + "\n", encoding="utf-8")
+    return written
+
+
+def _picture_text(picture: Picture, path: Path, drawn: bool) -> str:
+    if drawn:
+        return f"![{picture.caption}]({path.name})\n\n*{picture.caption}*"
+    return f"*{picture.caption}: not drawn, which needs matplotlib (the extra plot)*"
+
+
+def _draw(picture: Picture, path: Path) -> bool:
+    """Draw a picture, if matplotlib is there."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        return False
+    figure = Figure(figsize=picture.size, layout="constrained")
+    FigureCanvasAgg(figure)
+    picture.draw(figure)
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+    return True

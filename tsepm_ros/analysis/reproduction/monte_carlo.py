@@ -1,0 +1,226 @@
+"""The simulated runs of the reproductions: what is drawn, and what is counted."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.analysis.reproduction.published import (
+    AREA_SIDE,
+    COORDINATE,
+    FIGURE_7_DENSITY,
+    GATE_PROBABILITY,
+    MAX_SPEED,
+    PERIOD,
+    TABLE_1,
+    TABLE_1_DENSITY,
+    TABLE_I_RULE,
+    Table1Row,
+)
+from tsepm_ros.analysis.reproduction.runs import Result
+from tsepm_ros.analysis.reproduction.scene import Scene, Started
+from tsepm_ros.analysis.truth import measurement_sigma
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods import make_initiator
+from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
+from tsepm_ros.methods.tsepm import Candidates
+from tsepm_ros.pruning import READINGS
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.simulation import Scenario, load_scenario
+from tsepm_ros.simulation.simulator import CLUTTER
+from tsepm_ros.track import TrackArrays
+
+RULE = (5, 8)
+DENSITIES = (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
+ERRORS = (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
+TARGET = np.array([COORDINATE, COORDINATE])
+OWN = {"min_hits": RULE[0], "window": RULE[1], "gate_probability": GATE_PROBABILITY}
+KENNEDY = {"evaluation": "clutter_statistic"}
+
+CURVES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "tsepm, f1 literal": ("tsepm", {"pruning_reading": "literal"}),
+        "tsepm, f1 squared": ("tsepm", {"pruning_reading": "squared"}),
+        "tsepm, f2 size 0.05": ("tsepm", {**KENNEDY, "clutter_test_size": 0.05}),
+        "tsepm, f2 size 0.5": ("tsepm", {**KENNEDY, "clutter_test_size": 0.5}),
+        "clutter test, size 0.05": ("clutter_test", {"clutter_test_size": 0.05}),
+        "clutter test, size 0.5": ("clutter_test", {"clutter_test_size": 0.5}),
+        "multiple model": ("multiple_model", {}),
+    }
+)
+"""Method and options of each curve, besides `OWN`."""
+
+
+@dataclass(frozen=True)
+class Table1Case:
+    """What a simulated run of the table depends on."""
+
+    scenario: Scenario
+
+
+def table_1_case() -> Table1Case:
+    """The scene of Section 5.1: a disc of clutter, one target."""
+    window = max(row.rule[1] for row in TABLE_1)
+    target = np.array([COORDINATE, 5.0, COORDINATE, 0.0])
+    sensor = SensorModel(clutter_density=TABLE_1_DENSITY)
+    return Table1Case(Scenario("section_5_1", window, PERIOD, sensor, targets=(target,)))
+
+
+def run_table_1(what: Table1Case, seed: list[int]) -> Result:
+    """Start tracks by every rule and reading on one scene.
+
+    Gives of each clutter starts of the first scan, tracks of them, how many of them have one, all
+    starts, false and misplaced tracks, and whether the target was found.
+    """
+    scene = Scene.drawn(what.scenario, seed)
+    return {
+        f"{row.name} {reading}": _table_1_counts(scene, row, reading)
+        for row in TABLE_1
+        for reading in READINGS
+    }
+
+
+def _table_1_counts(scene: Scene, row: Table1Row, reading: str) -> list[float]:
+    min_hits, window = row.rule
+    starter = make_initiator(
+        "tsepm",
+        sensor=scene.simulator.scenario.sensor,
+        max_speed=MAX_SPEED,
+        min_hits=min_hits,
+        window=window,
+        gate_probability=GATE_PROBABILITY,
+        pruning_reading=reading,
+    )
+    started = scene.started(starter, window)
+    found, wrong = started.counts()
+    first = _of_first_scan(started)
+    clutter = np.count_nonzero(scene.origins[0] == CLUTTER)
+    distinct = len(np.unique(first))
+    return np.array(
+        [clutter, len(first), distinct, starter.totals.started, wrong, found], float
+    ).tolist()
+
+
+def _of_first_scan(started: Started) -> np.ndarray:
+    """First hit of each false track that begins with clutter of the first scan."""
+    false = np.ones(len(started.tracks), bool)
+    false[started.from_targets()] = False
+    hits, origins = started.hits, started.origins()
+    if not len(hits):
+        return np.zeros(0, np.int64)
+    return hits[false & (hits[:, 0, 0] == 0) & (origins[:, 0] == CLUTTER), 0, 1]
+
+
+@dataclass(frozen=True)
+class Point:
+    """A scene of the figures.
+
+    Attributes
+    ----------
+    value : float
+        Where it is on the axis of its figure.
+    scenario : Scenario
+    """
+
+    value: float
+    scenario: Scenario
+
+
+def sensor_at(error: float) -> SensorModel:
+    """The sensor of Section 5.1, its errors scaled to a major axis (m) where the target is."""
+    sensor = SensorModel()
+    factor = error / measurement_sigma(sensor, TARGET)
+    return dataclasses.replace(
+        sensor,
+        range_std_fraction=factor * sensor.range_std_fraction,
+        azimuth_std=factor * sensor.azimuth_std,
+    )
+
+
+def _scenario(sensor: SensorModel, density: float) -> Scenario:
+    box = load_scenario("box", {"scans": RULE[1]})
+    largest = dataclasses.replace(sensor, max_range=box.sensor.max_range, clutter_density=density)
+    return dataclasses.replace(box, sensor=largest)
+
+
+def density_points() -> list[Point]:
+    """Scenes of Figs. 5 and 6."""
+    return [Point(density, _scenario(SensorModel(), density)) for density in DENSITIES]
+
+
+def error_points() -> list[Point]:
+    """Scenes of Figs. 7 and 8."""
+    return [Point(error, _scenario(sensor_at(error), FIGURE_7_DENSITY)) for error in ERRORS]
+
+
+def run_comparison(point: Point, seed: list[int]) -> Result:
+    """Start tracks by every curve's method: target found, false and misplaced, starts."""
+    scene = Scene.drawn(point.scenario, seed)
+    results = {}
+    for name, (method, options) in CURVES.items():
+        starter = make_initiator(
+            method, sensor=point.scenario.sensor, max_speed=MAX_SPEED, **OWN, **options
+        )
+        found, wrong = scene.started(starter, RULE[1]).counts()
+        results[name] = [float(found), float(wrong), float(starter.totals.started)]
+    return results
+
+
+class SplitOnly(SplitMerge):
+    """Split-merge 2016 before its merging: every confirmed track is put out."""
+
+    def _merge(self, candidates: Candidates) -> TrackArrays:
+        tracks = self._tracks(candidates)
+        return tracks.numbered(self._take_track_ids(len(tracks)))
+
+
+@dataclass(frozen=True)
+class FourTargets:
+    """What a simulated run of the scene depends on."""
+
+    scenario: Scenario
+
+
+def run_four_targets(what: FourTargets, seed: list[int]) -> Result:
+    """Count tracks after splitting and after merging.
+
+    Gives for the coverage: tracks after each, and targets found; and for the area of interest round
+    each target: all tracks after each, and of these those of which the target gave more than half
+    of the hits.
+    """
+    scene = Scene.drawn(what.scenario, seed)
+    options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
+    results: Result = {}
+    for name, kind in (("split", SplitOnly), ("merged", SplitMerge)):
+        starter = kind(what.scenario.sensor, CommonOptions(), options)
+        started = scene.started(starter, what.scenario.scans)
+        results[name] = [float(len(started.tracks)), float(started.counts()[0])]
+        near = np.zeros(len(started.tracks), bool)
+        near[started.from_targets()] = True
+        inside = [_inside(started, target) for target in range(len(scene.simulator.targets))]
+        results[f"{name} areas"] = [float(rows.sum()) for rows in inside]
+        results[f"{name} near"] = [float((rows & near).sum()) for rows in inside]
+    return results
+
+
+def _inside(started: Started, target: int) -> NDArray[np.bool_]:
+    """Tracks all of whose hits lie in the area of interest round a target in mid run."""
+    scene = started.scene
+    centre = scene.simulator.truth(0.5 * scene.simulator.scenario.duration)[target, 0::2]
+    inside = [
+        (np.abs(x - centre[0]) <= 0.5 * AREA_SIDE) & (np.abs(y - centre[1]) <= 0.5 * AREA_SIDE)
+        for x, y in (
+            (scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth))
+            for scan in scene.scans
+        )
+    ]
+    offsets = np.cumsum([0, *map(len, inside)])
+    hits = started.hits
+    within = np.concatenate(inside)[offsets[hits[..., 0]] + hits[..., 1]]
+    return np.asarray(within.all(axis=1))

@@ -1,0 +1,97 @@
+"""Ratios and differences over paired runs, and what they say of a published claim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tsepm_ros.analysis.intervals import Z_95, Estimate, mean
+
+FloatArray = NDArray[np.float64]
+
+HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell"
+
+
+def ratio(part: ArrayLike, whole: ArrayLike) -> Estimate:
+    """Ratio of two sums over independent runs, with the interval of the delta method."""
+    value, influence = _linear(part, whole)
+    return _around(value, influence)
+
+
+def ratio_difference(
+    one: tuple[ArrayLike, ArrayLike], other: tuple[ArrayLike, ArrayLike]
+) -> Estimate:
+    """Difference of two ratios, `one` minus `other`, over the same runs."""
+    first, influence = _linear(*one)
+    second, other_influence = _linear(*other)
+    return _around(first - second, influence - other_influence)
+
+
+def _linear(part: ArrayLike, whole: ArrayLike) -> tuple[float, FloatArray]:
+    """Ratio of two sums, and how much each run moves it."""
+    a, b = np.asarray(part, float), np.asarray(whole, float)
+    if not b.sum() > 0.0:
+        return math.nan, np.zeros(len(b))
+    value = float(a.sum() / b.sum())
+    return value, (a - value * b) / b.mean()
+
+
+def _around(value: float, influence: FloatArray) -> Estimate:
+    half = math.nan
+    if len(influence) > 1:
+        half = Z_95 * float(influence.std(ddof=1)) / math.sqrt(len(influence))
+    return Estimate(value, value - half, value + half)
+
+
+def share_difference(one: ArrayLike, other: ArrayLike) -> Estimate:
+    """Difference of two shares over the same runs, with Bonett and Price's interval.
+
+    "Adjusted Wald confidence interval for a difference of binomial proportions based on paired
+    data", J. Educ. Behav. Stat. 37(4), 2012: one more run is counted for each way of being
+    different, so that equal runs leave an interval too.
+    """
+    first, second = np.asarray(one, bool), np.asarray(other, bool)
+    n = len(first) + 2
+    up = (np.count_nonzero(first & ~second) + 1) / n
+    down = (np.count_nonzero(~first & second) + 1) / n
+    half = Z_95 * math.sqrt((up + down - (up - down) ** 2) / n)
+    value = float(first.mean() - second.mean())
+    return Estimate(value, max(up - down - half, -1.0), min(up - down + half, 1.0))
+
+
+def mean_difference(one: ArrayLike, other: ArrayLike) -> Estimate:
+    """Difference of two means over the same runs."""
+    return mean(np.asarray(one, float) - np.asarray(other, float))
+
+
+def is_below(difference: Estimate) -> str:
+    """Whether a difference is below 0, by its interval."""
+    if difference.high < 0.0:
+        return HOLDS
+    return FAILS if difference.low > 0.0 else OPEN
+
+
+def is_within(difference: Estimate, tolerance: float) -> str:
+    """Whether a difference is no more than a tolerance, by its interval."""
+    if difference.low > -tolerance and difference.high < tolerance:
+        return HOLDS
+    return FAILS if difference.low > tolerance or difference.high < -tolerance else OPEN
+
+
+def is_not_below(difference: Estimate, tolerance: float) -> str:
+    """Whether a difference is no less than 0 but for a tolerance, by its interval."""
+    if difference.low > -tolerance:
+        return HOLDS
+    return FAILS if difference.high < -tolerance else OPEN
+
+
+def everywhere(verdicts: Sequence[str]) -> str:
+    """Verdict on a claim for all points of a curve, with the points at which each was found."""
+    counts = {verdict: verdicts.count(verdict) for verdict in (FAILS, OPEN, HOLDS)}
+    worst = next(verdict for verdict, count in counts.items() if count)
+    if counts[worst] == len(verdicts):
+        return worst
+    return f"{worst} ({counts[HOLDS]} of {len(verdicts)} points hold)"

@@ -1,0 +1,99 @@
+"""The scene of TSEPM 2018, Section 5.1, and starting tracks in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.analysis.simulated_run import placed
+from tsepm_ros.analysis.truth import Judged, Outcome, judge
+from tsepm_ros.initiator import Initiator
+from tsepm_ros.scan import Scan
+from tsepm_ros.simulation import Scenario, Simulator
+from tsepm_ros.simulation.simulator import CLUTTER
+from tsepm_ros.track import TrackArrays
+
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The scans of a simulated run and where their detections come from.
+
+    Attributes
+    ----------
+    simulator : Simulator
+    scans : list of Scan
+    origins : list of (n,) ndarray of int
+        Target of each scan's detections, negative for clutter.
+    """
+
+    simulator: Simulator
+    scans: list[Scan]
+    origins: list[IntArray]
+
+    @classmethod
+    def drawn(cls, scenario: Scenario, seed: list[int]) -> Scene:
+        """Simulate a run."""
+        simulator = Simulator(scenario, seed)
+        simulated = list(simulator)
+        scans = [placed(one.scan, scenario.own_ship) for one in simulated]
+        return cls(simulator, scans, [one.origin for one in simulated])
+
+    def started(self, starter: Initiator, scans: int) -> Started:
+        """The tracks that a method starts in the first scans."""
+        parts = [starter.process(scan) for scan in self.scans[:scans]]
+        return Started(self, TrackArrays.of([]).joined(*map(TrackArrays.of, parts)))
+
+
+@dataclass(frozen=True)
+class Started:
+    """Tracks started in a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+    tracks : TrackArrays
+    """
+
+    scene: Scene
+    tracks: TrackArrays
+
+    @property
+    def hits(self) -> IntArray:
+        """(scan, detection) of each track's hits, (n, m, 2), for tracks of equally many hits."""
+        count = int(self.tracks.hit_count.max(initial=0))
+        return np.array(self.tracks.hits, np.int64).reshape(len(self.tracks), count, 2)
+
+    def origins(self) -> IntArray:
+        """Target of each track's hits, (n, m)."""
+        offsets = np.cumsum([0, *map(len, self.scene.origins)])
+        hits = self.hits
+        origin = np.concatenate([*self.scene.origins, np.zeros(0, np.int64)])
+        return origin[offsets[hits[..., 0]] + hits[..., 1]]
+
+    def from_targets(self) -> IntArray:
+        """Rows of the tracks of which one target gave more than half of the hits."""
+        origins = self.origins()
+        same = (origins[:, :, None] == origins[:, None, :]).sum(axis=2)
+        most = np.where(origins == CLUTTER, 0, same).max(axis=1, initial=0)
+        return np.flatnonzero(2 * most > origins.shape[1])
+
+    def judged(self) -> list[Judged]:
+        """What the tracks from targets are; all others are false."""
+        simulator = self.scene.simulator
+        return judge(
+            [self.tracks[int(row)] for row in self.from_targets()],
+            self.scene.origins,
+            simulator.truth,
+            simulator.scenario.sensor,
+            lambda stamp: simulator.scenario.own_ship.pose(stamp)[:2],
+        )
+
+    def counts(self) -> tuple[int, int]:
+        """Targets found, and false and misplaced tracks."""
+        outcomes = [one.outcome for one in self.judged()]
+        wrong = len(self.tracks) - len(outcomes) + outcomes.count(Outcome.MISPLACED)
+        return outcomes.count(Outcome.TRUE), wrong

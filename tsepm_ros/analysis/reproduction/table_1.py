@@ -1,0 +1,303 @@
+"""TSEPM 2018, Table 1: the rules M/N, what they find and what clutter makes of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tsepm_ros.analysis.intervals import Estimate, proportion
+from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.analysis.reproduction.monte_carlo import run_table_1, table_1_case
+from tsepm_ros.analysis.reproduction.paired import ratio
+from tsepm_ros.analysis.reproduction.published import (
+    COORDINATE,
+    GATE_FACTOR,
+    GATE_PROBABILITY,
+    MAX_SPEED,
+    PERIOD,
+    RANGE_ERROR_FRACTION,
+    RECOMMENDED,
+    TABLE_1,
+    TABLE_1_DENSITY,
+    TABLE_1_DETECTION_PROBABILITIES,
+    TABLE_1_RUNS,
+    Table1Row,
+)
+from tsepm_ros.analysis.reproduction.runs import Setting, column
+from tsepm_ros.analysis.rules import (
+    false_start_probability,
+    gate_areas,
+    rule_detection_probability,
+)
+from tsepm_ros.analysis.truth import measurement_sigma
+from tsepm_ros.pruning import READINGS
+from tsepm_ros.sensor import SensorModel
+
+FITTED_MARGIN = 159.8
+"""g that fits most of P_F(1), m. It is fitted to the column, so it shows only the form."""
+STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
+"""alpha times the range error at a range of 5000 m, m."""
+SLIP_RULE = (4, 6)
+DETECTION_WITHIN = 1e-4
+FALSE_WITHIN = 1e-3
+
+
+def true_margin() -> float:
+    """G from the larger axis of the error where the target is, m."""
+    target = np.array([COORDINATE, COORDINATE])
+    return GATE_FACTOR * measurement_sigma(SensorModel(), target)
+
+
+def detection(row: Table1Row) -> list[float]:
+    """P_D of a row in closed form, at each p_d."""
+    return [
+        rule_detection_probability(*row.rule, p_d, GATE_PROBABILITY)
+        for p_d in TABLE_1_DETECTION_PROBABILITIES
+    ]
+
+
+def detection_with_slip(row: Table1Row) -> list[float]:
+    """P_D with one factor P p_d too many where the fourth hit comes in the sixth scan.
+
+    That term of 4/6 and 4/7 is ``p_d C(4, 2) h^3 (1 - h)^2`` with ``h = P p_d``.
+    """
+    lost = []
+    for p_d in TABLE_1_DETECTION_PROBABILITIES:
+        hit = GATE_PROBABILITY * p_d
+        min_hits, scan = SLIP_RULE
+        term = math.comb(scan - 2, min_hits - 2) * hit ** (min_hits - 1)
+        lost.append(p_d * term * (1.0 - hit) ** (scan - min_hits) * (1.0 - hit))
+    return [one - other for one, other in zip(detection(row), lost, strict=True)]
+
+
+def false_before(row: Table1Row, margin: float) -> float:
+    """P_F(1) of a row from the first-passage chain with a gate margin g, m."""
+    areas = gate_areas(MAX_SPEED, PERIOD, margin, row.rule[1])
+    return false_start_probability(*row.rule, TABLE_1_DENSITY, areas)
+
+
+def unmatched_detection() -> list[str]:
+    """Rows whose P_D the closed form does not give."""
+    return [
+        row.name
+        for row in TABLE_1
+        if not np.allclose(detection(row), row.detection, rtol=0.0, atol=DETECTION_WITHIN)
+    ]
+
+
+def unmatched_false_before() -> list[str]:
+    """Rows whose P_F(1) the chain does not give, even with the fitted margin."""
+    return [
+        row.name
+        for row in TABLE_1
+        if abs(false_before(row, FITTED_MARGIN) - row.false_before) > FALSE_WITHIN
+    ]
+
+
+DENOMINATORS = {
+    "share of first-scan starts with a track": (2, 0),
+    "tracks per first-scan start": (1, 0),
+    "false + misplaced per start, N scans": (4, 3),
+}
+"""Readings of the denominator of P_F(2), as places in what `run_table_1` gives."""
+
+
+def parts(setting: Setting) -> list[Part]:
+    """The table, its columns in closed form and simulated."""
+    [runs] = setting.results(run_table_1, [table_1_case()])
+    after = {
+        f"{denominator}, {reading}": [
+            ratio(*(column(runs, f"{row.name} {reading}", place) for place in places))
+            for row in TABLE_1
+        ]
+        for denominator, places in DENOMINATORS.items()
+        for reading in READINGS
+    }
+    found = [
+        proportion(int(column(runs, f"{row.name} literal", 5).sum()), len(runs)) for row in TABLE_1
+    ]
+    return [
+        "### Table 1",
+        *_detection_parts(found),
+        *_before_parts(),
+        *_after_parts(after),
+        _picture(after),
+        _claims_table(after),
+    ]
+
+
+def _detection_parts(found: list[Estimate]) -> list[Part]:
+    columns = [Column("M/N")]
+    for p_d in TABLE_1_DETECTION_PROBABILITIES:
+        columns += [
+            Column(f"P_D at {p_d}, published", ".4f"),
+            Column("closed form", ".4f"),
+            Column("difference", "+.4f"),
+        ]
+    columns.append(Column("simulated at 0.9, true track in N scans", ".3f"))
+    rows: list[list[Any]] = []
+    for row, simulated in zip(TABLE_1, found, strict=True):
+        cells: list[Any] = [row.name]
+        for published, computed in zip(row.detection, detection(row), strict=True):
+            cells += [published, computed, computed - published]
+        rows.append([*cells, simulated])
+    missed = unmatched_detection()
+    slips = [
+        np.allclose(detection_with_slip(row), row.detection, rtol=0.0, atol=DETECTION_WITHIN)
+        for row in TABLE_1
+        if row.name in missed
+    ]
+    return [
+        "**P_D** is the closed form `p_d P(Binomial(N-1, P p_d) >= M-1)` with P = 0.9: a start in "
+        f"the first scan, no clutter, no pruning. It gives {3 * (len(TABLE_1) - len(missed))} of "
+        f"{3 * len(TABLE_1)} entries within {DETECTION_WITHIN:g}; the rows {' and '.join(missed)} "
+        "are lower in print. Closest reading: the term of the sixth scan, `6 p_d h^3 (1-h)^2` with "
+        "h = P p_d, has one factor h too many there; with that slip "
+        f"{3 * sum(slips)} of their {3 * len(missed)} entries fit. The column is no simulation; "
+        "the last one is, by this package's definition of a true track (literal pruning).",
+        Table("tsepm_2018_table_1_detection", columns, rows),
+    ]
+
+
+def _before_parts() -> list[Part]:
+    margins = {
+        f"fitted g = {FITTED_MARGIN:g} m": FITTED_MARGIN,
+        f"sigma at 5000 m, g = {STATED_MARGIN:.2f} m": STATED_MARGIN,
+        f"sigma where the target is, g = {true_margin():.1f} m": true_margin(),
+    }
+    columns = [Column("M/N"), Column("P_F(1), published", ".4f")]
+    for name in margins:
+        columns += [Column(name, ".4f"), Column("difference", "+.4f")]
+    rows: list[list[Any]] = []
+    for row in TABLE_1:
+        cells: list[Any] = [row.name, row.false_before]
+        for margin in margins.values():
+            value = false_before(row, margin)
+            cells += [value, value - row.false_before]
+        rows.append(cells)
+    return [
+        "**P_F(1)** is a first-passage chain: a clutter start, a hit of the gate "
+        "`pi (v_max k T + g)^2` with `1 - exp(-lambda a_k)` k scans after the last, M hits within "
+        "N scans; nothing splits. The fitted g only shows that the form is right; the stated "
+        "2.146 x 0.015 x 5000 m is principled, and takes one coordinate of the target for its "
+        f"range, which is 7071 m. The rows {', '.join(unmatched_false_before())} fit no g.",
+        Table("tsepm_2018_table_1_before", columns, rows),
+    ]
+
+
+def _after_parts(after: dict[str, list[Estimate]]) -> list[Part]:
+    columns = [Column("M/N"), Column("P_F(2), published", ".4f")]
+    columns += [Column(name, ".4f") for name in after]
+    rows = [
+        [row.name, row.false_after, *(values[place] for values in after.values())]
+        for place, row in enumerate(TABLE_1)
+    ]
+    apart = {name: _log_distance(values) for name, values in after.items()}
+    best = min(apart, key=apart.__getitem__)
+    inside = sum(
+        one.low <= row.false_after <= one.high
+        for row, one in zip(TABLE_1, after[best], strict=True)
+    )
+    return [
+        "**P_F(2)** is simulated: the method with the rule, N scans, the whole 9 km disc, one "
+        "target, p_d = 0.9. What it is a share of, and whether Eq. 26's threshold is squared, the "
+        "source leaves open. A track counts by its best member's first hit. Closest over the rows "
+        f"(root mean square of the logarithm of the ratio): *{best}*, a factor of "
+        f"{math.exp(apart[best]):.1f} on average, and {inside} of {len(TABLE_1)} published values "
+        "inside its interval, so no reading reproduces the column. By reading: "
+        + "; ".join(f"{name}: {math.exp(value):.1f}" for name, value in apart.items())
+        + ". The published 7/9 is above its own P_F(1), which pruning and merging cannot do.",
+        Table("tsepm_2018_table_1_after", columns, rows),
+    ]
+
+
+def _log_distance(values: list[Estimate]) -> float:
+    """Root mean square of ln(ours / published), where both are above 0."""
+    ratios = [
+        math.log(one.value / row.false_after)
+        for row, one in zip(TABLE_1, values, strict=True)
+        if one.value > 0.0 and row.false_after > 0.0
+    ]
+    return math.sqrt(float(np.mean(np.square(ratios)))) if ratios else math.inf
+
+
+def _claims_table(after: dict[str, list[Estimate]]) -> Table:
+    """What the text says of the table, by the published values and by ours."""
+    published = {row.name: row.false_after for row in TABLE_1}
+    rows = [
+        ["published", _recommended(published), _falls_with_hits(published)],
+        *(
+            [name, _recommended(ours), _falls_with_hits(ours)]
+            for name, values in after.items()
+            for ours in [_by_rule(values)]
+        ),
+    ]
+    return Table(
+        "tsepm_2018_table_1_claims",
+        [
+            Column("P_F(2)"),
+            Column(
+                "rules with P_D > 0.85 and P_F < 0.05 at p_d = 0.9 (text: "
+                f"{', '.join(sorted(RECOMMENDED))})"
+            ),
+            Column("P_F falls with M at each N"),
+        ],
+        rows,
+    )
+
+
+def _by_rule(values: list[Estimate]) -> dict[str, float]:
+    return {row.name: one.value for row, one in zip(TABLE_1, values, strict=True)}
+
+
+def _recommended(false: dict[str, float]) -> str:
+    names = [row.name for row in TABLE_1 if row.detection[1] > 0.85 and false[row.name] < 0.05]
+    return ", ".join(names) or "none"
+
+
+def _falls_with_hits(false: dict[str, float]) -> str:
+    pairs = [
+        (false[one.name], false[other.name])
+        for one in TABLE_1
+        for other in TABLE_1
+        if one.rule[1] == other.rule[1] and one.rule[0] + 1 == other.rule[0]
+    ]
+    return f"{sum(one >= other for one, other in pairs)} of {len(pairs)} pairs"
+
+
+def _picture(after: dict[str, list[Estimate]]) -> Picture:
+    shown = [name for name in after if name.startswith("share")]
+
+    def draw(figure: Any) -> None:
+        axes = figure.subplots(1, 2, sharex=True)
+        names = [row.name for row in TABLE_1]
+        axes[0].plot(names, [row.false_before for row in TABLE_1], "kx", label="published")
+        for name, margin, style in (
+            (f"chain, g = {FITTED_MARGIN:g} m (fitted)", FITTED_MARGIN, "C0o"),
+            (f"chain, g = {STATED_MARGIN:.0f} m (sigma at 5000 m)", STATED_MARGIN, "C1s"),
+            (f"chain, g = {true_margin():.0f} m (sigma at 7071 m)", true_margin(), "C2^"),
+        ):
+            values = [false_before(row, margin) for row in TABLE_1]
+            axes[0].plot(names, values, style, mfc="none", label=name)
+        axes[0].set_title("P_F(1)", loc="left")
+        axes[1].plot(names, [row.false_after for row in TABLE_1], "kx", label="published")
+        for name in shown:
+            low, value, high = np.array([(e.low, e.value, e.high) for e in after[name]]).T
+            bars = np.nan_to_num([value - np.maximum(low, 1e-6), high - value])
+            axes[1].errorbar(names, value, yerr=np.maximum(bars, 0.0), fmt="o", ms=4, label=name)
+        axes[1].set_title("P_F(2)", loc="left")
+        for axis in axes:
+            axis.set_yscale("log")
+            axis.tick_params(axis="x", rotation=60)
+            axis.grid(alpha=0.3)
+            axis.legend(fontsize=7)
+
+    return Picture(
+        "tsepm_2018_table_1",
+        f"Table 1 of TSEPM 2018 ({TABLE_1_RUNS} runs there): P_F before and after pruning and "
+        "merging, published and here",
+        draw,
+        (11.0, 4.5),
+    )
