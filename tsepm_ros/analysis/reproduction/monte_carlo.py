@@ -18,6 +18,7 @@ from tsepm_ros.analysis.reproduction.published import (
     GATE_PROBABILITY,
     MAX_SPEED,
     PERIOD,
+    RANGE_ERROR_FRACTION,
     TABLE_1,
     TABLE_1_DENSITY,
     TABLE_I_RULE,
@@ -64,12 +65,28 @@ class Table1Case:
     scenario: Scenario
 
 
-def table_1_case() -> Table1Case:
-    """The scene of Section 5.1: a disc of clutter, one target."""
-    window = max(row.rule[1] for row in TABLE_1)
+def table_1_cases() -> dict[str, Table1Case]:
+    """Scenes of Section 5.1, a disc of clutter and one target, by the reading of the errors.
+
+    P_F(1) takes the errors at 5000 m for those everywhere, so its simulation may have done so too.
+    """
     target = np.array([COORDINATE, 5.0, COORDINATE, 0.0])
-    sensor = SensorModel(clutter_density=TABLE_1_DENSITY)
-    return Table1Case(Scenario("section_5_1", window, PERIOD, sensor, targets=(target,)))
+    window = max(row.rule[1] for row in TABLE_1)
+    published = SensorModel(clutter_density=TABLE_1_DENSITY)
+    sigma = RANGE_ERROR_FRACTION * COORDINATE
+    same = dataclasses.replace(
+        published,
+        range_std=sigma,
+        range_std_fraction=0.0,
+        azimuth_std=sigma / published.max_range,  # never the larger axis
+    )
+    return {
+        name: Table1Case(Scenario("section_5_1", window, PERIOD, sensor, targets=(target,)))
+        for name, sensor in (
+            ("the errors as stated", published),
+            (f"errors of {sigma:g} m everywhere", same),
+        )
+    }
 
 
 def run_table_1(what: Table1Case, seed: list[int]) -> Result:

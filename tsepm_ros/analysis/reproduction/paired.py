@@ -12,13 +12,18 @@ from tsepm_ros.analysis.intervals import Z_95, Estimate, mean
 
 FloatArray = NDArray[np.float64]
 
+NO_EVENT = -math.log(0.025)
+"""Upper 95 % bound, two-sided, of a Poisson mean of which no event was seen."""
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell"
 
 
 def ratio(part: ArrayLike, whole: ArrayLike) -> Estimate:
-    """Ratio of two sums over independent runs, with the interval of the delta method."""
+    """Ratio of two sums of counts over independent runs, with the interval of the delta method."""
     value, influence = _linear(part, whole)
-    return _around(value, influence)
+    if value == 0.0:  # Garwood's bound of no event
+        return Estimate(0.0, 0.0, NO_EVENT / float(np.sum(whole)))
+    one = _around(value, influence)
+    return Estimate(value, max(one.low, 0.0), one.high)
 
 
 def ratio_difference(
