@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tsepm_ros.analysis.reproduction import published
 from tsepm_ros.analysis.rules import (
     confirmed_by,
     false_start_probability,
@@ -12,23 +13,8 @@ from tsepm_ros.analysis.rules import (
     rule_detection_probability,
 )
 
-TABLE_1 = {  # M/N: P_F(1), P_D at p_d = 1.0, 0.9, 0.8
-    (3, 4): (0.1822, 0.9720, 0.8149, 0.6470),
-    (3, 5): (0.3953, 0.9963, 0.8788, 0.7445),
-    (4, 5): (0.0545, 0.9477, 0.7509, 0.5494),
-    (4, 6): (0.1554, 0.9871, 0.8348, 0.6506),
-    (5, 6): (0.0151, 0.9185, 0.6819, 0.4558),
-    (4, 7): (0.2621, 0.9944, 0.8676, 0.7161),
-    (5, 7): (0.0536, 0.9842, 0.8217, 0.6243),
-    (6, 7): (0.0040, 0.8857, 0.6119, 0.3715),
-    (5, 8): (0.1319, 0.9973, 0.8749, 0.7187),
-    (6, 8): (0.0170, 0.9743, 0.7819, 0.5535),
-    (7, 8): (0.0010, 0.8503, 0.5440, 0.2987),
-    (5, 9): (0.3446, 0.9996, 0.8925, 0.7650),
-    (6, 9): (0.0497, 0.9950, 0.8572, 0.6725),
-    (7, 9): (0.0025, 0.9619, 0.7367, 0.4822),
-    (8, 9): (0.0002, 0.8131, 0.4797, 0.2375),
-}
+TABLE_1 = {row.rule: (row.false_before, *row.detection) for row in published.TABLE_1}
+"""P_F(1), and P_D at p_d = 1.0, 0.9 and 0.8."""
 LOW_IN_PRINT = {(4, 6), (4, 7)}
 """Rows of the table whose P_D are lower than the form that fits all others."""
 NO_GATE_FITS = {(4, 7), (5, 9), (7, 9)}

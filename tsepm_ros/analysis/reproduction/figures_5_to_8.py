@@ -15,7 +15,6 @@ from tsepm_ros.analysis.reproduction import paired
 from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
 from tsepm_ros.analysis.reproduction.monte_carlo import (
     CURVES,
-    DENSITIES,
     ERRORS,
     RULE,
     TARGET,
@@ -84,10 +83,10 @@ def gate_hit_probability(error: float, k: int) -> float:
 
 def parts(setting: Setting) -> list[Part]:
     """The curves, and what the text says of them."""
-    points = [*density_points(), *error_points()]
-    results = setting.results(run_comparison, points)
-    densities = Curves(points[: len(DENSITIES)], results[: len(DENSITIES)])
-    errors = Curves(points[len(DENSITIES) :], results[len(DENSITIES) :])
+    by_density, by_error = density_points(), error_points()
+    results = setting.results(run_comparison, [*by_density, *by_error])
+    densities = Curves(by_density, results[: len(by_density)])
+    errors = Curves(by_error, results[len(by_density) :])
     return [
         "### Figs. 5-8",
         "The figures survive as orderings and two marks. Not said: p_d (here 0.9), the densities, "
@@ -150,6 +149,10 @@ class Curves:
     def places(self) -> range:
         """Places of the points."""
         return range(len(self.points))
+
+    def place(self, value: float) -> int:
+        """Place of the point at a value."""
+        return [point.value for point in self.points].index(value)
 
     def detection(self, name: str) -> list[Estimate]:
         """P_D along the curve."""
@@ -217,8 +220,10 @@ class Curves:
                 axis.set_title(heading, loc="left", fontsize=10)
                 axis.set_xlabel(label)
                 axis.grid(alpha=0.3)
-            for axis in axes[1:]:
+            for axis, (_, values_of) in zip(axes[1:], panels[1:], strict=True):
+                values = [one.value for curve in CURVES for one in values_of(curve)]
                 axis.set_yscale("log")
+                axis.set_ylim(bottom=0.5 * min((v for v in values if v > 0.0), default=1.0))
             if theory:
                 axes[0].plot(x, [one_start(e) for e in x], "k:", label="one start, no clutter")
                 for axis in axes:
@@ -282,7 +287,7 @@ def claims(densities: Curves, errors: Curves) -> list[list[str]]:
         (
             "7",
             "TSEPM's P_D does not vary beyond 120 m",
-            lambda a, b: paired.is_within(errors.rise(a, ERRORS.index(FIGURE_7_MARKS[1])), EQUAL),
+            lambda a, b: paired.is_within(errors.rise(a, errors.place(FIGURE_7_MARKS[1])), EQUAL),
         ),
         *_false_claims("8", errors),
         *(
@@ -358,10 +363,11 @@ def _rises(curves: Curves, name: str, unit: str) -> str:
 
 def _steeper(curves: Curves, name: str) -> Estimate:
     """Slope of P_D between the marks minus that below them, per m."""
-    below, above = (ERRORS.index(mark) for mark in FIGURE_7_MARKS)
-    found = [curves.found(name, place) for place in (0, below, above)]
-    between = (found[2] - found[1]) / (ERRORS[above] - ERRORS[below])
-    return mean(between - (found[1] - found[0]) / (ERRORS[below] - ERRORS[0]))
+    places = (0, *map(curves.place, FIGURE_7_MARKS))
+    first, below, above = (curves.found(name, place) for place in places)
+    errors = [curves.points[place].value for place in places]
+    between = (above - below) / (errors[2] - errors[1])
+    return mean(between - (below - first) / (errors[1] - errors[0]))
 
 
 def one_start(error: float) -> float:

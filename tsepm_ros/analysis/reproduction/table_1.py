@@ -36,7 +36,7 @@ from tsepm_ros.analysis.truth import measurement_sigma
 from tsepm_ros.pruning import READINGS
 from tsepm_ros.sensor import SensorModel
 
-FITTED_MARGIN = 159.8
+FITTED_MARGIN = 159.78
 """g that fits most of P_F(1), m. It is fitted to the column, so it shows only the form."""
 STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
 """alpha times the range error at a range of 5000 m, m."""
@@ -172,7 +172,7 @@ def _detection_parts(found: list[Estimate]) -> list[Part]:
 
 def _before_parts() -> list[Part]:
     margins = {
-        f"fitted g = {FITTED_MARGIN:g} m": FITTED_MARGIN,
+        f"fitted g = {FITTED_MARGIN:.1f} m": FITTED_MARGIN,
         f"sigma at 5000 m, g = {STATED_MARGIN:.2f} m": STATED_MARGIN,
         f"sigma where the target is, g = {true_margin():.1f} m": true_margin(),
     }
@@ -306,7 +306,7 @@ def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
         names = [row.name for row in TABLE_1]
         axes[0].plot(names, [row.false_before for row in TABLE_1], "kx", label="published")
         for name, margin, style in (
-            (f"chain, g = {FITTED_MARGIN:g} m (fitted)", FITTED_MARGIN, "C0o"),
+            (f"chain, g = {FITTED_MARGIN:.1f} m (fitted)", FITTED_MARGIN, "C0o"),
             (f"chain, g = {STATED_MARGIN:.0f} m (sigma at 5000 m)", STATED_MARGIN, "C1s"),
             (f"chain, g = {true_margin():.0f} m (sigma at 7071 m)", true_margin(), "C2^"),
         ):
@@ -316,11 +316,12 @@ def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
         axes[1].plot(names, [row.false_after for row in TABLE_1], "kx", label="published")
         for name, values in shown.items():
             low, value, high = np.array([(e.low, e.value, e.high) for e in values]).T
-            bars = np.nan_to_num([value - np.maximum(low, 1e-6), high - value])
+            bars = np.nan_to_num([value - low, high - value])
             axes[1].errorbar(names, value, yerr=np.maximum(bars, 0.0), fmt="o", ms=4, label=name)
         axes[1].set_title("P_F(2)", loc="left")
         for axis in axes:
             axis.set_yscale("log")
+            axis.set_ylim(1e-4, 1.0)
             axis.tick_params(axis="x", rotation=60)
             axis.grid(alpha=0.3)
             axis.legend(fontsize=7)

@@ -1,0 +1,280 @@
+"""Reproductions: what the closed forms give, what Table I merges to, and the command."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import itertools
+import sys
+
+import numpy as np
+import pytest
+
+from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.reproduction import (
+    figures_5_to_8,
+    monte_carlo,
+    paired,
+    published,
+    split_merge_2016,
+    table_1,
+)
+from tsepm_ros.analysis.reproduction.document import Column, Picture, Table, write
+from tsepm_ros.analysis.reproduction.runs import Setting
+from tsepm_ros.analysis.reproduction.scene import Scene
+from tsepm_ros.analysis.reproduction.sources import SOURCES, Source
+from tsepm_ros.analysis.run_records import record
+from tsepm_ros.analysis.simulated_run import simulate
+from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.cli import main
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
+from tsepm_ros.simulation import load_scenario
+
+ROWS = {row.name: row for row in published.TABLE_1}
+LOW_IN_PRINT = {"4/6", "4/7"}
+NO_GATE_FITS = {"4/7", "5/9", "7/9"}
+
+
+def test_the_table_has_all_its_rows():
+    assert len(ROWS) == 15
+    assert all(3 <= m < n <= 9 for m, n in (row.rule for row in published.TABLE_1))
+
+
+@pytest.mark.parametrize("name", sorted(set(ROWS) - LOW_IN_PRINT))
+def test_p_d_is_a_closed_form(name):
+    assert table_1.detection(ROWS[name]) == pytest.approx(ROWS[name].detection, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", sorted(LOW_IN_PRINT))
+def test_one_factor_too_many_explains_the_rows_that_the_closed_form_misses(name):
+    assert table_1.detection_with_slip(ROWS[name]) == pytest.approx(ROWS[name].detection, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", sorted(set(ROWS) - NO_GATE_FITS))
+def test_p_f_1_is_a_first_passage_chain(name):
+    row = ROWS[name]
+    within = 1e-3 if name == "5/8" else 2e-4
+    fitted = table_1.false_before(row, table_1.FITTED_MARGIN)
+    assert fitted == pytest.approx(row.false_before, abs=within)
+    stated = table_1.false_before(row, table_1.STATED_MARGIN)
+    assert stated == pytest.approx(row.false_before, abs=3.5e-3)
+
+
+def test_rows_that_fit_no_reading_are_named():
+    assert set(table_1.unmatched_detection()) == LOW_IN_PRINT
+    assert set(table_1.unmatched_false_before()) == NO_GATE_FITS
+
+
+def test_the_gate_is_hit_as_often_as_by_simulation():
+    rng = np.random.default_rng(3)
+    error, n = 120.0, 200_000
+    sensor = figures_5_to_8.sensor_at(error)
+    target = np.array([[5000.0, 5000.0], [5060.0, 5000.0]])
+    range_ = np.hypot(*target.T) * (1 + sensor.range_std_fraction * rng.standard_normal((n, 2)))
+    azimuth = np.arctan2(*target.T[::-1]) + sensor.azimuth_std * rng.standard_normal((n, 2))
+    x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
+    inside = np.hypot(*np.diff([x, y], axis=2)[..., 0]) <= 120.0 + 2.146 * error
+    # Five standard errors, and what linearising the polar errors leaves.
+    assert figures_5_to_8.gate_hit_probability(error, 1) == pytest.approx(inside.mean(), abs=4e-3)
+
+
+def test_the_gate_probability_falls_below_what_is_claimed():
+    falling = [
+        figures_5_to_8.gate_hit_probability(error, 1) for error in (15.0, 75.0, 120.0, 300.0)
+    ]
+    assert all(one > other for one, other in itertools.pairwise(falling))
+    assert falling[-1] < published.GATE_PROBABILITY
+
+
+def test_tracks_of_table_i_merge_by_sets():
+    """Conditions (i) and (iii) by Python's sets, groups by joining them until nothing changes."""
+    tracks = {index: set(hits) for index, hits in published.TABLE_I.items()}
+    assert all(len(hits) == 5 for hits in tracks.values())
+    groups = [{index} for index in tracks]
+    joined = True
+    while joined:
+        joined = False
+        for one, other in itertools.combinations(groups, 2):
+            if any(
+                max(tracks[a])[0] == max(tracks[b])[0] and len(tracks[a] & tracks[b]) > 2.5
+                for a in one
+                for b in other
+            ):
+                one |= other
+                groups.remove(other)
+                joined = True
+                break
+    assert {frozenset(group) for group in split_merge_2016.table_i_groups()} == {
+        frozenset(group) for group in groups
+    }
+    assert len(groups) == 5
+
+
+def test_the_text_s_pairs_meet_the_conditions_and_leave_eight():
+    assert all(split_merge_2016.may_merge(*pair) for pair in published.SAID_TO_MERGE)
+    assert not any(split_merge_2016.may_merge(*pair) for pair in published.SAID_NOT_TO_MERGE)
+    left = published.AFTER_SPLITTING - len(split_merge_2016.disjoint_pairs())
+    assert left == published.AFTER_MERGING
+    assert split_merge_2016.chained() == 7
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_counts_are_those_of_an_evaluation(seed):
+    scenario = load_scenario("box", {"scans": 8, "sensor.clutter_density": 2.0e-6})
+    point = OperatingPoint("tsepm", options={"min_hits": 4, "window": 6})
+    kept = record(simulate(scenario, [seed, 0], point))
+    counts = Scene.drawn(scenario, [seed, 0]).started(point.make(scenario), 8).counts()
+    assert kept.wrong > 0
+    assert counts == (kept.count(Outcome.TRUE), kept.wrong)
+
+
+def test_split_only_puts_out_every_raw_confirmation():
+    scenario = load_scenario("four_targets", {"scans": 8})
+    counts = monte_carlo.run_four_targets(monte_carlo.FourTargets(scenario), [1, 0])
+    starter = SplitMerge(scenario.sensor, CommonOptions(), SplitMergeOptions())
+    merged = Scene.drawn(scenario, [1, 0]).started(starter, 8)
+    assert counts["merged"][0] == len(merged.tracks)
+    assert counts["split"][0] == starter.totals.raw_confirmations > len(merged.tracks)
+    assert sum(counts["split areas"]) < counts["split"][0]
+    assert (np.array(counts["split near"]) <= counts["split areas"]).all()
+
+
+@dataclasses.dataclass(frozen=True)
+class ToyCase:
+    scale: float
+
+
+def toy_run(case, seed):
+    return {"value": [case.scale * seed[1], float(seed[0])]}
+
+
+def test_an_interrupted_reproduction_goes_on_where_it_stopped(tmp_path):
+    done = []
+
+    def count(runs, total):
+        for one in runs:
+            done.append(total)
+            yield one
+
+    cases = [ToyCase(1.0), ToyCase(10.0)]
+    first = Setting(folder=tmp_path, runs=2, seed=7, progress=count)
+    first.results(toy_run, cases)
+    assert done == [4] * 4
+    for path in tmp_path.iterdir():  # as a killed process leaves it
+        path.write_bytes(path.read_bytes()[:-3])
+    done.clear()
+    results = dataclasses.replace(first, runs=3).results(toy_run, cases)
+    assert done == [4] * 4  # the cut line and the new run of each case
+    assert [[run["value"] for run in runs] for runs in results] == [
+        [[0.0, 7.0], [1.0, 7.0], [2.0, 7.0]],
+        [[0.0, 7.0], [10.0, 7.0], [20.0, 7.0]],
+    ]
+    done.clear()
+    dataclasses.replace(first, seed=8).results(toy_run, cases)
+    assert done == [4] * 4
+
+
+def test_ratios_cover_the_truth_as_often_as_said():
+    """400 trials: the share of 95 % intervals that cover, within 4 standard errors."""
+    rng = np.random.default_rng(1)
+    covered = 0
+    for _ in range(400):
+        starts = rng.poisson(20.0, 50)
+        one = paired.ratio(rng.poisson(0.3 * starts), starts)
+        covered += one.low <= 0.3 <= one.high
+    assert covered / 400 == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 400))
+
+
+def test_equal_runs_leave_an_interval():
+    same = paired.share_difference([1, 1, 0, 1], [1, 1, 0, 1])
+    assert same.value == 0.0
+    assert same.low < 0.0 < same.high
+    none = paired.ratio([0, 0], [10, 20])
+    assert (none.value, none.low) == (0.0, 0.0)
+    assert none.high == pytest.approx(3.689 / 30, rel=1e-3)
+
+
+def test_verdicts_follow_the_intervals():
+    below, over, around = Estimate(-2, -3, -1), Estimate(2, 1, 3), Estimate(0, -0.5, 0.5)
+    assert list(map(paired.is_below, (below, over, around))) == [
+        paired.HOLDS,
+        paired.FAILS,
+        paired.OPEN,
+    ]
+    assert [paired.is_within(one, 0.6) for one in (around, over, Estimate(0.5, 0, 1))] == [
+        paired.HOLDS,
+        paired.FAILS,
+        paired.OPEN,
+    ]
+    assert paired.is_not_below(over, 0.1) == paired.HOLDS
+    assert paired.is_not_below(below, 0.1) == paired.FAILS
+    assert paired.everywhere([paired.HOLDS, paired.OPEN]) == "cannot tell (1 of 2 points hold)"
+    assert paired.everywhere([paired.HOLDS, paired.FAILS]).startswith(paired.FAILS)
+    assert paired.everywhere([paired.HOLDS] * 2) == paired.HOLDS
+
+
+def toy_source(setting):
+    [runs] = setting.results(toy_run, [ToyCase(2.0)])
+    rows = [["mean", Estimate(1.0, 0.5, 1.5)], ["runs", len(runs)]]
+    return [
+        "A text.",
+        Table("toy", [Column("what"), Column("figure", ".2f")], rows),
+        Picture("toy", "A picture", lambda figure: figure.subplots().plot([1, 2])),
+    ]
+
+
+def test_a_source_is_one_line_of_the_registry(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("matplotlib")
+    monkeypatch.setitem(SOURCES, "toy", Source("Toy 1999", toy_source))
+    arguments = ["reproduce", "toy", "--runs", "3", "--seed", "4", "--workers", "1"]
+    assert main([*arguments, "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "report.md").read_text()
+    assert "## Toy 1999" in text
+    assert "tsepm reproduce toy --runs 3 --seed 4" in text
+    assert "3 runs, seed 4" in text
+    assert "| mean | 1.00 (0.50 to 1.50) |" in text
+    assert list(csv.reader((tmp_path / "toy.csv").open())) == [
+        ["what", "figure", "figure, low", "figure, high"],
+        ["mean", "1.0", "0.5", "1.5"],
+        ["runs", "3", "", ""],
+    ]
+    assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
+    assert "toy.png" in capsys.readouterr().out
+
+
+def test_without_matplotlib_the_report_says_that_there_are_no_pictures(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    picture = Picture("toy", "A picture", lambda figure: None)
+    assert write([picture], tmp_path / "report.md") == [tmp_path / "report.md"]
+    assert "needs matplotlib" in (tmp_path / "report.md").read_text()
+
+
+def test_another_source_is_refused(capsys):
+    assert main(["reproduce", "nowhere"]) == 2
+    assert "tsepm_2018, split_merge_2016" in capsys.readouterr().err
+
+
+def test_the_command_writes_tables_and_pictures(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    some_errors = [p for p in monte_carlo.error_points() if p.value in (15.0, 75.0, 120.0)]
+    monkeypatch.setattr(figures_5_to_8, "error_points", lambda: some_errors)
+    monkeypatch.setattr(figures_5_to_8, "density_points", lambda: monte_carlo.density_points()[:2])
+    one = ["reproduce", "--runs", "1", "--workers", "1", "--out", str(tmp_path)]
+    assert main(one) == 0
+    text = (tmp_path / "report.md").read_text()
+    for name in ("table_1", "figures_5_6", "figures_7_8"):
+        assert f"(tsepm_2018_{name}.png)" in text
+        assert (tmp_path / f"tsepm_2018_{name}.png").exists()
+    assert (tmp_path / "split_merge_2016_counts.png").exists()
+    with (tmp_path / "tsepm_2018_table_1_before.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert [row[0] for row in rows[1:]] == list(ROWS)
+    assert "the rows 4/6 and 4/7 are lower in print" in text
+    assert "4/7, 5/9, 7/9 fit no g" in text
+    with (tmp_path / "tsepm_2018_figures_claims.csv").open() as file:
+        claims = list(csv.reader(file))[1:]
+    assert {row[0] for row in claims} == {"5", "6", "7", "8"}
+    verdicts = (paired.HOLDS, paired.FAILS, paired.OPEN)
+    assert all(cell.startswith(verdicts) for row in claims for cell in row[2:])
