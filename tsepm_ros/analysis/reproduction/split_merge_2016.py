@@ -254,6 +254,7 @@ def _counts_picture(split: NDArray[np.float64], merged: NDArray[np.float64]) -> 
             axis.axvline(published, color="C1", label=f"published run: {published}")
             axis.set_title(f"Tracks in the square of interest, {text}", fontsize=10)
             axis.set_xlabel("tracks (the last bar: that many or more)")
+            axis.xaxis.get_major_locator().set_params(integer=True)
             axis.legend()
         axes[0].set_ylabel("share of squares")
 

@@ -214,9 +214,9 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
         "source leaves open; and its P_F(1) has the errors of 5000 m everywhere. A track counts by "
         f"its best member's first hit. Closest is *{best}*: {inside} of {len(TABLE_1)} published "
         "values lie inside its intervals, and it is apart by a factor of "
-        f"{math.exp(apart[best]):.2f} (root mean square of the ratio's logarithm, over the rows "
-        "above 0); the other readings by the factors below. The published 7/9 is above its own "
-        "P_F(1), which pruning and merging cannot do.",
+        f"{math.exp(apart[best]):.2f} (root mean square of the ratio's logarithm); the other "
+        "readings by the factors below. Left out of the factors are 8/9, printed as 0, and 7/9, "
+        "printed above its own P_F(1), which pruning and merging cannot do.",
         Table(
             "tsepm_2018_table_1_readings",
             [Column("reading"), Column("factor", ".2f")],
@@ -234,16 +234,25 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
     return parts
 
 
+def _closest(readings: Mapping[str, list[Estimate]], pruning: str) -> str:
+    """The closest reading of the denominator, with a reading of the threshold."""
+    names = [name for name in readings if name.endswith(pruning)]
+    return min(names, key=lambda name: _log_distance(readings[name]))
+
+
 def _second(pair: tuple[str, float]) -> float:
     return pair[1]
 
 
 def _log_distance(values: list[Estimate]) -> float:
-    """Root mean square of ln(ours / published), where both are above 0."""
+    """Root mean square of ln(ours / published), where both are above 0 and can be right.
+
+    Pruning and merging only remove tracks, so a P_F(2) above its P_F(1) is wrong in print.
+    """
     ratios = [
         math.log(one.value / row.false_after)
         for row, one in zip(TABLE_1, values, strict=True)
-        if one.value > 0.0 and row.false_after > 0.0
+        if one.value > 0.0 and 0.0 < row.false_after <= row.false_before
     ]
     return math.sqrt(float(np.mean(np.square(ratios)))) if ratios else math.inf
 
@@ -295,10 +304,10 @@ def _falls_with_hits(false: dict[str, float]) -> str:
 
 def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
     shown = {
-        f"{scene}; {name}": values
+        f"{scene}; {name}": readings[name]
         for scene, readings in after.items()
-        for name, values in readings.items()
-        if name.startswith(next(iter(DENOMINATORS)))
+        for pruning in READINGS
+        for name in [_closest(readings, pruning)]
     }
 
     def draw(figure: Any) -> None:
