@@ -216,7 +216,8 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
         "values lie inside its intervals, and it is apart by a factor of "
         f"{math.exp(apart[best]):.2f} (root mean square of the ratio's logarithm); the other "
         "readings by the factors below. Left out of the factors are 8/9, printed as 0, and 7/9, "
-        "printed above its own P_F(1), which pruning and merging cannot do.",
+        "printed above its own P_F(1), which pruning and merging cannot do. The closest of "
+        f"{len(apart)} readings is close by choice, too.",
         Table(
             "tsepm_2018_table_1_readings",
             [Column("reading"), Column("factor", ".2f")],
