@@ -334,12 +334,12 @@ def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
             axis.set_ylim(1e-4, 1.0)
             axis.tick_params(axis="x", rotation=60)
             axis.grid(alpha=0.3)
-            axis.legend(fontsize=7)
+            axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.15))
 
     return Picture(
         "tsepm_2018_table_1",
         f"Table 1 of TSEPM 2018 ({TABLE_1_RUNS} runs there): P_F before and after pruning and "
         "merging, published and here",
         draw,
-        (11.0, 4.5),
+        (11.0, 5.2),
     )
