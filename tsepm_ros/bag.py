@@ -145,7 +145,8 @@ class Bag:
             return self._reader.deserialize(message.data, message.type_name)
         except Exception as error:  # whatever the parser stumbles over
             raise MessageError(
-                "message_corrupt", f"a message on {message.topic} is no {message.type_name}: {error}"
+                "message_corrupt",
+                f"a message on {message.topic} is no {message.type_name}: {error}",
             ) from error
 
     @contextmanager

@@ -193,21 +193,40 @@ class PoseHistory:
         self.max_extrapolation = max_extrapolation
         self.max_gap = max_gap
         self._samples: deque[PoseSample] = deque(maxlen=max_samples)
+        self._late: deque[PoseSample] = deque(maxlen=max_samples)
 
     def __len__(self) -> int:
         """Number of samples held."""
         return len(self._samples)
 
     def add(self, sample: PoseSample) -> bool:
-        """Add a sample; returns False, and ignores it, if it is not later than the last one."""
+        """Add a sample; returns False, and does not use it, if it is not later than the last one.
+
+        Those that follow one another so, with none later in between, are kept for `start_over`.
+        """
         if self._samples and sample.stamp <= self._samples[-1].stamp:
+            if self._late and sample.stamp <= self._late[-1].stamp:
+                self._late.clear()
+            self._late.append(sample)
             return False
+        self._late.clear()
         self._samples.append(sample)
         return True
+
+    @property
+    def late_span(self) -> float:
+        """Time from the first to the last of the samples kept for `start_over`, s."""
+        return self._late[-1].stamp - self._late[0].stamp if self._late else 0.0
+
+    def start_over(self) -> None:
+        """Put the samples that came late one after the other, if any, in place of all before."""
+        self._samples, self._late = self._late, self._samples
+        self._late.clear()
 
     def clear(self) -> None:
         """Forget all samples."""
         self._samples.clear()
+        self._late.clear()
 
     @property
     def last_stamp(self) -> float | None:

@@ -51,19 +51,20 @@ class ScanOrder:
         self._late_stamps: list[float] = []
 
     def judge(self, stamp: float) -> Arrival:
-        """Judge the next stamp (s) and remember it unless its scan is to be dropped."""
+        """Judge the next stamp (s) against the scans accepted so far."""
         arrival = self._compare(stamp)
-        if arrival is Arrival.LATE:
-            arrival = self._late(stamp)
-        if arrival in (Arrival.SAME_STAMP, Arrival.LATE):
-            return arrival
+        if arrival is Arrival.LATE or (arrival is Arrival.SAME_STAMP and self._late_stamps):
+            return self._late(stamp)
+        return arrival
+
+    def accept(self, stamp: float, arrival: Arrival) -> None:
+        """Go on from a scan that is processed; one that is dropped leaves no trace in the order."""
         self._late_stamps.clear()
         if arrival is Arrival.NEXT and self._stamp is not None:
             self._intervals.append(stamp - self._stamp)
         elif arrival in (Arrival.RESTART, Arrival.GAP):
             self._intervals.clear()  # the sonar may have changed its period
         self._stamp = stamp
-        return arrival
 
     @property
     def gap_limit(self) -> float:

@@ -350,7 +350,9 @@ class Session:
         self._forget_frames()
         self._tracked: TrackerReport | None = None
         self._tracked_stamp = -math.inf
-        self._waiting: deque[tuple[Now, Arrival, SensorScan]] = deque()
+        self._waiting: deque[tuple[Now, SensorScan]] = deque()
+        self._arrival: Arrival | None = None  # of the first that waits
+        self._poses_restarted = False  # since the last scan processed
 
     @property
     def settings(self) -> Settings:
@@ -400,7 +402,9 @@ class Session:
         self.dropped.clear()
         self._order.reset()
         self._poses.clear()
+        self._poses_restarted = False
         self._waiting.clear()
+        self._arrival = None
         self._forget_frames()
         self._forget_tracker()
         return self.initiator.hold.take_cleared()
@@ -431,36 +435,27 @@ class Session:
                 f"own-ship data is in frame {frame_id!r}, the fixed frame is {self._fixed_frame!r}",
             )
             return
-        if self._is_before_own_ship(sample.stamp):
-            self._poses.clear()
-        if not self._poses.add(sample):
-            self.drop(
-                "own_ship_late", f"own-ship data of {sample.stamp:.3f} s is not newer than the last"
-            )
+        if self._poses_are_ahead(sample.stamp):
+            self._restart_poses(sample.stamp)
+        if self._poses.add(sample):
+            return
+        self.drop(
+            "own_ship_late", f"own-ship data of {sample.stamp:.3f} s is not newer than the last"
+        )
+        if self._poses.late_span > self._settings.session.own_ship_timeout:
+            self._report("own_ship_restart", f"own-ship data starts over at {sample.stamp:.3f} s")
+            self._restart_poses(sample.stamp)
 
     def add_scan(self, arrived: SensorScan, now: Now) -> None:
         """Take a scan that arrived at the time `now`."""
-        if not self._frame_is_known(arrived):
-            return
-        scan = arrived.scan
-        if self._is_too_large(scan):
-            return
-        arrival = self._order.judge(scan.stamp)
-        if arrival is Arrival.RESTART and self._is_before_own_ship(scan.stamp):
-            self._poses.clear()
-        if arrival in (Arrival.SAME_STAMP, Arrival.LATE):
-            self.drop(
-                f"scan_{arrival.value}",
-                f"the scan of {scan.stamp:.3f} s is not later than the last one",
-            )
+        if not self._frame_is_known(arrived) or self._is_too_large(arrived.scan):
             return
         self._sensor_frame = arrived.frame_id
         if self._fixed_frame is None and not self._moves:
             self._fixed_frame = arrived.frame_id
-        self._waiting.append((now, arrival, arrived))
+        self._waiting.append((now, arrived))
         if len(self._waiting) > QUEUE_LENGTH:
-            _, oldest_arrival, oldest = self._waiting.popleft()
-            self._start_over(oldest_arrival, oldest.scan.stamp)
+            self._take_first()
             self.drop("queue_full", f"more than {QUEUE_LENGTH} scans wait for own-ship data")
 
     def add_tracked(self, report: TrackerReport) -> None:
@@ -494,20 +489,33 @@ class Session:
         ScanResult
         """
         while self._waiting:
-            since, arrival, arrived = self._waiting[0]
+            since, arrived = self._waiting[0]
+            scan = arrived.scan
             waiting = waited(since, now)
-            placed = self._placed(arrived, waiting)
+            if self._arrival is None:
+                self._arrival = self._judged(scan.stamp)
+            arrival = self._arrival
+            placed: Scan | bool | None = False
+            if arrival in (Arrival.SAME_STAMP, Arrival.LATE):
+                self.drop(
+                    f"scan_{arrival.value}",
+                    f"the scan of {scan.stamp:.3f} s is not later than the last one",
+                )
+            else:
+                placed = self._placed(arrived, waiting)
             if placed is None:
                 return
-            self._waiting.popleft()
-            self._start_over(arrival, arrived.scan.stamp)
+            self._take_first()
             if isinstance(placed, Scan):
+                self._order.accept(scan.stamp, arrival)
+                self._poses_restarted = False
+                self._start_over(arrival, scan.stamp)
                 yield self._run(placed, arrival, arrived.stamp_ns, waiting)
 
     def figures(self) -> Figures:
         """State of the session, by which its health is judged."""
         initiator = self.initiator
-        newest = self._waiting[-1][2].scan.stamp if self._waiting else initiator.stamp
+        newest = self._waiting[-1][1].scan.stamp if self._waiting else initiator.stamp
         return Figures(
             totals=initiator.totals,
             potential_tracks=initiator.statistics.potential_tracks,
@@ -649,9 +657,26 @@ class Session:
             )
         return _chosen(arrived, good, range_, azimuth)
 
-    def _is_before_own_ship(self, stamp: float) -> bool:
+    def _take_first(self) -> None:
+        self._waiting.popleft()
+        self._arrival = None
+
+    def _judged(self, stamp: float) -> Arrival:
+        """What a stamp means; own-ship poses of before a restart place nothing after it."""
+        arrival = self._order.judge(stamp)
+        if arrival is Arrival.RESTART and not self._poses_restarted:
+            self._restart_poses(stamp)
+        return arrival
+
+    def _poses_are_ahead(self, stamp: float) -> bool:
         last = self._poses.last_stamp
         return last is not None and last - stamp > self._settings.session.restart_jump
+
+    def _restart_poses(self, stamp: float) -> None:
+        self._poses.start_over()
+        if self._poses_are_ahead(stamp):
+            self._poses.clear()
+        self._poses_restarted = True
 
     def _start_over(self, arrival: Arrival, stamp: float) -> None:
         """Drop what cannot continue across a restart or a long gap."""

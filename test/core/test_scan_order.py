@@ -10,12 +10,21 @@ NEXT, SAME, LATE = Arrival.NEXT, Arrival.SAME_STAMP, Arrival.LATE
 RESTART, GAP = Arrival.RESTART, Arrival.GAP
 
 
-def order(window: int = 8, restart_jump: float = 60.0, max_gap: float = 0.0) -> ScanOrder:
-    return ScanOrder(window, restart_jump, max_gap)
+class Order(ScanOrder):
+    """The order of scans that are all processed, but for those that come late."""
+
+    def __init__(self, window: int = 8, restart_jump: float = 60.0, max_gap: float = 0.0) -> None:
+        super().__init__(window, restart_jump, max_gap)
+
+    def judge(self, stamp: float) -> Arrival:
+        arrival = super().judge(stamp)
+        if arrival not in (SAME, LATE):
+            self.accept(stamp, arrival)
+        return arrival
 
 
 def judged(stamps, **options) -> list[Arrival]:
-    one = order(**options)
+    one = Order(**options)
     return [one.judge(stamp) for stamp in stamps]
 
 
@@ -58,14 +67,14 @@ def test_a_gap_is_longer_than_the_window_of_median_intervals():
 
 
 def test_a_gap_cannot_be_told_from_the_first_intervals():
-    assert order().gap_limit == LONGEST_INTERVAL
+    assert Order().gap_limit == LONGEST_INTERVAL
     assert judged([0.0, 1.0, 2.0, 1000.0]) == [NEXT] * 4
     assert judged([0.0, 1.0, 2.0, 1e6]) == [NEXT] * 3 + [GAP], "no sonar pings so seldom"
     assert judged([0.0, 1.0, 2.0, 3.0, 1000.0]) == [NEXT] * 4 + [GAP]
 
 
 def test_one_long_interval_does_not_move_the_median():
-    one = order()
+    one = Order()
     for stamp in (0.0, 10.0, 20.0, 90.0, 100.0):
         one.judge(stamp)
     assert one.gap_limit == 80.0
@@ -89,14 +98,14 @@ def test_a_sonar_that_changes_to_a_long_period_is_followed():
 
 
 def test_a_restart_forgets_the_intervals():
-    one = order()
+    one = Order()
     for stamp in (1000.0, 1001.0, 1002.0, 1003.0, 0.0):
         one.judge(stamp)
     assert one.gap_limit == LONGEST_INTERVAL
 
 
 def test_resizing_keeps_the_latest_intervals():
-    one = order(window=8)
+    one = Order(window=8)
     for stamp in (0.0, 100.0, 200.0, 300.0, 310.0, 320.0, 330.0):
         one.judge(stamp)
     one.resize(3)
@@ -107,7 +116,7 @@ def test_resizing_keeps_the_latest_intervals():
 
 
 def test_reset_forgets_everything():
-    one = order()
+    one = Order()
     for stamp in (0.0, 1.0, 2.0, 3.0):
         one.judge(stamp)
     one.reset()
@@ -116,7 +125,7 @@ def test_reset_forgets_everything():
 
 
 def test_changed_limits_count_at_the_next_scan():
-    one = order()
+    one = Order()
     one.judge(100.0)
     one.restart_jump, one.max_gap = 5.0, 20.0
     assert one.judge(121.0) is GAP
@@ -129,6 +138,10 @@ def test_late_scans_that_follow_one_another_are_a_restart():
     assert judged([*loop, *loop]) == [NEXT] * 5 + [LATE, LATE, RESTART, NEXT, NEXT]
 
 
+def test_a_loop_of_three_scans_is_a_restart_at_its_third():
+    assert judged([0.0, 12.0, 24.0] * 2) == [NEXT] * 3 + [LATE, LATE, RESTART]
+
+
 def test_a_stamp_far_ahead_costs_two_scans_and_not_those_until_then():
     assert judged([0.0, 10.0, 55.0, 20.0, 30.0, 40.0, 50.0])[3:] == [LATE, LATE, RESTART, NEXT]
 
@@ -136,3 +149,11 @@ def test_a_stamp_far_ahead_costs_two_scans_and_not_those_until_then():
 def test_single_late_scans_between_good_ones_never_restart():
     stamps = [0.0, 10.0, 5.0, 20.0, 6.0, 30.0, 7.0, 40.0]
     assert RESTART not in judged(stamps)
+
+
+def test_a_scan_that_is_not_accepted_leaves_no_trace():
+    one = Order(max_gap=100.0)
+    one.judge(0.0)
+    for stamp, arrival in [(1e6, GAP), (12.0, NEXT), (-1e6, RESTART), (12.0, NEXT)]:
+        assert ScanOrder.judge(one, stamp) is arrival
+    assert one.judge(12.0) is NEXT

@@ -342,15 +342,24 @@ def test_best_effort_odometry_is_read(world):
     assert_same(boat.send(SENT), confirmed(SENT))
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="odometry that starts over by less than restart_jump is dropped as late, and scans are "
-    "placed by the poses of the run before",
-)
-def test_after_a_short_restart_scans_are_not_placed_by_the_poses_before_it(world):
-    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=SOON)
+def set_time(world, boat: Boat, clock: Any, nanoseconds: int) -> None:
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = divmod(nanoseconds, SECOND)
+    clock.publish(message)
+    world.until(lambda: boat.node.get_clock().now().nanoseconds == nanoseconds, "the time")
+
+
+@pytest.mark.parametrize("simulated_time", [False, True], ids=["real time", "looping bag"])
+def test_after_a_short_restart_scans_are_not_placed_by_the_poses_before_it(world, simulated_time):
+    boat = Boat(
+        world, own_ship_source="odometry", own_ship_timeout=SOON, use_sim_time=simulated_time
+    )
+    clock = world.observer.create_publisher(Clock, "/clock", 10)
+    world.until_connected()
     target = (1000.0, 2.0, 2000.0, 1.0)
     for ship in (MOVING, Ship(start=(5000.0, 4000.0, 0.3))):
+        if simulated_time:
+            set_time(world, boat, clock, START_NS)  # back, the second time
         publish_poses(boat, ship, 0, 40, step=1.0)
         for time in range(0, 40, 4):
             distance, azimuth = seen_from(ship, time, *at(target, time))
@@ -361,6 +370,8 @@ def test_after_a_short_restart_scans_are_not_placed_by_the_poses_before_it(world
         )
         tracks = list(boat.tracks)
         boat.tracks.clear()
+        if simulated_time:
+            set_time(world, boat, clock, START_NS + 41 * SECOND)
     world.until_logged("starting over")
     found = [(message, point) for message in tracks for point in points(message)]
     assert found, "eight scans or so see the target"
@@ -373,21 +384,14 @@ def test_scans_that_wait_do_not_outlive_a_restart_in_simulated_time(world):
     boat = Boat(world, own_ship_source="odometry", own_ship_timeout=SOON, use_sim_time=True)
     clock = world.observer.create_publisher(Clock, "/clock", 10)
     world.until_connected()
-
-    def set_time(nanoseconds: int) -> None:
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(nanoseconds, SECOND)
-        clock.publish(message)
-        world.until(lambda: boat.node.get_clock().now().nanoseconds == nanoseconds, "the time")
-
-    set_time(START_NS + 132 * SECOND)
+    set_time(world, boat, clock, START_NS + 132 * SECOND)
     publish_poses(boat, Ship(), 0, 130)
     for ping in SENT:
         boat.driver.ping(ping)
     boat.take(11, 0)
     world.until(lambda: world.figures()["waiting_for_own_ship"] == "1", "the last scan to wait")
     back = 5000 * SECOND
-    set_time(START_NS - back)
+    set_time(world, boat, clock, START_NS - back)
     again = pings(start_ns=START_NS - back, seed=3)
     for seconds in range(0, 140, 4):
         boat.driver.pose(START_NS - back + seconds * SECOND, 0, 0, 0)
