@@ -15,6 +15,7 @@ from msg_adapters.detections import (
     message_class,
     read_detections,
     supported_types,
+    with_echo_times,
     write_detections,
 )
 from msg_adapters.diagnostics import diagnostics
@@ -70,6 +71,7 @@ __all__ = [
     "tracker_report",
     "truth_markers",
     "truth_tracks",
+    "with_echo_times",
     "write_cloud",
     "write_detections",
 ]

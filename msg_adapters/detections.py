@@ -16,7 +16,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -110,7 +110,8 @@ class ReadingOptions:
     bearing_reference : {"bow", "north"}
         What a field `bearing` is measured from, clockwise.
     sound_speed : float
-        m/s, where a message that has a place for it does not give it.
+        m/s, where a message gives neither times nor, if it has a place for it, the sound speed; 0:
+        not known.
 
     Raises
     ------
@@ -119,7 +120,7 @@ class ReadingOptions:
     """
 
     bearing_reference: str = "bow"
-    sound_speed: float = SOUND_SPEED
+    sound_speed: float = 0.0
 
     def __post_init__(self) -> None:
         if self.bearing_reference not in BEARING_REFERENCES:
@@ -127,8 +128,8 @@ class ReadingOptions:
                 f"bearing_reference must be one of {', '.join(BEARING_REFERENCES)}; "
                 f"got {self.bearing_reference!r}"
             )
-        if not 0.0 < self.sound_speed < math.inf:
-            raise ValueError(f"sound_speed must be above 0 and finite; got {self.sound_speed!r}")
+        if not 0.0 <= self.sound_speed < math.inf:
+            raise ValueError(f"sound_speed must be finite and not negative; got {self.sound_speed}")
 
 
 Adapter = Callable[[Any, ReadingOptions], DetectionMessage]
@@ -171,7 +172,7 @@ def supported_types() -> tuple[str, ...]:
 
 
 def read_detections(
-    message: Any, *, bearing_reference: str = "bow", sound_speed: float = SOUND_SPEED
+    message: Any, *, bearing_reference: str = "bow", sound_speed: float = 0.0
 ) -> DetectionMessage:
     """Read a detection message of any supported type.
 
@@ -186,7 +187,9 @@ def read_detections(
         What a field `bearing` is measured from, clockwise. An azimuth is always counter-clockwise
         from the sensor's x axis.
     sound_speed : float, optional
-        m/s, for messages that have a place for it and do not give it.
+        m/s. Where it is not 0, the echoes of a message that gives no times are those of a ping sent
+        at the stamp: `time_offset` is range / sound_speed. It also counts for messages that have a
+        place for the sound speed and do not give it; for these 0 is SOUND_SPEED.
 
     Returns
     -------
@@ -203,11 +206,30 @@ def read_detections(
     name = _type_name(message)
     adapter = _adapter(name)
     try:
-        return adapter(message, options)
+        return with_echo_times(adapter(message, options), sound_speed)
     except AttributeError as error:  # the installed package has another version of the type
         raise MessageError(
             "missing_field", f"this {name} has not the fields of the type that is known: {error}"
         ) from error
+
+
+def with_echo_times(detections: DetectionMessage, sound_speed: float) -> DetectionMessage:
+    """Detections whose times are those of echoes of a ping sent at the stamp, if they have none.
+
+    Parameters
+    ----------
+    detections : DetectionMessage
+    sound_speed : float
+        m/s; 0: detections without times are of the stamp.
+    """
+    if detections.time_offset is not None or sound_speed <= 0.0:
+        return detections
+    slant = (
+        detections.range
+        if detections.height is None
+        else np.hypot(detections.range, detections.height)
+    )
+    return replace(detections, time_offset=slant / sound_speed)
 
 
 def write_detections(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.detections import (
+    SOUND_SPEED,
     BoolArray,
     DetectionMessage,
     ReadingOptions,
@@ -152,9 +153,10 @@ def _sound_speed(name: str, message: Any, options: ReadingOptions) -> tuple[floa
     speed = float(message.ping_info.sound_speed)
     if SLOWEST_SOUND <= speed <= FASTEST_SOUND:
         return speed, ()
-    return options.sound_speed, (
-        f"{name} does not give the sound speed: it is taken to be {options.sound_speed:g} m/s, "
-        "the parameter sound_speed",
+    speed = options.sound_speed or SOUND_SPEED
+    whose = "the parameter sound_speed" if options.sound_speed else "sound_speed is not set"
+    return speed, (
+        f"{name} does not give the sound speed: it is taken to be {speed:g} m/s; {whose}",
     )
 
 

@@ -44,6 +44,12 @@ ERROR_FIELDS = ("range_std", "azimuth_std", "time_offset")
 FEATURE_FIELDS = ("intensity", "range_width", "azimuth_width", "range_rate")
 
 
+NO_TIMES = (
+    "the detections have no time_offset and sound_speed is 0: all are taken to be of the stamp, "
+    "but an echo is of range / sound speed later"
+)
+
+
 @register("sensor_msgs/msg/PointCloud2")
 def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMessage:
     """Read the detections of a cloud.
@@ -92,6 +98,7 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMe
         range_std=values.get("range_std"),
         azimuth_std=values.get("azimuth_std"),
         time_offset=values.get("time_offset"),
+        assumptions=() if "time_offset" in there or options.sound_speed else (NO_TIMES,),
     )
 
 
@@ -183,7 +190,7 @@ def write_point_cloud(
     header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
 ) -> PointCloud2:
     """Write everything, the times in `time_offset`."""
-    times = range / sound_speed if sound_speed > 0.0 else None
+    times = range / sound_speed if sound_speed > 0.0 else np.zeros(len(range))
     return detections_cloud(header, range=range, azimuth=azimuth, time_offset=times)
 
 

@@ -6,12 +6,13 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
-from msg_adapters import MessageError, read_recorded_scan, sensor_scan
+from msg_adapters import MessageError, read_recorded_scan, sensor_scan, with_echo_times
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.own_ship import PoseSample
-from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
+from tsepm_ros.recording import RecordedMotion, Recording
 from tsepm_ros.session import ScanResult, Session, Settings
 
 FRAME = "recording"
@@ -20,7 +21,7 @@ UNKNOWN_YAW_VARIANCE = 1e6
 
 
 def process_recording(
-    recording: Recording, settings: Settings, bearing_reference: str
+    recording: Recording, settings: Settings, bearing_reference: str, sound_speed: float = 0.0
 ) -> tuple[list[ScanResult], Counter[str]]:
     """Process every scan of a recording.
 
@@ -30,6 +31,9 @@ def process_recording(
     settings : Settings
     bearing_reference : {"bow", "north"}
         What a recorded bearing is measured from, clockwise.
+    sound_speed : float, optional
+        Where no times are recorded, echoes are of range / sound_speed after the stamp, m/s; 0: of
+        the stamp.
 
     Returns
     -------
@@ -38,23 +42,25 @@ def process_recording(
         What could not be used, by reason.
     """
     session = Session(settings)
-    results = list(recording_results(recording, session, bearing_reference))
+    results = list(recording_results(recording, session, bearing_reference, sound_speed))
     return results, session.dropped
 
 
 def recording_results(
-    recording: Recording, session: Session, bearing_reference: str
+    recording: Recording, session: Session, bearing_reference: str, sound_speed: float = 0.0
 ) -> Iterator[ScanResult]:
     """Process the scans of a recording one by one, see `process_recording`."""
     motions = deque(recording.own_ship)
     for recorded in recording.scans:
+        detections = with_echo_times(
+            read_recorded_scan(recorded, FRAME, bearing_reference=bearing_reference), sound_speed
+        )
         # As live: what the scan's echoes need has arrived, not what comes long after.
-        until = recorded.time + _longest_echo(recorded)
+        until = recorded.time + _longest_echo(detections.time_offset)
         last = session.own_ship_stamp
         while motions and (last is None or last < until):
             last = motions[0].time
             session.add_own_ship(_pose(motions.popleft()), FRAME)
-        detections = read_recorded_scan(recorded, FRAME, bearing_reference=bearing_reference)
         session.dropped.update(detections.dropped)
         session.add_scan(sensor_scan(detections), now=0.0)
         yield from session.process()
@@ -110,11 +116,9 @@ def _processed(session: Session, *now: float) -> Iterator[ScanResult]:
         session.initiator.reset()
 
 
-def _longest_echo(recorded: RecordedScan) -> float:
+def _longest_echo(time_offset: NDArray[np.float64] | None) -> float:
     """Time from the transmit to the arrival of the last echo, s."""
-    offsets = recorded.fields.get("time_offset", np.zeros(0))
-    good = offsets[np.isfinite(offsets)]
-    return max(2.0 * float(good.max()), 0.0) if len(good) else 0.0
+    return 0.0 if time_offset is None else 2.0 * float(time_offset.max(initial=0.0))
 
 
 def _pose(motion: RecordedMotion) -> PoseSample:

@@ -17,6 +17,9 @@ from tsepm_ros.parameters import Parameter, Value, check_group, parameter, table
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.session import SessionOptions, Settings
 
+SLOWEST_SOUND = 100.0
+"""Slowest speed that is taken for one of sound, m/s."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class InitiatorNodeOptions:
@@ -26,10 +29,11 @@ class InitiatorNodeOptions:
         "auto", "Message type of the detections; auto: that of the publisher", read_only=True
     )
     sound_speed: float = parameter(
-        1500.0,
-        "Sound speed, for sonar messages that do not give it",
+        0.0,
+        "Where a message gives no times, echoes are of range / sound_speed after the stamp; 0: of "
+        "the stamp. Where a sonar message does not give its sound speed: that, or with 0 1500 m/s",
         unit="m/s",
-        minimum=100.0,
+        minimum=0.0,
         maximum=10_000.0,
     )
     detections_reliability: str = parameter(
@@ -56,6 +60,10 @@ class InitiatorNodeOptions:
 
     def __post_init__(self) -> None:
         check_group(self)
+        if 0.0 < self.sound_speed < SLOWEST_SOUND:
+            raise ValueError(
+                f"sound_speed must be 0 or at least {SLOWEST_SOUND}; got {self.sound_speed}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

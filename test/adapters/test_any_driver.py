@@ -20,6 +20,7 @@ from msg_adapters import (
     supported_types,
     write_detections,
 )
+from msg_adapters.point_cloud_detections import NO_TIMES
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.session import Session, SessionOptions, Settings
 
@@ -56,7 +57,8 @@ def test_messages_give_the_tracks_of_the_core_on_the_same_numbers(type_name, met
         stamp = START + PERIOD * index
         message, numbers = MAKERS[type_name](header_at(stamp), echoes_of(index))
         detections = read_detections(message)
-        assert (detections.dropped, detections.assumptions) == ({}, ())
+        said = (NO_TIMES,) if type_name.endswith("PointCloud2") else ()
+        assert (detections.dropped, detections.assumptions) == ({}, said)
         session.add_scan(sensor_scan(detections), 0.0)
         [result] = session.process()
         expected = core.process(Scan(stamp=stamp, **numbers))
@@ -87,6 +89,19 @@ def test_a_written_message_is_read_back(type_name):
     np.testing.assert_allclose(np.sort(found.range), np.sort(range_), rtol=1e-6)
     if found.time_offset is not None:
         np.testing.assert_allclose(found.time_offset, found.range / 1480.0, rtol=1e-6)
+
+
+@pytest.mark.usefixtures("_installed")
+@EVERY_TYPE
+def test_without_times_an_echo_is_of_range_over_sound_speed_where_that_is_given(type_name):
+    message, numbers = MAKERS[type_name](header_at(START), echoes_of(0))
+    unset, found = read_detections(message), read_detections(message, sound_speed=1450.0)
+    np.testing.assert_array_equal(found.range, unset.range)
+    given = "time_offset" in numbers
+    expected = numbers["time_offset"] if given else found.range / 1450.0
+    np.testing.assert_allclose(found.time_offset, expected, rtol=1e-6, atol=1e-9)
+    assert (unset.time_offset is None) == (not given)
+    assert found.assumptions == ()
 
 
 @pytest.mark.usefixtures("_installed")

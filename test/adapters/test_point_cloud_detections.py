@@ -454,3 +454,17 @@ def test_a_bearing_whose_reference_is_not_known_is_written_without_a_place():
             read_detections(one, bearing_reference=reference) for one in (cloud, expected)
         )
         assert found.azimuth.tolist() == wanted.azimuth.tolist()
+
+
+def test_a_time_offset_counts_whatever_the_sound_speed_is():
+    fields = [("range", "d"), ("azimuth", "d"), ("time_offset", "d")]
+    cloud = raw_cloud(fields, [(1500.0, 0.1, 0.25), (3000.0, 0.2, 0.0)])
+    found = read_detections(cloud, sound_speed=1000.0)
+    np.testing.assert_array_equal(found.time_offset, [0.25, 0.0])
+    assert found.assumptions == read_detections(cloud).assumptions == ()
+
+
+@pytest.mark.parametrize("speed", [-1.0, math.nan, math.inf])
+def test_a_sound_speed_that_is_none_is_refused(speed):
+    with pytest.raises(ValueError, match="sound_speed must be"):
+        read_detections(raw_cloud([("range", "f"), ("azimuth", "f")], []), sound_speed=speed)

@@ -68,3 +68,13 @@ def test_a_long_recording_of_the_own_ship_loses_no_scan():
     results, dropped = process_recording(recording, MOVING, "bow")
     assert len(results) == 60
     assert not dropped
+
+
+def test_recorded_echoes_without_times_are_of_range_over_sound_speed():
+    recording = Recording(scans(8), own_ship(100.0))
+    (at_stamp, *_), _ = process_recording(recording, MOVING, "bow")
+    (result, *_), dropped = process_recording(recording, MOVING, "bow", 1500.0)
+    assert at_stamp.scan.time_offset is None
+    np.testing.assert_allclose(result.scan.time_offset, [2000.0 / 1500.0])
+    assert result.scan.sensor_pose.shape == (1, 3)
+    assert not dropped

@@ -525,7 +525,7 @@ def test_tf_places_scans_with_the_frames_own_rotation(world, tf, with_offsets):
 
 def test_tf_gives_no_false_warnings(world, tf):
     tf(Transforms(MOVING))
-    boat = from_tf(world)
+    boat = from_tf(world, sound_speed=1500.0)
     boat.send(SENT)
     assert world.dropped() == {}
     assert world.logged(WARN) == []

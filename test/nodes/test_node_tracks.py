@@ -23,7 +23,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import ReliabilityPolicy
-from ros_world import BEST_EFFORT, LATCHED, RELIABLE
+from ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2, PointField
 from sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
@@ -88,6 +88,23 @@ def test_every_target_of_a_burst_is_tracked_and_ids_count_up(world):
     ids = [point["track_id"] for message in received for point in points(message)]
     assert ids == list(range(len(ids)))
     assert len(ids) >= 2
+
+
+def test_a_sonar_that_gives_no_times_gets_them_from_the_sound_speed(world):
+    sent = pings()
+    boat = Boat(world, sound_speed=1480.0)
+    expected = initiator()
+    scans = [as_scan(ping) for ping in sent]
+    timed = [replace(scan, time_offset=scan.range / 1480.0) for scan in scans]
+    assert_same(boat.send(sent), [expected.process(scan) for scan in timed])
+    assert world.logged(WARN) == []
+
+
+def test_a_sonar_that_gives_no_times_is_said_once(world):
+    boat = Boat(world)
+    boat.send(pings())
+    world.until_logged("no time_offset", level=WARN)
+    assert len(world.logged(WARN)) == 1
 
 
 def test_every_scan_gives_one_message_even_without_tracks_or_detections(world):

@@ -161,7 +161,7 @@ def _recording(options: argparse.Namespace) -> Run:
     return Run(
         title=_title(options, session),
         session=session,
-        results=recording_results(recording, session, node.bearing_reference),
+        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
         truth=truth_paths(recording.targets),
         notes=notes,
         duration=last - first,
@@ -237,7 +237,7 @@ def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
     return Run(
         title=f"{scenario.name}, seed {options.seed}, method {session.settings.session.method}",
         session=session,
-        results=recording_results(recording, session, node.bearing_reference),
+        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
         truth=truth_paths(recording.targets),
         judge=judge_starts,
         notes=notes,
