@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.simulation.scenario import OwnShipMotion, TargetArea, scenario_from
+from tsepm_ros.simulation.scenario import (
+    OwnShipMotion,
+    TargetArea,
+    WaypointMotion,
+    scenario_from,
+)
 
 
 def test_the_shipped_scenarios_load_and_run():
-    assert {"box", "four_targets"} <= set(shipped_scenarios())
+    assert {"box", "four_targets", "square_path"} <= set(shipped_scenarios())
     for name in shipped_scenarios():
         scenario = load_scenario(name)
         assert scenario.name == name
@@ -62,6 +67,13 @@ def area(**changes):
     return {"targets": [{"ranges": [10, 20], "azimuths": [0, 1], "speed": 1.0, **changes}]}
 
 
+SQUARE = [[0.0, 0.0], [400.0, 0.0], [400.0, 400.0], [0.0, 400.0]]
+
+
+def course(**changes):
+    return {"own_ship": {"waypoints": SQUARE, "speed": 4.0, "turn_rate": 0.05, **changes}}
+
+
 REFUSED = [
     pytest.param([], "must be a mapping", id="a list"),
     pytest.param(None, "must be a mapping", id="nothing"),
@@ -74,6 +86,22 @@ REFUSED = [
     pytest.param({"own_ship": {"sped": 1.0}}, "own_ship: unknown key 'sped'", id="ship key"),
     pytest.param({"own_ship": {"speed": math.nan}}, "own_ship.speed", id="ship value"),
     pytest.param({"own_ship": 5}, "own_ship must be a mapping", id="ship"),
+    pytest.param(course(waypoints=None), "own_ship.waypoints must be a list", id="no way"),
+    pytest.param(
+        course(waypoints=[[0, 0], [1]]), "own_ship.waypoints[1] must be", id="half a place"
+    ),
+    pytest.param(
+        course(waypoints=[[0, 0]]), "own_ship: waypoints must be at least two", id="place"
+    ),
+    pytest.param(course(waypoints=[[0, 0]] * 2), "each apart from the one before", id="same place"),
+    pytest.param(course(turn_rate=0.01), "turns of 400 m radius do not fit", id="narrow"),
+    pytest.param(
+        course(waypoints=[[0, 0], [900, 0], [0, 0]]), "radius do not fit", id="turn on the spot"
+    ),
+    pytest.param(course(turn_rate=0.0), "turn_rate above 0", id="no turns"),
+    pytest.param(course(speed=-1.0), "speed must be at least 0", id="backwards"),
+    pytest.param(course(closed="yes"), "closed must be true or false", id="closed"),
+    pytest.param(course(yaw=1.0), "own_ship: unknown key 'yaw'", id="yaw beside waypoints"),
     pytest.param({"scans": 0}, "scans", id="no scans"),
     pytest.param({"period": 0.0}, "period", id="no period"),
     pytest.param({"period": -12.0}, "period", id="negative period"),
@@ -153,6 +181,74 @@ def integrated(motion: OwnShipMotion, time: float, steps: int = 20_000) -> np.nd
 def test_the_own_ship_moves_along_its_heading(turn_rate, time):
     motion = OwnShipMotion(10.0, -20.0, 2.5, speed=7.0, turn_rate=turn_rate)
     np.testing.assert_allclose(motion.pose(time), integrated(motion, time), atol=1e-3)
+
+
+COURSES = {
+    "square": course(closed=True),
+    "clockwise": course(closed=True, waypoints=SQUARE[::-1]),
+    "open": course(),
+    "straight through": course(closed=True, waypoints=[[0, 0], [200, 0], *SQUARE[1:]]),
+    "zigzag": course(waypoints=[[0, 0], [300, 0], [500, 250], [800, 100], [1000, 600]]),
+}
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_a_course_is_run_at_its_speed_and_turns_at_its_rate(name):
+    motion = scenario_from(COURSES[name]).own_ship
+    times = np.arange(0.0, 1500.0, 0.25)
+    poses = np.array([motion.pose(time) for time in times])
+    # No jump, no step aside, no slowing down: chords of arcs are shorter by (0.05 * 0.25)^2 / 24.
+    steps = np.diff(poses[:, :2], axis=0)
+    np.testing.assert_allclose(np.hypot(*steps.T), 4.0 * 0.25, rtol=1e-5)
+    turned = wrapped(np.diff(poses[:, 2]))
+    along = np.arctan2(steps[:, 1], steps[:, 0]) - (poses[:-1, 2] + turned / 2)
+    np.testing.assert_allclose(wrapped(along), 0.0, atol=2e-3)
+    assert np.abs(turned).max() <= 0.05 * 0.25 + 1e-12
+    rates = np.array([motion.rates(time) for time in times])
+    np.testing.assert_allclose(np.hypot(*rates.T[:2]), 4.0)
+    ahead = np.arctan2(rates[:, 1], rates[:, 0]) - poses[:, 2]
+    np.testing.assert_allclose(wrapped(ahead), 0.0, atol=1e-9)
+    same = rates[:-1, 2] == rates[1:, 2]
+    np.testing.assert_allclose(turned[same], 0.25 * rates[:-1, 2][same], atol=1e-12)
+
+
+def wrapped(angle):
+    return np.remainder(np.asarray(angle) + math.pi, 2 * math.pi) - math.pi
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_a_course_touches_its_sides_and_cuts_its_corners(name):
+    motion = scenario_from(COURSES[name]).own_ship
+    places = np.array([motion.pose(time)[:2] for time in np.arange(0.0, 900.0, 0.1)])
+    corners = np.array(motion.waypoints)
+    ends = np.roll(corners, -1, axis=0) if motion.closed else corners[1:]
+    for begin, end in zip(corners, ends, strict=False):
+        middle = 0.5 * (begin + end)
+        assert np.hypot(*(places - middle).T).min() < 0.25, "not cut half way"
+    for before, at, after in zip(corners, corners[1:], corners[2:], strict=False):
+        one, other = at - before, after - at
+        turn = abs(wrapped(math.atan2(*other[::-1]) - math.atan2(*one[::-1])))
+        # An arc of radius R between two tangents passes their corner at R (1 / cos(turn / 2) - 1).
+        expected = 80.0 * (1 / math.cos(turn / 2) - 1)
+        assert np.hypot(*(places - at).T).min() == pytest.approx(expected, abs=0.25)
+
+
+def test_a_closed_course_repeats_and_an_open_one_goes_straight_on():
+    square, way = (scenario_from(course(closed=closed)).own_ship for closed in (True, False))
+    lap = (1600.0 - 4 * 2 * 80.0) / 4.0 + 2 * math.pi / 0.05
+    for time in (100.0, 333.0, 500.0):
+        np.testing.assert_allclose(square.pose(time + 3 * lap), square.pose(time), atol=1e-9)
+        further = way.pose(1e4 + time) - way.pose(1e4)
+        np.testing.assert_allclose(further, [-4.0 * time, 0.0, 0.0], atol=1e-9)
+    assert way.pose(1e4)[1] == pytest.approx(400.0)
+
+
+def test_a_platform_that_does_not_run_its_course_stays_at_its_begin():
+    motion = scenario_from(course(speed=0.0, closed=True)).own_ship
+    assert isinstance(motion, WaypointMotion)
+    for time in (-1.0, 0.0, 1e6):
+        assert motion.pose(time).tolist() == [0.0, 0.0, 0.0]
+    assert motion.rates(5.0).tolist() == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from tsepm_ros import SensorModel
 from tsepm_ros.simulation import CLUTTER, Scenario, Simulator, load_scenario
-from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.simulation.scenario import OwnShipMotion, WaypointMotion
 
 EXACT = SensorModel(
     range_std=1e-6,
@@ -32,7 +32,7 @@ def scans_of(one: Scenario, seed: int = 1):
     return list(Simulator(one, seed))
 
 
-@pytest.mark.parametrize("name", ["box", "four_targets"])
+@pytest.mark.parametrize("name", ["box", "four_targets", "square_path"])
 def test_the_same_seed_gives_the_same_scans_to_the_bit(name):
     one, other = (scans_of(load_scenario(name), 7) for _ in range(2))
     for a, b in zip(one, other, strict=True):
@@ -231,35 +231,44 @@ MOVING = scenario(
 )
 
 
-def independent_echo(state: np.ndarray, stamp: float) -> tuple[float, float, float]:
+SQUARE = dataclasses.replace(
+    MOVING,
+    own_ship=WaypointMotion(
+        ((-200.0, -200.0), (200.0, -200.0), (200.0, 200.0), (-200.0, 200.0)), 4.0, 0.05, closed=True
+    ),
+)
+
+
+def independent_echo(one: Scenario, state: np.ndarray, stamp: float) -> tuple[float, float, float]:
     """Times of reflection and arrival and the azimuth at arrival, by root finding."""
 
     def target(t):
         return state[0::2] + state[1::2] * t
 
-    sent = MOVING.own_ship.pose(stamp)[:2]
+    sent = one.own_ship.pose(stamp)[:2]
     reflected = brentq(
         lambda t: math.dist(target(t), sent) - 1500.0 * (t - stamp), stamp, stamp + 30, xtol=1e-13
     )
     there = target(reflected)
     arrived = brentq(
-        lambda t: math.dist(MOVING.own_ship.pose(t)[:2], there) - 1500.0 * (t - reflected),
+        lambda t: math.dist(one.own_ship.pose(t)[:2], there) - 1500.0 * (t - reflected),
         reflected,
         reflected + 30,
         xtol=1e-13,
     )
-    x, y, yaw = MOVING.own_ship.pose(arrived)
+    x, y, yaw = one.own_ship.pose(arrived)
     return reflected, arrived, math.atan2(there[1] - y, there[0] - x) - yaw
 
 
-def test_echoes_follow_the_ping_out_to_the_moving_target_and_back_to_the_moving_ship():
+@pytest.mark.parametrize("one", [MOVING, SQUARE], ids=["circle", "square"])
+def test_echoes_follow_the_ping_out_to_the_moving_target_and_back_to_the_moving_ship(one):
     # The errors drawn, 1e-6 m and 1e-9 rad, are the smallest that a sensor may have: five of them
     # for each of 60 echoes, and what is left of the equation stays below 1e-6 m.
-    for simulated in Simulator(MOVING, 1):
+    for simulated in Simulator(one, 1):
         stamp = simulated.scan.stamp
         assert sorted(simulated.origin.tolist()) == [0, 1, 2]
         for k, target in enumerate(simulated.origin):
-            _, arrived, azimuth = independent_echo(MOVING.targets[target], stamp)
+            _, arrived, azimuth = independent_echo(one, one.targets[target], stamp)
             range_ = 1500.0 * (arrived - stamp) / 2
             assert abs(simulated.scan.range[k] - range_) < 6e-6
             difference = math.remainder(simulated.scan.azimuth[k] - azimuth, 2 * math.pi)

@@ -13,7 +13,7 @@ from tsepm_ros.analysis.truth import Judged, judge
 from tsepm_ros.own_ship import echo_poses
 from tsepm_ros.scan import Scan
 from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.simulation.scenario import Motion
 from tsepm_ros.track import ConfirmedTrack
 
 FloatArray = NDArray[np.float64]
@@ -80,7 +80,7 @@ def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> Simu
     return run
 
 
-def placed(scan: Scan, own_ship: OwnShipMotion) -> Scan:
+def placed(scan: Scan, own_ship: Motion) -> Scan:
     """A simulated scan with the poses that place its echoes, from the exact own-ship motion."""
 
     def poses_at(times: FloatArray) -> FloatArray:

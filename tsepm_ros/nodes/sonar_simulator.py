@@ -89,8 +89,7 @@ class SonarSimulator(Node):
     def _publish_own_ship(self, stamp: float) -> None:
         time = stamp - self._start
         x, y, yaw = self._scenario.own_ship.pose(time)
-        before, after = (self._scenario.own_ship.pose(time + dt)[:2] for dt in (-0.5, 0.5))
-        vx, vy = after - before
+        vx, vy, yaw_rate = self._scenario.own_ship.rates(time).tolist()
         sample = OwnShipSample(
             stamp_ns=seconds_to_ns(stamp),
             frame_id=self._options.fixed_frame,
@@ -98,9 +97,9 @@ class SonarSimulator(Node):
             x=float(x),
             y=float(y),
             yaw=float(np.remainder(yaw + np.pi, 2 * np.pi) - np.pi),
-            vx=float(vx),
-            vy=float(vy),
-            yaw_rate=self._scenario.own_ship.turn_rate,
+            vx=vx,
+            vy=vy,
+            yaw_rate=yaw_rate,
         )
         self._own_ship.publish(odometry_message(sample))
 
