@@ -64,7 +64,7 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[lis
                 if child is not None:
                     grown.append(child)
             grown.append(missed(predicted, place, rule))
-        grown += [start(detection, rule) for detection in detections]
+        grown += [start(detection, scan["stamp"], rule) for detection in detections]
         alive = [
             one
             for one in grown
@@ -122,10 +122,11 @@ def missed(predicted: Hypothesis, place: np.ndarray, rule: Rule) -> Hypothesis:
     )
 
 
-def start(detection: Detection, rule: Rule) -> Hypothesis:
-    """A hypothesis of one detection, its velocity unknown up to v_max."""
+def start(detection: Detection, stamp: float, rule: Rule) -> Hypothesis:
+    """A hypothesis of one detection, its velocity unknown up to v_max, as of the stamp."""
     state = np.array([detection.point[0], 0.0, detection.point[1], 0.0])
     covariance = np.zeros((4, 4))
     covariance[0::2, 0::2] = detection.covariance
     covariance[1, 1] = covariance[3, 3] = rule.settings.max_speed**2 / 4.0
-    return Hypothesis((detection.key,), state, covariance, 0.0)
+    back = transition_matrix(stamp - detection.time)
+    return Hypothesis((detection.key,), back @ state, back @ covariance @ back.T, 0.0)

@@ -373,6 +373,9 @@ class Score(Initiator):
         state[:, 0::2] = detections["position"]
         covariance[:, 0::2, 0::2] = detections["covariance"]
         covariance[:, [1, 3], [1, 3]] = self.common.max_speed**2 / 4.0
+        # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
+        lag = detections["time"] - self._now
+        state, covariance = filtering.predict(state, covariance, -lag)
         return Hypotheses(
             path.hits, path.hit_count, path.first_scan, state, covariance, np.log(clutter_share)
         )

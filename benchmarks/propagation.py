@@ -1,0 +1,282 @@
+"""Bias of a track's first position without and with the propagation model, from messages.
+
+A simulated sonar, which models the travel of sound by itself, is read as messages: PointCloud2 and
+Odometry at 5 Hz through the adapters and a session, as in the node. Its echoes are given
+
+- without any times: each counts as of the stamp;
+- with `time_offset` in the message;
+- without, but with the parameter `sound_speed`;
+- and, to compare with, in a world where sound takes no time: what bias is left has other causes.
+
+The bias is that of the position at the stamp of the scan that confirmed, along and across the line
+of sight, beside the standard deviation that the track's own covariance gives. Every run is done
+twice, with the same measurement errors of opposite sign, and the mean of a pair that is confirmed
+by the same detections counts: what is linear in the errors cancels, so that few runs show a small
+bias. What remains is second order in speed over sound speed, and the prior of `score` that targets
+are slow, which counts where the errors are large.
+
+    python benchmarks/propagation.py [--pairs 200] [--noise exact data-sheet]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters import (
+    OwnShipSample,
+    detections_cloud,
+    make_header,
+    odometry_message,
+    pose_sample,
+    read_detections,
+    read_own_ship,
+    seconds_to_ns,
+    sensor_scan,
+)
+from tsepm_ros import SensorModel
+from tsepm_ros.analysis.intervals import mean
+from tsepm_ros.analysis.report import text_table
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods import METHODS
+from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.session import Session, SessionOptions, Settings
+from tsepm_ros.simulation import Scenario, Simulator
+from tsepm_ros.simulation.scenario import OwnShipMotion
+
+FloatArray = NDArray[np.float64]
+
+SOUND_SPEED = 1500.0
+ODOMETRY_RATE = 5.0
+AFTER = 20.0
+"""Time for which there is odometry after the last ping, s: the longest echo."""
+
+NOISES = {
+    "exact": SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=math.radians(0.05)),
+    "data-sheet": SensorModel(
+        range_std=0.0, range_std_fraction=0.015, azimuth_std=math.radians(1.0)
+    ),
+}
+SILENT_SEA = SensorModel(
+    range_std=1e-6,
+    range_std_fraction=0.0,
+    azimuth_std=1e-9,
+    detection_probability=0.9,
+    clutter_density=1e-15,
+)
+"""What is simulated: misses, but neither clutter nor errors; these are added here."""
+FAST = (np.array([7600.0, 8.0, 0.0, 0.0]),)
+STILL = (np.array([8000.0, 0.0, 0.0, 0.0]),)
+TURN = math.radians(2.0)
+SCENES = {
+    "target 8 m/s outward": (FAST, OwnShipMotion()),
+    "ship turns 2 deg/s": (STILL, OwnShipMotion(turn_rate=TURN)),
+    "both, ship 4 m/s": (FAST, OwnShipMotion(speed=4.0, turn_rate=TURN)),
+}
+METHOD_OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
+    "score": ("score", {}),
+    "tsepm": ("tsepm", {}),
+    "tsepm, polar": ("tsepm", {"estimator": "polar"}),
+}
+TIMES = ("none", "time_offset", "sound_speed")
+AT_ONCE = "no delay"
+"""The world to compare with."""
+
+
+@dataclass(frozen=True)
+class FirstTrack:
+    """The first track of a run.
+
+    Attributes
+    ----------
+    hits : tuple of (scan index, detection index)
+    error, variance : (2,) ndarray
+        Of the position, along and across the line of sight, m and m^2.
+    """
+
+    hits: tuple[tuple[int, int], ...]
+    error: FloatArray
+    variance: FloatArray
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Errors of the first positions of many pairs of runs, (along, across) the line of sight.
+
+    Attributes
+    ----------
+    errors : (n, 2) ndarray
+        Mean of each pair, m.
+    sigma : (2,) ndarray
+        Root mean square of the deviations that the covariances give, m.
+    """
+
+    errors: FloatArray
+    sigma: FloatArray
+
+
+def scenario(scene: str, sound_speed: float) -> Scenario:
+    """A scene to hear."""
+    targets, ship = SCENES[scene]
+    return Scenario(
+        scene,
+        scans=16,
+        period=12.0,
+        sensor=SILENT_SEA,
+        sound_speed=sound_speed,
+        targets=targets,
+        own_ship=ship,
+    )
+
+
+def odometry(scene: Scenario) -> list[PoseSample]:
+    """The ship's odometry for a whole run, through its messages."""
+    samples = []
+    for index in range(round((scene.duration + AFTER) * ODOMETRY_RATE)):
+        time = index / ODOMETRY_RATE
+        x, y, yaw = scene.own_ship.pose(time).tolist()
+        vx, vy, yaw_rate = scene.own_ship.rates(time).tolist()
+        message = odometry_message(
+            OwnShipSample(
+                stamp_ns=seconds_to_ns(time),
+                frame_id="odom",
+                child_frame_id="sonar",
+                x=x,
+                y=y,
+                yaw=yaw,
+                vx=vx,
+                vy=vy,
+                yaw_rate=yaw_rate,
+            )
+        )
+        samples.append(pose_sample(read_own_ship(message)))
+    return samples
+
+
+def messages(scene: Scenario, seed: list[int], sensor: SensorModel, sign: float, times: str) -> Any:
+    """Every scan's message, with measurement errors of a sign, and the target's state then."""
+    errors = sign * np.random.default_rng([*seed, 1]).standard_normal((scene.scans, 2))
+    for simulated, (range_error, azimuth_error) in zip(Simulator(scene, seed), errors, strict=True):
+        scan = simulated.scan
+        range_ = scan.range + range_error * np.sqrt(sensor.range_variance(scan.range))
+        timed = times == "time_offset"
+        cloud = detections_cloud(
+            make_header(seconds_to_ns(scan.stamp), "sonar"),
+            range=range_,
+            azimuth=scan.azimuth + azimuth_error * sensor.azimuth_std,
+            time_offset=range_ / SOUND_SPEED if timed else None,
+        )
+        yield cloud, simulated.truth[0]
+
+
+def first_track(
+    messages: Iterable[Any],
+    scene: Scenario,
+    settings: Settings,
+    poses: Iterable[PoseSample],
+    sound_speed: float,
+) -> FirstTrack | None:
+    """What the target's first track is; None without one."""
+    session = Session(settings)
+    for pose in poses:
+        session.add_own_ship(pose, "odom", "sonar")
+    for cloud, truth in messages:
+        session.add_scan(sensor_scan(read_detections(cloud, sound_speed=sound_speed)), 0.0)
+        for result in session.process():
+            for track in result.new:
+                sight = truth[0::2] - scene.own_ship.pose(track.stamp)[:2]
+                along = sight / np.hypot(*sight)
+                axes = np.array([along, [-along[1], along[0]]])
+                error = axes @ (track.position - truth[0::2])
+                variance = np.diag(axes @ track.covariance[0::2, 0::2] @ axes.T)
+                return FirstTrack(track.hits, error, variance)
+    return None
+
+
+def bias(noise: str, scene: str, method: str, times: str, pairs: int, seed: int = 1) -> Bias:
+    """Measure the bias of the first position over seeded pairs of runs.
+
+    Pair i is seeded with (seed, i), for every method and way alike.
+
+    Parameters
+    ----------
+    noise, scene, method : str
+        Of NOISES, SCENES and METHOD_OPTIONS.
+    times : str
+        Of TIMES, or AT_ONCE.
+    """
+    heard = scenario(scene, 0.0 if times == AT_ONCE else SOUND_SPEED)
+    name, options = METHOD_OPTIONS[method]
+    settings = Settings(
+        SessionOptions(method=name, own_ship_source="odometry"),
+        NOISES[noise],
+        CommonOptions(),
+        {name: METHODS[name].Options(**options)},
+    )
+    poses = odometry(heard)
+    speed = SOUND_SPEED if times == "sound_speed" else 0.0
+    errors, variances = [], []
+    for index in range(pairs):
+        pair = [
+            first_track(
+                messages(heard, [seed, index], NOISES[noise], sign, times),
+                heard,
+                settings,
+                poses,
+                speed,
+            )
+            for sign in (1.0, -1.0)
+        ]
+        one, other = pair
+        if one is not None and other is not None and one.hits == other.hits:
+            errors.append((one.error + other.error) / 2)
+            variances += [one.variance, other.variance]
+    return Bias(np.array(errors), np.sqrt(np.mean(variances, axis=0)))
+
+
+def row(noise: str, scene: str, method: str, times: str, pairs: int) -> list[str]:
+    """One line of the table."""
+    one = bias(noise, scene, method, times, pairs)
+    cells = [scene, method, times, str(len(one.errors))]
+    for axis in (0, 1):
+        error = mean(one.errors[:, axis])
+        half = (error.high - error.low) / 2
+        cells += [f"{error.value:.2f} ± {half:.2f}", f"{one.sigma[axis]:.1f}"]
+    return [*cells, f"{np.abs(one.errors.mean(axis=0) / one.sigma).max():.3f}"]
+
+
+HEAD = ["scene", "method", "times", "pairs"]
+HEAD += [f"{name} {axis} [m]" for axis in ("along", "across") for name in ("bias", "sigma")]
+HEAD += ["worst bias/sigma"]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description="bias of the first position, from messages")
+    parser.add_argument("--pairs", type=int, default=200)
+    parser.add_argument("--noise", nargs="+", choices=sorted(NOISES), default=list(NOISES))
+    options = parser.parse_args(arguments)
+    for noise in options.noise:
+        sensor = NOISES[noise]
+        print(
+            f"{noise}: range error {sensor.range_std:g} m and "
+            f"{100 * sensor.range_std_fraction:g} %, azimuth error "
+            f"{math.degrees(sensor.azimuth_std):g} degrees; seed 1; 95 % intervals"
+        )
+        rows = [
+            row(noise, scene, method, times, options.pairs)
+            for scene in SCENES
+            for method in METHOD_OPTIONS
+            for times in (AT_ONCE, *TIMES)
+        ]
+        print(text_table(HEAD, rows), flush=True)
+
+
+if __name__ == "__main__":
+    main()
