@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tsepm_ros import range_rates
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 
@@ -24,6 +25,9 @@ DETECTION = np.dtype(
         ("azimuth_std", np.float64),  # rad
         ("sensor_pose", np.float64, (3,)),  # x, y, yaw in the fixed frame
         ("sensor_pose_covariance", np.float64, (3, 3)),
+        ("sensor_velocity", np.float64, (2,)),  # m/s, fixed frame
+        ("range_rate", np.float64),  # m/s, against the moving sensor
+        ("range_rate_std", np.float64),  # m/s; 0: no range rate
     ]
 )
 """A converted detection, with what re-evaluating its covariance elsewhere needs."""
@@ -219,6 +223,7 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
         covariance += pose_error_covariance(offset, detections["sensor_pose_covariance"])
     detections["covariance"] = covariance
     detections["major_sigma"] = major_sigma(covariance)
+    range_rates.take(detections, scan, sensor)
     return detections
 
 

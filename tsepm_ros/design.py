@@ -21,10 +21,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import evidence, filtering
-from tsepm_ros.conversion import position_covariance
+from tsepm_ros import evidence, filtering, range_rates
+from tsepm_ros.conversion import DETECTION, position_covariance
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.splitting import gate_factor
 
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
@@ -187,15 +186,12 @@ class _Targets:
 
     Attributes
     ----------
-    measured : (n, window, 2) ndarray
-        Position as it would be measured in each scan, m.
-    error : (n, window, 2, 2) ndarray
-        Covariance of the measurement, m^2.
+    found : (n, window) ndarray of DETECTION
+        As they would be measured in each scan.
     detected : (n, window) ndarray of bool
     """
 
-    measured: FloatArray
-    error: FloatArray
+    found: NDArray[np.void]
     detected: BoolArray
 
 
@@ -212,15 +208,19 @@ def _draw_targets(
     truth = np.zeros((PATHS, 4))
     truth[:, 0] = np.sqrt(square)
     truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (PATHS, 2))
-    measured, error = np.zeros((PATHS, window, 2)), np.zeros((PATHS, window, 2, 2))
+    found = np.zeros((PATHS, window), DETECTION)
+    found["range_rate_std"] = sensor.range_rate_std
+    rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, PATHS))
     for scan in range(window):
-        error[:, scan] = _errors(truth, sensor)
-        measured[:, scan] = truth[:, 0::2] + _drawn(rng, truth, sensor)
+        found["covariance"][:, scan] = _errors(truth, sensor)
+        rate, _, _ = range_rates.expected(found[:, scan], truth[:, 0::2], truth[:, 1::2])
+        found["range_rate"][:, scan] = rate + sensor.range_rate_std * rate_errors[scan]
+        found["position"][:, scan] = truth[:, 0::2] + _drawn(rng, truth, sensor)
         truth[:, 0::2] += interval * truth[:, 1::2]
         truth[:, 1::2] += rng.normal(0.0, math.sqrt(process_noise * interval), (PATHS, 2))
     detected = rng.random((PATHS, window)) < sensor.detection_probability
     detected[:, 0] = True
-    return _Targets(measured, error, detected)
+    return _Targets(found, detected)
 
 
 def _scores(
@@ -239,25 +239,33 @@ def _scores(
     """
     n, window = targets.detected.shape
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    state[:, 0::2] = targets.measured[:, first]
-    covariance[:, 0::2, 0::2] = targets.error[:, first]
+    found = targets.found[:, first]
+    state[:, 0::2] = found["position"]
+    covariance[:, 0::2, 0::2] = found["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
+    state, covariance, start = range_rates.begun(state, covariance, found, sensor)
     scores = np.full((n, window), -np.inf)
-    scores[:, first] = np.where(targets.detected[:, first], 0.0, -np.inf)
-    gate = gate_factor(gate_probability) ** 2
-    clutter = np.full(n, sensor.clutter_density)
+    scores[:, first] = np.where(targets.detected[:, first], start, -np.inf)
+    everyone, at_once = np.arange(n), np.zeros(n)
     missed = evidence.miss_gain(np.full(n, sensor.detection_probability), gate_probability)
     for scan in range(first + 1, window):
         state, covariance = filtering.predict(state, covariance, interval, process_noise)
-        innovation = targets.measured[:, scan] - state[:, 0::2]
+        found = targets.found[:, scan]
+        innovation = found["position"] - state[:, 0::2]
         spread = covariance[:, 0::2, 0::2] + _errors(state, sensor)
-        density, distance = filtering.log_density(innovation, spread)
-        hit = targets.detected[:, scan] & (distance <= gate)
+        density = filtering.log_likelihood(
+            state, covariance, everyone, at_once, innovation, spread, found, gate_probability
+        )
+        hit = targets.detected[:, scan] & np.isfinite(density)
+        clutter = sensor.clutter_density * range_rates.clutter_density(found, sensor)
         gain = evidence.hit_gain(density, sensor.detection_probability, clutter)
         scores[:, scan] = scores[:, scan - 1] + np.where(hit, gain, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
         state[hit], covariance[hit] = filtering.update(
-            state[hit], covariance[hit], np.zeros(hit.sum()), innovation[hit], spread[hit]
+            state[hit], covariance[hit], at_once[hit], innovation[hit], spread[hit]
+        )
+        state[hit], covariance[hit] = range_rates.update(
+            state[hit], covariance[hit], at_once[hit], found[hit]
         )
     return scores
 

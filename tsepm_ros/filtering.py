@@ -7,10 +7,16 @@ TSEPM 2018, Eq. 17, and white acceleration of a spectral density q (Bar-Shalom, 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros import range_rates
 from tsepm_ros.evaluation import squared_distance
+from tsepm_ros.splitting import gate_factor
+
+IntArray = NDArray[np.int64]
 
 FloatArray = NDArray[np.float64]
 
@@ -144,3 +150,61 @@ def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray,
     distance = squared_distance(innovation, spread)
     xx, yy, xy = spread[..., 0, 0], spread[..., 1, 1], spread[..., 0, 1]
     return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
+
+
+def log_likelihood(
+    state: FloatArray,
+    covariance: FloatArray,
+    owner: IntArray,
+    step: FloatArray,
+    innovation: FloatArray,
+    spread: FloatArray,
+    detections: NDArray[np.void],
+    gate_probability: float,
+) -> FloatArray:
+    """Log of the density of detections where states expect them; -inf outside the gates.
+
+    ``ln N(d; 0, S) + ln N(e; 0, S_e)`` with the innovation e of a range rate, if there is one,
+    against the state that knows the position; both are independent, so that the squared distances
+    add up, and the gate of a position and a range rate is that of three dimensions.
+
+    Parameters
+    ----------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    owner : (p,) ndarray of int
+        State of each detection.
+    step : (p,) ndarray
+        Time of each after its state's, s.
+    innovation : (p, 2) ndarray
+        Of the position, m.
+    spread : (p, 2, 2) ndarray
+        Its covariance, m^2.
+    detections : (p,) ndarray of DETECTION
+    gate_probability : float
+        Probability that the gate holds a target's detection.
+
+    Returns
+    -------
+    (p,) ndarray
+        ln of 1/m^2, or of s/m^3.
+    """
+    density, distance = log_density(innovation, spread)
+    gate = np.full(len(distance), gate_factor(gate_probability) ** 2)
+    has = range_rates.measured(detections)
+    if has.any():
+        gate[has] = range_rates.gate_square(gate_probability)
+        rows = np.flatnonzero(has & (distance <= gate))
+        own, lag = owner[rows], step[rows]
+        placed = update(state[own], covariance[own], lag, innovation[rows], spread[rows])
+        error, variance, _ = range_rates.innovations(*placed, lag, detections[rows])
+        density[rows] += range_rates.log_density(error, variance)
+        distance[rows] += error**2 / variance
+    return np.where(distance <= gate, density, -np.inf)
+
+
+def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
+    """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches."""
+    if range_rates.measured(detections).any():
+        return math.sqrt(range_rates.gate_square(gate_probability))
+    return gate_factor(gate_probability)

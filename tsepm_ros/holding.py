@@ -23,13 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros import filtering
+from tsepm_ros import filtering, range_rates
 from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.detection_probability import DetectionProbability
 from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.motion import Motion, stay_or_change
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.splitting import gate_factor
 from tsepm_ros.track import TrackArrays
 
 FloatArray = NDArray[np.float64]
@@ -94,17 +93,21 @@ class Association:
     innovation : (p, 2) ndarray
         m.
     likelihood : (p,) ndarray
-        N(z; H x, S), 1/m^2; 0 outside the gate.
+        N(z; H x, S), 1/m^2, times that of a range rate, s/m; 0 outside the gate.
     lag : (n,) ndarray
         Time after the scan's stamp of the tracks' nearest detections, s.
     spread : (n, 2, 2) ndarray
         S of each track, with the error of its nearest detection.
+    updated : tuple of (p, 4) and (p, 4, 4) ndarray, or None
+        State and covariance of each pair's track if the detection is its target's; None where no
+        detection has a range rate, and the innovations say it all.
     """
 
     innovation: FloatArray
     likelihood: FloatArray
     lag: FloatArray
     spread: FloatArray
+    updated: tuple[FloatArray, FloatArray] | None = None
 
 
 class TrackHold:
@@ -457,11 +460,12 @@ def _neighbours(
     middle = 0.5 * (lag.min() + lag.max())
     centre = expected[:, 0::2] + middle * expected[:, 1::2]
     reach = np.zeros(len(expected))
+    gate = filtering.gate_reach(GATE_PROBABILITY, detections)
     for _, state, covariance in motion.modes():
         spread = filtering.position_covariance_after(covariance, np.full(len(state), middle))
         sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
         offset = state[:, 0::2] + middle * state[:, 1::2] - centre
-        of_mode = 1.1 * gate_factor(GATE_PROBABILITY) * sigma + np.hypot(*offset.T)
+        of_mode = 1.1 * gate * sigma + np.hypot(*offset.T)
         of_mode += np.hypot(state[:, 1], state[:, 3]) * np.ptp(lag)
         reach = np.maximum(reach, of_mode)
     count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
@@ -491,10 +495,17 @@ def _associated(
     # Each detection at its own time; their covariance is that at the nearest one's.
     own_lag = (detections["time"][row] - stamp)[:, None]
     innovation = detections["position"][row] - state[owner, 0::2] - own_lag * state[owner, 1::2]
-    density, distance = filtering.log_density(innovation, spread[owner])
-    inside = distance <= gate_factor(GATE_PROBABILITY) ** 2
-    likelihood = np.where(inside, np.exp(density), 0.0)
-    return Association(innovation, likelihood, lag, spread)
+    found, own_step = detections[row], own_lag[:, 0]
+    density = filtering.log_likelihood(
+        state, covariance, owner, own_step, innovation, spread[owner], found, GATE_PROBABILITY
+    )
+    updated = None
+    if range_rates.measured(found).any():
+        placed = filtering.update(
+            state[owner], covariance[owner], own_step, innovation, spread[owner]
+        )
+        updated = range_rates.update(*placed, own_step, found)
+    return Association(innovation, np.exp(density), lag, spread, updated)
 
 
 def _mixed(
@@ -507,9 +518,11 @@ def _mixed(
     """Mean and covariance of each track over which detection, if any, is the target's.
 
     ``x + K v``, ``P - (1 - beta_0) K S K' + K (sum_j beta_j v_j v_j' - v v') K'`` with
-    ``v = sum_j beta_j v_j``.
+    ``v = sum_j beta_j v_j``; with range rates the mixture of the states updated by each.
     """
     n = len(state)
+    if found.updated is not None:
+        return _symmetric(*_mixture(state, covariance, near, found.updated, weight))
     x, y = found.innovation.T
     parts = (np.ones_like(x), x, y, x * x, x * y, y * y)
     some, *sums = (np.bincount(near.owner, weight * part, minlength=n) for part in parts)
@@ -518,7 +531,31 @@ def _mixed(
     gain = filtering.gain(covariance, found.lag, found.spread)
     change = square - mean[:, :, None] * mean[:, None, :] - some[:, None, None] * found.spread
     state = state + (gain @ mean[..., None])[..., 0]
-    covariance = covariance + gain @ change @ np.swapaxes(gain, 1, 2)
+    return _symmetric(state, covariance + gain @ change @ np.swapaxes(gain, 1, 2))
+
+
+def _mixture(
+    state: FloatArray,
+    covariance: FloatArray,
+    near: Neighbours,
+    updated: tuple[FloatArray, FloatArray],
+    weight: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance of each track as it is, and as each detection of a weight makes it.
+
+    ``x + m``, ``beta_0 P + sum_j beta_j (P_j + d_j d_j') - m m'`` with ``d_j = x_j - x`` and
+    ``m = sum_j beta_j d_j``.
+    """
+    after, spread = updated
+    moved = after - state[near.owner]
+    spread = spread - covariance[near.owner] + moved[:, :, None] * moved[:, None, :]
+    mean, change = np.zeros_like(state), np.zeros_like(covariance)
+    np.add.at(mean, near.owner, weight[:, None] * moved)
+    np.add.at(change, near.owner, weight[:, None, None] * spread)
+    return state + mean, covariance + change - mean[:, :, None] * mean[:, None, :]
+
+
+def _symmetric(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     # Rounding must not make it asymmetric, a part that would grow from scan to scan, or indefinite.
     covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
     covariance[:, range(4), range(4)] *= 1.0 + ROUNDING

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import filtering, splitting
+from tsepm_ros import filtering, range_rates, splitting
 from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.paths import Paths
 from tsepm_ros.sensor import SensorModel
@@ -88,7 +88,7 @@ class Hypotheses(Paths):
         drift = major_sigma(self.covariance[:, 1::2, 1::2])
         sigma = np.hypot(spread + lag * drift, GATE_MARGIN * error)
         speed = np.hypot(self.state[:, 1], self.state[:, 3])
-        radius = splitting.gate_factor(gate_probability) * sigma + lag * speed
+        radius = filtering.gate_reach(gate_probability, detections) * sigma + lag * speed
         return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
 
     def innovations(
@@ -130,12 +130,16 @@ class Hypotheses(Paths):
         stamp: float,
         sensor: SensorModel,
     ) -> Hypotheses:
-        """The children of hypotheses and detections, with their scores; as in `innovations`."""
+        """The children of hypotheses and detections, with their scores; as in `innovations`.
+
+        The position comes first, then the range rate, where there is one.
+        """
         lag, innovation, spread = self.innovations(parent, found, stamp, sensor)
         children = self.extended(parent, ids)
         state, covariance = filtering.update(
             children.state, children.covariance, lag, innovation, spread
         )
+        state, covariance = range_rates.update(state, covariance, lag, found)
         return replace(children, state=state, covariance=covariance, score=score)
 
     def best_of_last_hit(self, number: int) -> BoolArray:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros import range_rates
 from tsepm_ros.conversion import convert
 from tsepm_ros.holding import TrackHold
 from tsepm_ros.limits import TimeLimit
@@ -310,8 +311,9 @@ class Initiator(ABC):
         return np.where(covered, self.detection_probability, 0.0)
 
     def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
-        """Clutter density at each detection, 1/m^2."""
-        return np.full(len(detections), self.sensor.clutter_density)
+        """Clutter density at each detection, 1/m^2; times that of its range rate, s/m."""
+        rates = range_rates.clutter_density(detections, self.sensor)
+        return self.sensor.clutter_density * rates
 
     def _existence(self, tracks: TrackArrays) -> FloatArray:
         """Probability that the target of each newly confirmed track exists, (n,)."""

@@ -20,6 +20,10 @@ from tsepm_ros.scan import LARGEST, checked_covariance
 FloatArray = NDArray[np.float64]
 
 
+RATE_SPAN = 2.0
+"""Time over which poses are compared for the sensor's velocity, s."""
+
+
 class Coverage(enum.Enum):
     """Whether a history can answer for a span of time."""
 
@@ -294,6 +298,39 @@ class PoseHistory:
             ahead = (times[beyond] - newest.stamp)[:, None]
             poses[beyond, :3] = values[-1, :3] + ahead * np.array(newest.rates)
         return poses
+
+    def rates(self, times: FloatArray) -> FloatArray:
+        """Velocities and rates of the yaw at the given times, in the fixed frame.
+
+        The difference of the poses over `RATE_SPAN`, less where the history ends: a twist that a
+        source leaves at 0 does no harm. Of a single sample its rates are taken.
+
+        Parameters
+        ----------
+        times : (n,) ndarray
+            s.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            vx, vy in m/s and rad/s; 0 where nothing is known.
+        """
+        times, half = np.asarray(times, float), 0.5 * RATE_SPAN
+        if not self._samples or not times.size:
+            return np.zeros((len(times), 3))
+        first, last = self._samples[0].stamp, self._samples[-1].stamp
+        if first == last:
+            return np.tile(self._samples[0].rates or (0.0, 0.0, 0.0), (len(times), 1))
+        begin = np.clip(times - half, first, max(last - half, first))
+        end = np.clip(times + half, min(first + half, last), last)
+        samples = self._bracket(float(begin.min()), float(end.max()))
+        stamps = [sample.stamp for sample in samples]
+        yaws = np.unwrap([sample.yaw for sample in samples])
+        changes = [
+            np.interp(end, stamps, along) - np.interp(begin, stamps, along)
+            for along in ([sample.x for sample in samples], [sample.y for sample in samples], yaws)
+        ]
+        return np.stack(changes, axis=-1) / (end - begin)[:, None]
 
     def covariance(self, time: float) -> FloatArray | None:
         """Pose covariance of the sample nearest to a time (s); None if unknown."""

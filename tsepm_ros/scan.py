@@ -17,6 +17,7 @@ LARGEST = {
     "azimuth_std": math.pi,  # rad
     "time_offset": 1e6,  # s
     "sensor_pose": 1e9,  # m, rad
+    "sensor_velocity": 1e6,  # m/s
 }
 """Largest magnitudes that are taken: beyond, a number is a fault, and its square could overflow."""
 
@@ -46,12 +47,15 @@ class Scan:
         Time after `stamp` for which each detection's position is valid, s; 0 if not given.
     features : mapping of str to (n,) array_like, optional
         Further measurements by name: intensity, range_width (m), azimuth_width (rad),
-        range_rate (m/s).
+        range_rate (m/s, above 0 where the range grows, against the moving sensor; nan: none).
     sensor_pose : (3,) or (n, 3) array_like, optional
         Pose (x, y, yaw) of the sensor in the fixed frame, m and rad: one for the scan, or one per
         detection. At the origin if not given.
     sensor_pose_covariance : (3, 3) array_like, optional
         Covariance of the sensor pose. The error is common to all detections of the scan.
+    sensor_velocity : (2,) or (n, 2) array_like, optional
+        Velocity of the sensor in the fixed frame, m/s, at the time of the scan, or of each
+        detection's position: range rates are measured against it. At rest if not given.
 
     Raises
     ------
@@ -68,6 +72,7 @@ class Scan:
     features: Mapping[str, FloatArray] = field(default_factory=dict)
     sensor_pose: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0)
     sensor_pose_covariance: FloatArray | None = None
+    sensor_velocity: FloatArray | tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         values: dict[str, object] = {"stamp": _stamp(self.stamp)}
@@ -99,6 +104,10 @@ class Scan:
             values["sensor_pose_covariance"] = checked_covariance(
                 "sensor_pose_covariance", self.sensor_pose_covariance
             )
+        velocity = _numbers("sensor_velocity", self.sensor_velocity)
+        values["sensor_velocity"] = _bounded(
+            "sensor_velocity", velocity, (2,) if velocity.shape == (2,) else (n, 2)
+        )
         for name, value in values.items():
             object.__setattr__(self, name, value)
 

@@ -61,6 +61,22 @@ class SensorModel:
     clutter_density: float = parameter(
         1e-6, "Expected false detections per scan and square metre", unit="1/m^2", positive=True
     )
+    range_rate_std: float = parameter(
+        0.0,
+        "Standard deviation of the range rate that detections may have; 0: range rates are not "
+        "used",
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e4,
+    )
+    clutter_range_rate: float = parameter(
+        3.0,
+        "Half of the false detections have a range rate over ground within plus or minus this "
+        "(Cauchy distribution), where range rates are used",
+        unit="m/s",
+        positive=True,
+        maximum=1e4,
+    )
 
     def __post_init__(self) -> None:
         check_group(self)

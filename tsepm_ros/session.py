@@ -609,6 +609,7 @@ class Session:
                 heading=heading,
             ),
             sensor_pose_covariance=self._pose_covariance(covariance, scan.stamp, heading),
+            sensor_velocity=self._sensor_velocity(scan),
         )
 
     def _say_of_mounting(self, frame_id: str) -> None:
@@ -623,6 +624,18 @@ class Session:
     def _sensor_poses(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses of the sensor at some times (s), (n, 3)."""
         return self._settings.mounting.sensor_poses(self._poses.poses_with_attitude(times))
+
+    def _sensor_velocity(self, scan: Scan) -> NDArray[np.float64]:
+        """Velocity of the sensor when each echo was reflected, m/s, (n, 2), or (2,) for all."""
+        if "range_rate" not in scan.features:
+            return np.zeros(2)
+        times = scan.stamp + (np.zeros(1) if scan.time_offset is None else scan.time_offset)
+        rates = self._poses.rates(times)
+        velocity = rates[:, :2]
+        if self._settings.mounting.offset:
+            arm = self._sensor_poses(times)[:, :2] - self._poses.poses(times)[:, :2]
+            velocity = velocity + rates[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        return velocity[0] if scan.time_offset is None else velocity
 
     def _pose_covariance(
         self, covariance: NDArray[np.float64] | None, stamp: float, heading: bool

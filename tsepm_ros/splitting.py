@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from tsepm_ros import range_rates
 from tsepm_ros.limits import keep_best
 
 BoolArray = NDArray[np.bool_]
@@ -69,6 +70,8 @@ def gate(
 
     ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax``: a target that was at hit i can have
     moved that far, k scan intervals T later, and sigma_Rmax is the major axis of hit i's error.
+    Where both have range rates that are used, these must agree with each other and with the step
+    along the line of sight, within the same probability (`range_rates.agree`).
 
     Parameters
     ----------
@@ -87,7 +90,7 @@ def gate(
         A row per last hit.
     """
     margin = gate_factor(probability) * last_hits["major_sigma"]
-    return gate_within(last_hits, detections, max_speed, margin)
+    return gate_within(last_hits, detections, max_speed, margin, gate_factor(probability) ** 2)
 
 
 def gate_within(
@@ -95,10 +98,11 @@ def gate_within(
     detections: NDArray[np.void],
     max_speed: float,
     margin: FloatArray,
+    range_rate_gate: float = math.inf,
 ) -> Gated:
     """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
 
-    See `gate`.
+    Range rates gate where `range_rate_gate` is finite. See `gate`.
     """
     n_gates = len(last_hits)
     if n_gates == 0 or len(detections) == 0:
@@ -115,6 +119,11 @@ def gate_within(
     step = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(step[:, 0], step[:, 1]) <= max_speed * elapsed + margin[owner]
+    if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
+        near = np.flatnonzero(inside)
+        inside[near] = range_rates.agree(
+            last_hits[owner[near]], detections[candidate[near]], max_speed, range_rate_gate
+        )
     start = np.zeros(n_gates + 1, np.int64)
     np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
     claimed = np.zeros(len(detections), bool)

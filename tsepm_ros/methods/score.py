@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import design, evidence, filtering, pruning, splitting
+from tsepm_ros import design, evidence, filtering, pruning, range_rates
 from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, fit, mixture
@@ -135,6 +135,7 @@ class Score(Initiator):
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""
         self._window = DetectionWindow()
+        self._has_range_rates = False
         self._hypotheses = Hypotheses.none(self.options.window)
         self._taken = np.zeros(0, np.int64)
         self._counts: deque[int] = deque(maxlen=MEMORY)
@@ -163,6 +164,7 @@ class Score(Initiator):
         interval = scan.stamp - self._now if follows else 0.0
         detections = self._receive(scan)
         ids = self._window.append(detections)
+        self._has_range_rates = bool(range_rates.measured(detections).any())
         clutter = self._clutter_density(detections)
         clutter_share = clutter / (clutter + self._explained)
         self._clutter_map.update(*self._polar, clutter_share)
@@ -207,6 +209,8 @@ class Score(Initiator):
             density = float(np.median(self._clutter_map.at(*self._polar)))
             coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
             sensor = replace(sensor, clutter_density=coarse)
+        if not self._has_range_rates:
+            sensor = replace(sensor, range_rate_std=0.0)
         plan = design.score_plan(
             sensor,
             max_speed=self.common.max_speed,
@@ -227,10 +231,11 @@ class Score(Initiator):
         return self._clutter_map.mean
 
     def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
-        """Clutter density at each detection, 1/m^2."""
+        """See `Initiator._clutter_density`."""
         if self.options.clutter == "given":
             return super()._clutter_density(detections)
-        return self._clutter_map.at(*self._polar)
+        rates = range_rates.clutter_density(detections, self.sensor)
+        return self._clutter_map.at(*self._polar) * rates
 
     def _existence(self, tracks: TrackArrays) -> FloatArray:
         """Posterior probability of each track, with the prior that `TARGETS_PER_HOUR` appear.
@@ -347,11 +352,19 @@ class Score(Initiator):
         clutter: FloatArray,
     ) -> FloatArray:
         """Score of each child; -inf outside the gate."""
-        _, innovation, spread = predicted.innovations(parent, found, self._now, self.sensor)
-        density, distance = filtering.log_density(innovation, spread)
+        lag, innovation, spread = predicted.innovations(parent, found, self._now, self.sensor)
+        density = filtering.log_likelihood(
+            predicted.state,
+            predicted.covariance,
+            parent,
+            lag,
+            innovation,
+            spread,
+            found,
+            self.options.gate_probability,
+        )
         gain = evidence.hit_gain(density, self.detection_probability, clutter)
-        gate = splitting.gate_factor(self.options.gate_probability) ** 2
-        return np.where(distance <= gate, predicted.score[parent] + gain, -np.inf)
+        return predicted.score[parent] + gain
 
     def _miss(self, predicted: Hypotheses) -> Hypotheses:
         """The branches of all hypotheses that leave the scan out."""
@@ -365,7 +378,8 @@ class Score(Initiator):
         """Start a hypothesis from every detection.
 
         The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
-        axis. A detection that a held target explains starts as far below 0.
+        axis; the first range rate, if there is one, tells it along the line of sight, and speaks
+        for a target or against it. A detection that a held target explains starts as far below 0.
         """
         n = len(ids)
         path = starting(ids, self.scan_index, self.options.window)
@@ -373,11 +387,17 @@ class Score(Initiator):
         state[:, 0::2] = detections["position"]
         covariance[:, 0::2, 0::2] = detections["covariance"]
         covariance[:, [1, 3], [1, 3]] = self.common.max_speed**2 / 4.0
+        state, covariance, gain = range_rates.begun(state, covariance, detections, self.sensor)
         # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
         lag = detections["time"] - self._now
         state, covariance = filtering.predict(state, covariance, -lag)
         return Hypotheses(
-            path.hits, path.hit_count, path.first_scan, state, covariance, np.log(clutter_share)
+            path.hits,
+            path.hit_count,
+            path.first_scan,
+            state,
+            covariance,
+            np.log(clutter_share) + gain,
         )
 
     def _target_share(self, updated: Hypotheses, ids: IntArray) -> FloatArray:

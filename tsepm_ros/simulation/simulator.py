@@ -64,6 +64,8 @@ class Simulator:
             state for area in scenario.areas for state in area.draw(self._rng, scenario.duration)
         ]
         self.targets = [*scenario.targets, *drawn]
+        # Beside the other draws: the same seed gives the same positions with range rates.
+        self._rate_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
 
     def __iter__(self) -> Iterator[SimulatedScan]:
         """Draw the scans one by one."""
@@ -90,6 +92,11 @@ class Simulator:
         ranges, azimuths, origin = ranges[order], azimuths[order], origin[order]
         speed = self.scenario.sound_speed
         offsets = ranges / speed if speed > 0 else None
+        own_ship, features, moving = self.scenario.own_ship, {}, np.zeros(2)
+        if self.scenario.sensor.range_rate_std > 0.0:
+            delay = np.zeros(len(ranges)) if offsets is None else offsets
+            moving = np.array([own_ship.rates(time + one)[:2] for one in delay]).reshape(-1, 2)
+            features["range_rate"] = self._range_rates(time, delay, azimuths, origin, moving)
         last = 0.0 if offsets is None or not len(offsets) else 2.0 * float(offsets.max())
         return SimulatedScan(
             scan=Scan(
@@ -97,7 +104,9 @@ class Simulator:
                 range=ranges,
                 azimuth=azimuths,
                 time_offset=offsets,
-                sensor_pose=self.scenario.own_ship.pose(time),
+                features=features,
+                sensor_pose=own_ship.pose(time),
+                sensor_velocity=moving,
             ),
             origin=origin,
             truth=self.truth(time),
@@ -119,6 +128,33 @@ class Simulator:
         if measured <= 0:
             return None
         return measured, azimuth + errors[1] * sensor.azimuth_std, index
+
+    def _range_rates(
+        self,
+        time: float,
+        delay: FloatArray,
+        azimuths: FloatArray,
+        origin: NDArray[np.int64],
+        moving: FloatArray,
+    ) -> FloatArray:
+        """Range rates of the scan's detections, (n,), m/s, to first order in speed over sound's.
+
+        A target's is the rate of the mean of both legs, with an error; clutter's is drawn over
+        ground, with the line of sight as measured. `moving` is the sensor's velocity (n, 2) when
+        each echo was reflected, `delay` (n,) after the ping, s.
+        """
+        sensor, own_ship = self.scenario.sensor, self.scenario.own_ship
+        yaw = np.array([own_ship.pose(time + 2.0 * one)[2] for one in delay])
+        sight = np.stack([np.cos(azimuths + yaw), np.sin(azimuths + yaw)], axis=1)
+        errors = sensor.range_rate_std * self._rate_rng.standard_normal(len(delay))
+        over_ground = sensor.clutter_range_rate * self._rate_rng.standard_cauchy(len(delay))
+        rates = over_ground - (sight * moving).sum(axis=1)
+        for row in np.flatnonzero(origin != CLUTTER):
+            state = self.targets[origin[row]]
+            there = state[0::2] + state[1::2] * (time + delay[row])
+            away = there - own_ship.pose(time + delay[row])[:2]
+            rates[row] = (state[1::2] - moving[row]) @ away / np.hypot(*away) + errors[row]
+        return rates
 
     def _echo(self, state: FloatArray, time: float) -> tuple[float, float]:
         """True range (mean of both legs) and azimuth (against the heading at arrival).
