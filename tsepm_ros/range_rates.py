@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 
 LEAST_DISTANCE = 1e-3
 """Distance from the sensor below which the line of sight is not turned any faster, m."""
-PASSES = 3
+PASSES = 2
 """Linearisations of a fit."""
 
 
@@ -103,10 +103,6 @@ def innovations(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """How far range rates are from those of states that know the detections' positions already.
 
-    To second order in what couples position and velocity across the line of sight, whose errors
-    turn u by ``dp / r`` and multiply the velocity's there: with variances P_pp, P_vv and P_pv the
-    mean is larger by ``P_pv / r`` and the variance by ``(P_pp P_vv + P_pv^2) / r^2``.
-
     Parameters
     ----------
     state : (n, 4) ndarray
@@ -129,16 +125,48 @@ def innovations(
     rate, by_position, sight = expected(detections, position, velocity)
     row = _rows(lag, by_position, sight)
     cross = (covariance @ row[..., None])[..., 0]
-    _, distance = _line_of_sight(detections, position)
-    across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1)
-    turning = _rows(lag, across, np.zeros_like(across))
-    moving = _rows(np.zeros_like(lag), np.zeros_like(across), across)
-    turned, moved = (np.einsum("nij,nj->ni", covariance, one) for one in (turning, moving))
-    both = (turning * moved).sum(axis=1)
-    product = (turning * turned).sum(axis=1) * (moving * moved).sum(axis=1) + both**2
+    shift, curvature = _curvature(
+        covariance, lag[:, None], sight[:, None], _line_of_sight(detections, position)[1][:, None]
+    )
     spread = (row * cross).sum(axis=1) + np.square(detections["range_rate_std"])
-    spread = spread + product / distance**2
-    return detections["range_rate"] - rate - both / distance, spread, cross
+    return detections["range_rate"] - rate - shift[:, 0], spread + curvature[:, 0, 0], cross
+
+
+def _curvature(
+    covariance: FloatArray, tau: FloatArray, sight: FloatArray, distance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What linear range rates leave out: their mean and covariance, to second order.
+
+    Across the line of sight an error dp of the position turns u by ``dp / r``, which takes in the
+    error dv of the velocity there: ``dp dv / r``. With the covariances A of the dp, B of the dv
+    and C between them, at m times, the means are ``C_ii / r_i`` and the covariances
+    ``(A_ij B_ij + C_ij C_ji) / (r_i r_j)`` (Bar-Shalom, Li, Kirubarajan 2001, section 10.3.2).
+
+    Parameters
+    ----------
+    covariance : (n, 4, 4) ndarray
+        Of the states.
+    tau : (n, m) ndarray
+        Times after the states', s.
+    sight : (n, m, 2) ndarray
+        u.
+    distance : (n, m) ndarray
+        r, m.
+
+    Returns
+    -------
+    mean : (n, m) ndarray
+        m/s.
+    covariance : (n, m, m) ndarray
+        m^2/s^2.
+    """
+    across = np.stack([-sight[..., 1], sight[..., 0]], axis=-1) / np.sqrt(distance)[..., None]
+    turning, moving = _rows(tau, across, 0.0 * across), _rows(0.0 * tau, 0.0 * across, across)
+    to_position = turning @ covariance
+    a = to_position @ np.swapaxes(turning, 1, 2)
+    c = to_position @ np.swapaxes(moving, 1, 2)
+    b = moving @ covariance @ np.swapaxes(moving, 1, 2)
+    return np.diagonal(c, axis1=1, axis2=2), a * b + c * np.swapaxes(c, 1, 2)
 
 
 def _rows(lag: FloatArray, by_position: FloatArray, by_velocity: FloatArray) -> FloatArray:
@@ -222,11 +250,16 @@ def fitted(
     """States fitted to positions, fitted to the hits' range rates too.
 
     What the positions say, X_0 with P_0, counts as one measurement, the range rates z with S as
-    others; with h(X) = z expected and J its gradient, in passes::
+    others. In passes they are linearised over the state's own uncertainty (posterior
+    linearisation; Garcia-Fernandez et al., "Posterior linearization filter", IEEE Trans. Signal
+    Process. 63(20), 2015), J the gradient at X, and what this leaves out, of mean m and covariance
+    W (`_curvature`), is noise::
 
-        K = P_0 J' (J P_0 J' + S)^-1,    X <- X_0 + K (z - h(X) - J (X_0 - X)),    P = P_0 - K J P_0
+        K = P_0 J' (J P_0 J' + S + W)^-1
+        X <- X_0 + K (z - h(X) - m - J (X_0 - X)),    P <- P_0 - K J P_0
 
-    which is Gauss-Newton on all of them.
+    Without W this were Gauss-Newton, whose P is too small where range rates are good enough to
+    tell the speed across the line of sight by how fast that turns.
 
     Parameters
     ----------
@@ -249,21 +282,24 @@ def fitted(
     first, before = state[rows], covariance[rows]
     # A hit without a range rate has a row of zeros, whose variance does not matter.
     noise = np.where(has, np.square(hits["range_rate_std"]), 1.0)[..., None] * np.eye(has.shape[1])
-    current = first
+    both = has[:, :, None] & has[:, None, :]
+    current, spread = first, before
     for _ in range(PASSES):
         velocity = np.broadcast_to(current[:, None, 1::2], (*tau.shape, 2))
         position = current[:, None, 0::2] + tau[..., None] * velocity
         rate, by_position, sight = expected(hits, position, velocity)
+        mean, left_out = _curvature(spread, tau, sight, _line_of_sight(hits, position)[1])
         jacobian = _rows(tau, by_position, sight) * has[..., None]
         cross = before @ np.swapaxes(jacobian, 1, 2)
-        gain = cross @ np.linalg.inv(jacobian @ cross + noise)
-        misfit = np.where(has, hits["range_rate"] - rate, 0.0)[..., None]
+        gain = cross @ np.linalg.inv(jacobian @ cross + noise + left_out * both)
+        misfit = np.where(has, hits["range_rate"] - rate - mean, 0.0)[..., None]
         misfit = misfit - jacobian @ (first - current)[..., None]
         current = first + (gain @ misfit)[..., 0]
-    after = before - gain @ np.swapaxes(cross, 1, 2)
+        spread = before - gain @ np.swapaxes(cross, 1, 2)
+        spread = 0.5 * (spread + np.swapaxes(spread, 1, 2))
     state, covariance = state.copy(), covariance.copy()
     state[rows] = current
-    covariance[rows] = 0.5 * (after + np.swapaxes(after, 1, 2))
+    covariance[rows] = spread
     return state, covariance
 
 
