@@ -16,6 +16,7 @@ def cramer_rao(
     sensor_positions: ArrayLike,
     sensor: SensorModel,
     stamp: float,
+    relative_velocities: ArrayLike | None = None,
 ) -> FloatArray:
     """Cramer-Rao bound of the state ``[x, vx, y, vy]`` from ranges and azimuths.
 
@@ -26,7 +27,8 @@ def cramer_rao(
         I = sum_i dr dr' (1/v + (dv/dr)^2 / (2 v^2)) + da da' / s_a^2
 
     with dr and da the gradients of range and azimuth by the state. The second term is what a range
-    error tells by its size, its variance v growing with range.
+    error tells by its size, its variance v growing with range. A range rate c adds
+    ``dc dc' / s_c^2``.
 
     Parameters
     ----------
@@ -40,6 +42,9 @@ def cramer_rao(
         Range and azimuth errors.
     stamp : float
         Time of the state, s.
+    relative_velocities : (..., m, 2) array_like, optional
+        The target's velocity less the sensor's at each hit, m/s: hits have range rates, with the
+        sensor's `range_rate_std` unless that is 0.
 
     Returns
     -------
@@ -68,5 +73,12 @@ def cramer_rao(
     motion = np.stack([np.ones_like(tau), tau], axis=-1)
     root = directions[..., None] * motion[..., None, None, :]  # (..., m, 2, axis, derivative)
     root = root.reshape(*root.shape[:-4], -1, 4)
-    bound = np.linalg.inv(np.swapaxes(root, -1, -2) @ root)
+    information = np.swapaxes(root, -1, -2) @ root
+    if relative_velocities is not None and sensor.range_rate_std > 0.0:
+        turning = (across * np.asarray(relative_velocities, float)).sum(axis=-1) / range_
+        rates = (turning[..., None] * across)[..., None] * motion[..., None, :]
+        rates[..., 1] += along
+        rates = rates.reshape(*rates.shape[:-2], 4) / sensor.range_rate_std
+        information = information + np.swapaxes(rates, -1, -2) @ rates
+    bound = np.linalg.inv(information)
     return bound.astype(np.float64, copy=False)

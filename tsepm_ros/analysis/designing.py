@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros import design
 from tsepm_ros.analysis.intervals import Estimate
@@ -27,6 +28,8 @@ from tsepm_ros.evidence import LARGEST_DETECTION_PROBABILITY, miss_gain
 from tsepm_ros.methods.score import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.splitting import gate_factor
+
+FloatArray = NDArray[np.float64]
 
 WINDOWS = (8, 12, 16, 24, 32, 48, 64)
 RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
@@ -130,13 +133,38 @@ def worth(case: Case, gate_probability: float) -> Worth:
     edge = 0.5 * gate_factor(gate_probability) ** 2  # d^2 / 2 is uniform in a gate of clutter
     clutter = rng.poisson(edge * size * sensor.clutter_density, PINGS)
     owner = np.repeat(np.arange(PINGS), clutter)
-    likelihood = np.bincount(owner, np.exp(-edge * rng.random(len(owner))), minlength=PINGS)
+    own_rate, clutter_rate = _range_rate_ratios(case, owner)
+    likelihood = clutter_rate * np.exp(-edge * rng.random(len(owner)))
+    likelihood = np.asarray(np.bincount(owner, likelihood, minlength=PINGS), float)
     own = rng.exponential(1.0, PINGS)
     seen = (rng.random(PINGS) < probability) & (own <= edge)
-    likelihood += np.where(seen, np.exp(-own), 0.0)
+    likelihood += np.where(seen, own_rate * np.exp(-own), 0.0)
     scale = probability / (sensor.clutter_density * size)
     mean = float(np.log(math.exp(missed) + scale * likelihood).mean())
-    return Worth(hit=math.log(scale) - 1.0, miss=missed, scan=max(mean, 0.0))
+    hit = math.log(scale) - 1.0 + float(np.log(own_rate).mean())
+    return Worth(hit=hit, miss=missed, scan=max(mean, 0.0))
+
+
+def _range_rate_ratios(case: Case, owner: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """``N(e; 0, s^2) / p(c)`` of a target's range rates, (PINGS,), and of clutter's in its gate.
+
+    `owner` (n,) is the ping of each false detection. The target's speed is known, as its place is,
+    its heading any; all 1 where range rates are not used.
+    """
+    sensor = case.sensor
+    sigma, half = sensor.range_rate_std, sensor.clutter_range_rate
+    if not sigma:
+        return np.ones(PINGS), np.ones(len(owner))
+    rng = np.random.default_rng(2)
+    true = case.target_speed * np.cos(rng.uniform(-math.pi, math.pi, PINGS))
+
+    def ratio(rate: FloatArray, expected: FloatArray) -> FloatArray:
+        likely = np.exp(-0.5 * np.square((rate - expected) / sigma)) / math.sqrt(2.0 * math.pi)
+        density = half / (math.pi * (half**2 + np.square(rate)))
+        return np.asarray(likely / sigma / density)
+
+    own = ratio(true + sigma * rng.standard_normal(PINGS), true)
+    return own, ratio(half * rng.standard_cauchy(len(owner)), true[owner])
 
 
 def score_thresholds(

@@ -175,17 +175,26 @@ def start_bound(run: SimulatedRun, one: Judged) -> FloatArray:
     """
     if not one.pure or one.target == NO_TARGET or len({scan for scan, _ in one.track.hits}) < 2:
         return np.full((4, 4), np.nan)
-    times, sensors = zip(*(_echo(run, scan, row) for scan, row in one.track.hits), strict=True)
-    positions = [run.simulator.truth(time)[one.target, 0::2] for time in times]
-    return cramer_rao(positions, times, sensors, run.scenario.sensor, one.track.stamp)
+    echoes = (_echo(run, scan, row) for scan, row in one.track.hits)
+    times, sensors, velocities = zip(*echoes, strict=True)
+    states = np.array([run.simulator.truth(time)[one.target] for time in times])
+    return cramer_rao(
+        states[:, 0::2],
+        times,
+        sensors,
+        run.scenario.sensor,
+        one.track.stamp,
+        states[:, 1::2] - velocities,
+    )
 
 
-def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArray]:
-    """Time (s) of a detection, and where the sensor was for it, (2,)."""
+def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArray, FloatArray]:
+    """Time (s) of a detection, and where the sensor was for it and how it moved, (2,) each."""
     scan = run.scans[scan_index]
     offset = 0.0 if scan.time_offset is None else float(scan.time_offset[row])
     poses = np.broadcast_to(scan.sensor_pose, (len(scan), 3))
-    return scan.stamp + offset, poses[row, :2]
+    velocities = np.broadcast_to(scan.sensor_velocity, (len(scan), 2))
+    return scan.stamp + offset, poses[row, :2], velocities[row]
 
 
 def _scan_record(run: SimulatedRun, index: int, false: int) -> ScanRecord:
