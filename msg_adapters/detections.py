@@ -134,10 +134,11 @@ class ReadingOptions:
 
 Adapter = Callable[[Any, ReadingOptions], DetectionMessage]
 
-Writer = Callable[["Header", FloatArray, FloatArray, float], Any]
+Writer = Callable[..., Any]
 
 _adapters: dict[str, Adapter] = {}
 _writers: dict[str, Writer] = {}
+_range_rate_types: set[str] = set()
 
 
 def register(type_name: str) -> Callable[[Adapter], Adapter]:
@@ -156,11 +157,19 @@ def register(type_name: str) -> Callable[[Adapter], Adapter]:
     return decorate
 
 
-def register_writer(type_name: str) -> Callable[[Writer], Writer]:
-    """Register the decorated function as what `write_detections` calls for a message type."""
+def register_writer(
+    type_name: str, *, takes_range_rate: bool = False
+) -> Callable[[Writer], Writer]:
+    """Register the decorated function as what `write_detections` calls for a message type.
+
+    It is called with header, range, azimuth and sound_speed, and, if it takes one and one is
+    given, with range_rate.
+    """
 
     def decorate(writer: Writer) -> Writer:
         _writers[type_name] = writer
+        if takes_range_rate:
+            _range_rate_types.add(type_name)
         return writer
 
     return decorate
@@ -233,7 +242,13 @@ def with_echo_times(detections: DetectionMessage, sound_speed: float) -> Detecti
 
 
 def write_detections(
-    type_name: str, header: Header, *, range: FloatArray, azimuth: FloatArray, sound_speed: float
+    type_name: str,
+    header: Header,
+    *,
+    range: FloatArray,
+    azimuth: FloatArray,
+    sound_speed: float,
+    range_rate: FloatArray | None = None,
 ) -> Any:
     """Make a message of any supported type, as a sonar's driver would.
 
@@ -251,6 +266,8 @@ def write_detections(
         rad, counter-clockwise from ahead.
     sound_speed : float
         m/s; 0: the echoes arrive at once.
+    range_rate : (n,) ndarray, optional
+        m/s; left out where the type has no place for it.
 
     Returns
     -------
@@ -264,7 +281,10 @@ def write_detections(
         If the type cannot carry echoes that arrive at once.
     """
     message_class(type_name)
-    return _writers[type_name](header, range, azimuth, sound_speed)
+    writer = _writers[type_name]
+    if range_rate is None or type_name not in _range_rate_types:
+        return writer(header, range, azimuth, sound_speed)
+    return writer(header, range, azimuth, sound_speed, range_rate)
 
 
 def message_class(type_name: str) -> type:

@@ -185,13 +185,19 @@ def detections_cloud(
     return write_cloud(header, _points(fields, ()))
 
 
-@register_writer("sensor_msgs/msg/PointCloud2")
+@register_writer("sensor_msgs/msg/PointCloud2", takes_range_rate=True)
 def write_point_cloud(
-    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+    header: Header,
+    range: FloatArray,
+    azimuth: FloatArray,
+    sound_speed: float,
+    range_rate: FloatArray | None = None,
 ) -> PointCloud2:
     """Write everything, the times in `time_offset`."""
     times = range / sound_speed if sound_speed > 0.0 else np.zeros(len(range))
-    return detections_cloud(header, range=range, azimuth=azimuth, time_offset=times)
+    return detections_cloud(
+        header, range=range, azimuth=azimuth, time_offset=times, range_rate=range_rate
+    )
 
 
 def _with_xyz(fields: dict[str, FloatArray], azimuth: FloatArray) -> NDArray[np.void]:

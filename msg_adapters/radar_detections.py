@@ -66,11 +66,15 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessag
     )
 
 
-@register_writer("radar_msgs/msg/RadarScan")
+@register_writer("radar_msgs/msg/RadarScan", takes_range_rate=True)
 def write_radar_scan(
-    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
+    header: Header,
+    range: FloatArray,
+    azimuth: FloatArray,
+    sound_speed: float,
+    range_rate: FloatArray | None = None,
 ) -> RadarScan:
-    """Write the detections as returns in the horizontal plane, without Doppler and amplitude.
+    """Write the detections as returns in the horizontal plane, without amplitude.
 
     The travel times have no place in the message.
     """
@@ -78,9 +82,12 @@ def write_radar_scan(
 
     scan = RadarScan()
     scan.header = header
-    for distance, angle in zip(range.tolist(), azimuth.tolist(), strict=True):
+    doppler = np.full(len(range), math.nan) if range_rate is None else range_rate
+    for distance, angle, rate in zip(
+        range.tolist(), azimuth.tolist(), doppler.tolist(), strict=True
+    ):
         one = RadarReturn()
         one.range, one.azimuth = distance, angle
-        one.doppler_velocity = one.amplitude = math.nan
+        one.doppler_velocity, one.amplitude = rate, math.nan
         scan.returns.append(one)
     return scan

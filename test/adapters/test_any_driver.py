@@ -106,6 +106,26 @@ def test_without_times_an_echo_is_of_range_over_sound_speed_where_that_is_given(
 
 @pytest.mark.usefixtures("_installed")
 @EVERY_TYPE
+def test_range_rates_are_written_where_the_type_has_a_place_for_them(type_name):
+    rates = np.array([-2.5, 3.0])
+    message = write_detections(
+        type_name,
+        header_at(START),
+        range=np.array([100.0, 200.0]),
+        azimuth=np.array([0.5, -0.5]),
+        sound_speed=1500.0,
+        range_rate=rates,
+    )
+    found = read_detections(message)
+    assert len(found) == 2
+    if type_name.endswith(("PointCloud2", "RadarScan")):
+        np.testing.assert_array_equal(found.features["range_rate"], rates)
+    else:
+        assert "range_rate" not in found.features
+
+
+@pytest.mark.usefixtures("_installed")
+@EVERY_TYPE
 def test_a_written_message_may_have_no_detections(type_name):
     nothing = np.zeros(0)
     message = write_detections(

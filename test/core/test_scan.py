@@ -41,6 +41,8 @@ def test_a_scan_does_not_change_with_the_arrays_it_was_made_from():
 
 BAD = np.nan, np.inf, -np.inf
 BAD_VALUES = [
+    ("sensor_velocity", (math.nan, 0.0)),
+    ("sensor_velocity", (1e7, 0.0)),
     *[("stamp", value) for value in (*BAD, None, "soon", [1.0, 2.0])],
     *[("range", [100.0, value]) for value in (*BAD, 0.0, -0.0, -5.0, 1e9)],
     *[("azimuth", [0.1, value]) for value in BAD],
@@ -62,6 +64,8 @@ def test_a_bad_value_is_refused_by_its_field_s_name(name, value):
 
 
 BAD_SHAPES = [
+    ("sensor_velocity", [1.0, 2.0, 3.0]),
+    ("sensor_velocity", [[1.0, 2.0]]),
     ("range", [[100.0, 200.0]]),
     ("range", 100.0),
     ("range", None),

@@ -183,6 +183,16 @@ def test_scans_are_placed_where_the_ship_was_at_their_time():
     assert result.frame_id == "odom"
 
 
+@pytest.mark.parametrize("offset", [None, [1.0, 5.0]], ids=["at once", "echoes"])
+def test_scans_have_the_velocity_of_the_ship_at_their_detections_times(offset):
+    one = moving()
+    sail(one, 0.0, 100.0)
+    one.add_scan(arrived(Scan(30.0, [1500.0, 7500.0], [-0.5, 0.5], time_offset=offset)), 0.0)
+    (result,) = one.process(0.0)
+    expected = [2.0, 0.0] if offset is None else [[2.0, 0.0]] * 2
+    np.testing.assert_allclose(result.scan.sensor_velocity, expected, atol=1e-9)
+
+
 def test_echoes_are_placed_with_the_poses_of_their_sending_and_arrival():
     one = moving()
     sail(one, 0.0, 100.0)

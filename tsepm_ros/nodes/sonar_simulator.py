@@ -29,6 +29,7 @@ from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, Parame
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event, Playback
 from tsepm_ros.nodes.running import run
 from tsepm_ros.parameter_groups import SONAR_SIMULATOR, SimulatorNodeOptions
+from tsepm_ros.scan import Scan
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +45,7 @@ class SonarSimulator(Node):
         try:
             self._scenario = load_scenario(options.scenario)
             Simulator(self._scenario, options.seed)  # targets that cannot be drawn are found now
-            self._detections_of(0, np.zeros(0), np.zeros(0))
+            self._detections_of(0, Scan(0.0, np.zeros(0), np.zeros(0)))
         except MessageError as error:
             raise ParameterError(f"detections_type: {error}") from None
         except ValueError as error:
@@ -110,16 +111,17 @@ class SonarSimulator(Node):
         header = make_header(stamp_ns, self._options.fixed_frame)
         self._truth.publish(track_cloud(header, truth))
         self._truth_markers.publish(truth_markers(header, truth))
-        self._detections.publish(self._detections_of(stamp_ns, scan.range, scan.azimuth))
+        self._detections.publish(self._detections_of(stamp_ns, scan))
         self.get_logger().info(f"scan {index} of {number}: {len(scan)} detections")
 
-    def _detections_of(self, stamp_ns: int, range: FloatArray, azimuth: FloatArray) -> Any:
+    def _detections_of(self, stamp_ns: int, scan: Scan) -> Any:
         return write_detections(
             self._options.detections_type,
             make_header(stamp_ns, self._options.sensor_frame),
-            range=range,
-            azimuth=azimuth,
+            range=scan.range,
+            azimuth=scan.azimuth,
             sound_speed=self._scenario.sound_speed,
+            range_rate=scan.features.get("range_rate"),
         )
 
 

@@ -92,7 +92,8 @@ class Simulator:
         ranges, azimuths, origin = ranges[order], azimuths[order], origin[order]
         speed = self.scenario.sound_speed
         offsets = ranges / speed if speed > 0 else None
-        own_ship, features, moving = self.scenario.own_ship, {}, np.zeros(2)
+        own_ship, features = self.scenario.own_ship, {}
+        moving: FloatArray = np.zeros(2)
         if self.scenario.sensor.range_rate_std > 0.0:
             delay = np.zeros(len(ranges)) if offsets is None else offsets
             moving = np.array([own_ship.rates(time + one)[:2] for one in delay]).reshape(-1, 2)
