@@ -435,3 +435,19 @@ def test_a_held_track_keeps_its_velocity_by_range_rates():
         return math.sqrt(np.square(errors).mean())
 
     assert error(0.2) < 0.5 * error(0.0)
+
+
+@pytest.mark.parametrize("true", [0.5, 8.0])
+def test_an_unknown_spread_of_the_clutter_s_range_rates_is_learned(true):
+    # Given as 3 m/s: with 0.5 that would be 17 times as many false tracks, with 8 half as many.
+    # 40 are wished for; density and spread are both estimated.
+    sensor = SensorModel(range_rate_std=0.3, clutter_range_rate=true)
+    wish, scans = 100.0, 120
+    scene = Scenario(name="clutter", scans=scans + 10, sensor=sensor)
+    given = replace(sensor, clutter_range_rate=3.0)
+    options = {"false_tracks_per_hour": wish, "clutter": "estimated"}
+    initiator = make_initiator("score", sensor=given, **options)
+    confirmed = [len(initiator.process(one.scan)) for one in Simulator(scene, 7)]
+    rate = sum(confirmed[10:]) / (scans * 12.0 / 3600.0)
+    assert rate < 2 * wish
+    assert rate > 0.2 * wish, "it must not be deaf either"

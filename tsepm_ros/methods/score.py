@@ -49,6 +49,10 @@ TARGETS_PER_HOUR = 1.0
 LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
 """A confirmed track is held for a scan at the least."""
 SECONDS_PER_HOUR = 3600.0
+LEAST_RANGE_RATES = 20
+"""Detections whose range rates tell clutter's: below, the given figure counts."""
+LARGEST_RANGE_RATE = 1e4
+"""Median range rate of clutter that is taken, m/s."""
 BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
 MEMORY = 50
@@ -97,7 +101,8 @@ class ScoreOptions:
     clutter: str = parameter(
         "given",
         "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
-        "polar grid, also where clutter ends or changes within the sensor's coverage",
+        "polar grid, also where clutter ends or changes within the sensor's coverage, and the "
+        "median of its range rates, where they are used, over the last scans",
         choices=("given", "estimated"),
     )
     estimator: str = parameter(
@@ -130,6 +135,7 @@ class Score(Initiator):
     def reset(self) -> None:
         """See `Initiator.reset`."""
         self._clutter_map = ClutterMap(self.sensor)
+        self._range_rates: deque[FloatArray] = deque(maxlen=MEMORY)
         super().reset()
 
     def forget_potential_tracks(self) -> None:
@@ -164,7 +170,10 @@ class Score(Initiator):
         interval = scan.stamp - self._now if follows else 0.0
         detections = self._receive(scan)
         ids = self._window.append(detections)
-        self._has_range_rates = bool(range_rates.measured(detections).any())
+        rated = detections[range_rates.measured(detections)]
+        self._has_range_rates = len(rated) > 0
+        if len(rated):
+            self._range_rates.append(np.abs(range_rates.over_ground(rated)))
         clutter = self._clutter_density(detections)
         clutter_share = clutter / (clutter + self._explained)
         self._clutter_map.update(*self._polar, clutter_share)
@@ -208,7 +217,8 @@ class Score(Initiator):
         if self.options.clutter == "estimated" and len(self._polar[0]):
             density = float(np.median(self._clutter_map.at(*self._polar)))
             coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
-            sensor = replace(sensor, clutter_density=coarse)
+            half = 2.0 ** round(math.log2(self._sensor_of_clutter.clutter_range_rate))
+            sensor = replace(sensor, clutter_density=coarse, clutter_range_rate=half)
         if not self._has_range_rates:
             sensor = replace(sensor, range_rate_std=0.0)
         plan = design.score_plan(
@@ -234,8 +244,22 @@ class Score(Initiator):
         """See `Initiator._clutter_density`."""
         if self.options.clutter == "given":
             return super()._clutter_density(detections)
-        rates = range_rates.clutter_density(detections, self.sensor)
+        rates = range_rates.clutter_density(detections, self._sensor_of_clutter)
         return self._clutter_map.at(*self._polar) * rates
+
+    @property
+    def _sensor_of_clutter(self) -> SensorModel:
+        """The sensor, with the range rate of its clutter as given or estimated.
+
+        Estimated: the median over the last scans, once there are `LEAST_RANGE_RATES`.
+        """
+        if self.options.clutter == "given" or not self._range_rates:
+            return self.sensor
+        found = np.concatenate(self._range_rates)
+        if len(found) < LEAST_RANGE_RATES:
+            return self.sensor
+        half = max(float(np.median(found)), 0.5 * self.sensor.range_rate_std)
+        return replace(self.sensor, clutter_range_rate=min(half, LARGEST_RANGE_RATE))
 
     def _existence(self, tracks: TrackArrays) -> FloatArray:
         """Posterior probability of each track, with the prior that `TARGETS_PER_HOUR` appear.
@@ -387,7 +411,9 @@ class Score(Initiator):
         state[:, 0::2] = detections["position"]
         covariance[:, 0::2, 0::2] = detections["covariance"]
         covariance[:, [1, 3], [1, 3]] = self.common.max_speed**2 / 4.0
-        state, covariance, gain = range_rates.begun(state, covariance, detections, self.sensor)
+        state, covariance, gain = range_rates.begun(
+            state, covariance, detections, self._sensor_of_clutter
+        )
         # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
         lag = detections["time"] - self._now
         state, covariance = filtering.predict(state, covariance, -lag)
