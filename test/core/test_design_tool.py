@@ -96,6 +96,22 @@ def test_the_worth_of_a_ping_is_that_of_simulated_ones(density):
     assert worth.hit == pytest.approx(np.mean(hits), abs=0.05)
 
 
+def test_range_rates_add_their_information_to_the_worth_of_a_hit():
+    # Of a target at 5 m/s in any direction: the mean of ln(N(e) / p(c)), by integration.
+    blind = Case(sensor=SensorModel(clutter_range_rate=2.0), target_speed=5.0)
+    case = dataclasses.replace(blind, sensor=dataclasses.replace(blind.sensor, range_rate_std=0.2))
+    heading = np.linspace(0.0, 2.0 * math.pi, 2000, endpoint=False)
+    error = np.linspace(-1.2, 1.2, 601)
+    weight = np.exp(-0.5 * (error / 0.2) ** 2)
+    rate = 5.0 * np.cos(heading)[:, None] + error
+    clutter = np.log(2.0 / (math.pi * (4.0 + rate**2))).mean(axis=0)
+    own = -0.5 * math.log(2.0 * math.pi * math.e * 0.2**2)
+    expected = own - (weight * clutter).sum() / weight.sum()
+    gain = designing.worth(case, 0.99).hit - designing.worth(blind, 0.99).hit
+    assert gain == pytest.approx(expected, abs=0.02)  # 100 000 pings: 0.003
+    assert designing.worth(case, 0.99).scan > designing.worth(blind, 0.99).scan + 0.5
+
+
 def test_the_share_of_targets_that_pass_the_evaluation():
     gating = Gating(sensor=SensorModel(), max_speed=10.0, interval=12.0, gate_probability=0.9)
     shares = [
