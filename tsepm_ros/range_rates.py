@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.scan import Scan
+from tsepm_ros.scan import LARGEST, Scan
 from tsepm_ros.sensor import SensorModel
 
 BoolArray = NDArray[np.bool_]
@@ -27,14 +27,14 @@ PASSES = 2
 
 
 def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
-    """Note a scan's range rates with its detections, (n,), where they are used and finite."""
+    """Note a scan's range rates with its detections, (n,), where they are used and usable."""
     detections["sensor_velocity"] = scan.sensor_velocity
     rate = scan.features.get("range_rate")
     if rate is None or not sensor.range_rate_std:
         return
-    finite = np.isfinite(rate)
-    detections["range_rate"][finite] = rate[finite]
-    detections["range_rate_std"][finite] = sensor.range_rate_std
+    usable = np.abs(rate) <= LARGEST["range_rate"]  # and not nan
+    detections["range_rate"][usable] = rate[usable]
+    detections["range_rate_std"][usable] = sensor.range_rate_std
 
 
 def measured(detections: NDArray[np.void]) -> BoolArray:

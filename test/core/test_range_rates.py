@@ -348,7 +348,7 @@ OPTIONS = {"score": {"false_tracks_per_hour": 30.0}, "tsepm": {}, "multiple_mode
 
 
 @pytest.mark.parametrize("method", OPTIONS)
-@pytest.mark.parametrize("unused", ["parameter", "nan", "absent"])
+@pytest.mark.parametrize("unused", ["parameter", "nan", "absurd", "absent"])
 def test_range_rates_that_are_not_used_or_not_measured_change_nothing(method, unused):
     plain = make_initiator(
         method, sensor=replace(FEW.sensor, range_rate_std=0.0), **OPTIONS[method]
@@ -364,6 +364,7 @@ def test_range_rates_that_are_not_used_or_not_measured_change_nothing(method, un
         features = {
             "parameter": {"range_rate": rates},
             "nan": {"range_rate": np.full(len(scan), np.nan)},
+            "absurd": {"range_rate": np.resize([1e300, -np.inf, 2e6], len(scan))},
             "absent": {},
         }[unused]
         one = plain.process(replace(scan, features={}, sensor_velocity=(0.0, 0.0)))
