@@ -150,11 +150,17 @@ class Scene:
         """State of a start's target some pings later, (4,)."""
         return self.run.simulator.truth(self.run.scans[start.scan + ping].stamp)[start.target]
 
-    def own(self, start: Start, ping: int) -> tuple[NDArray[np.void], FloatArray]:
-        """The one or no detection of a start's target some pings later, and its lag, s."""
+    def measured(self, index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Positions of a scan's detections, their covariances, and their lags, s."""
+        found = self.detections[index]
+        return found["position"], found["covariance"], found["time"] - self.run.scans[index].stamp
+
+    def own(self, start: Start, ping: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """`measured` of the one or no detection of a start's target some pings later."""
         index = start.scan + ping
-        own = self.detections[index][self.run.origins[index] == start.target]
-        return own, own["time"] - self.run.scans[index].stamp
+        position, R, lag = self.measured(index)
+        own = self.run.origins[index] == start.target
+        return position[own], R[own], lag[own]
 
 
 def follow(seed: Sequence[int], method: str, noise: float) -> Followed:
@@ -194,10 +200,8 @@ def filtered(
     for ping in range(AFTER + 1):
         if ping:
             target.predict(scene.run.scenario.period, noise)
-            detection, lag = scene.own(start, ping)
-            for innovation, S in zip(
-                *target.innovations(detection, lag, scene.run.scenario.sensor), strict=True
-            ):
+            position, R, lag = scene.own(start, ping)
+            for innovation, S in zip(*target.innovations(position, R, lag), strict=True):
                 outside.append(nees(innovation, S) >= GATE)
                 target.update(innovation, S, lag[0])
         x, vx, y, vy = error = target.state - scene.truth(start, ping)
@@ -209,12 +213,12 @@ def in_clutter(
     scene: Scene, given: Callable[[FloatArray], FloatArray], noise: float
 ) -> tuple[list[float], list[bool]]:
     """Share of false detections taken by each start, and which are lost; all at once."""
-    tracker = NearestNeighbourTracker(scene.run.scenario.sensor, noise)
+    tracker = NearestNeighbourTracker(noise)
     taken: dict[int, list[bool]] = {start.track.track_id: [] for start in scene.starts}
     targets = {start.track.track_id: start.target for start in scene.starts}
     lost = {}
     for index, scan in enumerate(scene.run.scans):
-        for name, column in tracker.step(scan.stamp, scene.detections[index]).items():
+        for name, column in tracker.step(scan.stamp, *scene.measured(index)).items():
             taken[name].append(scene.run.origins[index][column] != targets[name])
         for start in scene.starts:
             name = start.track.track_id

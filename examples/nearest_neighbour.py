@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.conversion import covariance_at
+from tsepm_ros import ConfirmedTrack
 
 FloatArray = NDArray[np.float64]
 
@@ -42,18 +41,15 @@ class Target:
         self.covariance = F @ self.covariance @ F.T + Q
 
     def innovations(
-        self, detections: NDArray[np.void], lag: FloatArray, sensor: SensorModel
+        self, position: FloatArray, R: FloatArray, lag: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """What each detection is off, (n, 2), and the covariance of that, (n, 2, 2).
 
         An echo's position is valid some time `lag` (n,) after the ping, s: far ones later.
         """
         H = measurement_matrix(lag)
-        expected = H @ self.state
-        # The errors are those at the expected place, which is better known than the measured one.
-        R = covariance_at(detections, expected, sensor)
         S = H @ self.covariance @ np.swapaxes(H, 1, 2) + R
-        return detections["position"] - expected, S
+        return position - H @ self.state, S
 
     def update(self, innovation: FloatArray, S: FloatArray, lag: float) -> None:
         """Take a detection: ``K = P H' S^-1``, ``x + K d``, ``P - K S K'``."""
@@ -77,8 +73,6 @@ class NearestNeighbourTracker:
 
     Parameters
     ----------
-    sensor : SensorModel
-        Errors of the detections.
     noise : float, optional
         Spectral density of the targets' acceleration, m^2/s^3.
     max_misses : int, optional
@@ -91,8 +85,8 @@ class NearestNeighbourTracker:
     targets : dict of int to Target
     """
 
-    def __init__(self, sensor: SensorModel, noise: float = 0.01, max_misses: int = 4) -> None:
-        self.sensor, self.noise, self.max_misses = sensor, noise, max_misses
+    def __init__(self, noise: float = 0.01, max_misses: int = 4) -> None:
+        self.noise, self.max_misses = noise, max_misses
         self.clear()
 
     def clear(self) -> None:
@@ -105,15 +99,21 @@ class NearestNeighbourTracker:
         for track in tracks:
             self.targets[track.track_id] = Target(track.state, track.covariance)
 
-    def step(self, stamp: float, detections: NDArray[np.void]) -> dict[int, int]:
+    def step(
+        self, stamp: float, position: FloatArray, R: FloatArray, lag: FloatArray
+    ) -> dict[int, int]:
         """Carry all targets to a ping and give each its detection.
 
         Parameters
         ----------
         stamp : float
             The ping's, s.
-        detections : (n,) ndarray of DETECTION
-            From `tsepm_ros.conversion.convert`.
+        position : (n, 2) ndarray
+            Of the detections, m.
+        R : (n, 2, 2) ndarray
+            Covariance of these, m^2.
+        lag : (n,) ndarray
+            Time after the ping's stamp for which each is valid, s.
 
         Returns
         -------
@@ -122,14 +122,13 @@ class NearestNeighbourTracker:
         """
         step = stamp - self.stamp if self.targets else 0.0
         self.stamp = stamp
-        lag = detections["time"] - stamp
         targets = list(self.targets.values())
-        distance = np.full((len(targets), len(detections)), GATE)
+        distance = np.full((len(targets), len(position)), GATE)
         found = []
         for row, target in enumerate(targets):
             target.predict(step, self.noise)
             target.misses += 1
-            innovation, S = target.innovations(detections, lag, self.sensor)
+            innovation, S = target.innovations(position, R, lag)
             scaled = np.linalg.solve(S, innovation[..., None])[..., 0]
             distance[row] = np.minimum((innovation * scaled).sum(axis=1), GATE)
             found.append((innovation, S))

@@ -22,7 +22,11 @@ from msg_adapters.diagnostics import diagnostics
 from msg_adapters.errors import MessageError
 from msg_adapters.ground_truth import truth_markers, truth_tracks
 from msg_adapters.own_ship_odometry import OwnShipSample, odometry_message, read_own_ship
-from msg_adapters.placed_detections import placed_detections_cloud
+from msg_adapters.placed_detections import (
+    PlacedDetections,
+    placed_detections_cloud,
+    read_placed_detections,
+)
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.point_cloud_detections import detections_cloud
 from msg_adapters.recorded_scan import read_recorded_scan
@@ -43,6 +47,7 @@ __all__ = [
     "DetectionMessage",
     "MessageError",
     "OwnShipSample",
+    "PlacedDetections",
     "clear_markers",
     "detections_cloud",
     "diagnostics",
@@ -57,6 +62,7 @@ __all__ = [
     "read_detections",
     "read_fields",
     "read_own_ship",
+    "read_placed_detections",
     "read_recorded_scan",
     "read_track_cloud",
     "seconds_to_ns",

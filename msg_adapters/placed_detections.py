@@ -1,44 +1,123 @@
-"""Detections where they were placed in the fixed frame, for viewers that have no tf."""
+"""Detections where they were placed in the fixed frame, with their errors.
+
+For trackers, which need neither own ship nor sensor then, and for viewers that have no tf.
+
+============================ ======== =========================================================
+field                        datatype meaning
+============================ ======== =========================================================
+``x``, ``y``, ``z``          FLOAT32  position for viewers, m; z is 0
+``position_x``, ``_y``       FLOAT64  position, m, fixed frame
+``cov_xx``, ``_xy``, ``_yy`` FLOAT64  covariance of that position, m^2
+``time_offset``              FLOAT64  time after the stamp for which the position is valid, s
+the sensor's features        FLOAT32  those of `tsepm_ros.scan.FEATURES` that it gives
+============================ ======== =========================================================
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.point_cloud import write_cloud
+from msg_adapters.point_cloud import read_fields, write_cloud
+from tsepm_ros.scan import FEATURES
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
     from std_msgs.msg import Header
 
+FloatArray = NDArray[np.float64]
 
-def placed_detections_cloud(
-    header: Header,
-    position: NDArray[np.float64],
-    features: Mapping[str, NDArray[np.float64]],
-) -> PointCloud2:
-    """Build the cloud of a scan's detections as the tracks see them.
+PLACED_DTYPE = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z")),
+        *((name, "<f8") for name in ("position_x", "position_y", "cov_xx", "cov_xy", "cov_yy")),
+        ("time_offset", "<f8"),
+    ],
+    align=True,  # each float64 at a multiple of 8
+)
+"""One point of the cloud, but for the features, which follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedDetections:
+    """The n detections of a ping in the fixed frame.
+
+    Attributes
+    ----------
+    position : (n, 2) ndarray
+        m.
+    covariance : (n, 2, 2) ndarray
+        Of the position, m^2.
+    time_offset : (n,) ndarray
+        Time after the ping's stamp for which the position is valid, s.
+    features : mapping of str to (n,) ndarray
+        What the sensor gave besides.
+    """
+
+    position: FloatArray
+    covariance: FloatArray
+    time_offset: FloatArray
+    features: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+def placed_detections_cloud(header: Header, placed: PlacedDetections) -> PointCloud2:
+    """Build the cloud of a ping's detections as the tracks see them.
 
     Parameters
     ----------
     header : std_msgs.msg.Header
-        The fixed frame.
-    position : (n, 2) ndarray
-        m.
-    features : mapping of str to (n,) ndarray
-        What the sensor gave besides.
+        The fixed frame, and the ping's stamp.
+    placed : PlacedDetections
 
     Returns
     -------
     sensor_msgs.msg.PointCloud2
-        `x`, `y`, `z` = 0 and the features, all FLOAT32.
     """
-    points = np.zeros(len(position), [(name, "<f4") for name in ("x", "y", "z", *features)])
-    points["x"], points["y"] = position[:, 0], position[:, 1]
+    layout = [(name, PLACED_DTYPE[name]) for name in PLACED_DTYPE.names or ()]
+    layout += [(name, np.dtype("<f4")) for name in placed.features]
+    points = np.zeros(len(placed.position), np.dtype(layout, align=True))
+    points["position_x"], points["position_y"] = placed.position.T
+    points["cov_xx"] = placed.covariance[:, 0, 0]
+    points["cov_xy"] = placed.covariance[:, 0, 1]
+    points["cov_yy"] = placed.covariance[:, 1, 1]
+    points["time_offset"] = placed.time_offset
     with np.errstate(over="ignore"):  # what is beyond float32 becomes infinite
-        for name, values in features.items():
+        points["x"], points["y"] = placed.position.T
+        for name, values in placed.features.items():
             points[name] = values
     return write_cloud(header, points)
+
+
+def read_placed_detections(cloud: PointCloud2) -> PlacedDetections:
+    """Read a cloud of placed detections: the inverse of `placed_detections_cloud`.
+
+    Parameters
+    ----------
+    cloud : sensor_msgs.msg.PointCloud2
+        With the float64 fields of this layout, in any order, and perhaps others.
+
+    Returns
+    -------
+    PlacedDetections
+        With the features that the cloud has.
+
+    Raises
+    ------
+    MessageError
+        If a field is missing or malformed.
+    """
+    there = {one.name for one in cloud.fields}
+    features = [name for name in FEATURES if name in there]
+    names = (PLACED_DTYPE.names or ())[3:]
+    values = read_fields(cloud, (*names, *features))
+    xx, xy, yy = (values[name] for name in ("cov_xx", "cov_xy", "cov_yy"))
+    return PlacedDetections(
+        position=np.stack([values["position_x"], values["position_y"]], axis=-1),
+        covariance=np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2),
+        time_offset=values["time_offset"],
+        features={name: values[name] for name in features},
+    )

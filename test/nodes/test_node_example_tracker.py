@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from expectation import COVARIANCE, STATE
+from rclpy.exceptions import InvalidParameterValueException
 from ros_world import LATCHED, RELIABLE, WARN, World
 from sensor_msgs.msg import PointCloud2
-from sonar_driver import START_NS, Driver, Ping, points, stamp_ns
+from sonar_driver import START_NS, points, stamp_ns
 
-from msg_adapters import make_header, track_cloud
+from msg_adapters import PlacedDetections, make_header, placed_detections_cloud, track_cloud
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
@@ -24,7 +25,7 @@ sys.path.append(str(Path(__file__).parents[2] / "examples"))
 from kalman_tracker import KalmanTracker
 
 EXAMPLES = str(Path(__file__).parents[2] / "examples")
-RUN = "import kalman_tracker; sys.exit(kalman_tracker.main())"
+RUN = "import kalman_tracker; kalman_tracker.main()"
 NUMBERS = (*STATE, *COVARIANCE)
 SECOND = 10**9
 SCANS, PERIOD = 24, 12.0
@@ -60,18 +61,18 @@ class Play:
         }
         world.make(TrackInitiator, {**given, **initiator})
         self.start_tracker()
+        world.until_connected()
         simulated = {
             "scenario": str(scenario),
             "seed": 3,
             "rate_factor": 50.0,  # a quarter of a second for the answer to each ping
             "own_ship_rate": 0.25,
             "settling_time": 0.1,
-            "wait_for_subscribers": 2,
         }
         world.make(SonarSimulator, simulated)
 
     def start_tracker(self) -> None:
-        self.tracker = self.world.make(KalmanTracker, {"own_ship_source": "odometry"})
+        self.tracker = self.world.make(KalmanTracker)
 
     def until(self, scan: int) -> Play:
         """Play until the initiator has processed a number of scans, and the tracker, if any."""
@@ -168,16 +169,15 @@ class Alone:
         7, 0.0, np.array([3000.0, 4.0, 1500.0, -2.0]), np.diag([1e4, 1.0, 1e4, 1.0]), (), 0.0
     )
 
-    def __init__(self, world: World, **parameters: str) -> None:
+    def __init__(self, world: World) -> None:
         self.world = world
-        self.driver = world.add(Driver(world.context))
+        qos = {"tracks": RELIABLE, "tracks/current": LATCHED, "detections/placed": RELIABLE}
         self.publisher = {
-            topic: world.observer.create_publisher(PointCloud2, topic, qos)
-            for topic, qos in (("tracks", RELIABLE), ("tracks/current", LATCHED))
+            topic: world.observer.create_publisher(PointCloud2, topic, one)
+            for topic, one in qos.items()
         }
         self.tracked = world.listen(PointCloud2, "tracked")
-        self.tracker = world.make(KalmanTracker, parameters)
-        world.until(self.driver.publisher.get_subscription_count, "the tracker to subscribe")
+        self.tracker = world.make(KalmanTracker)
         world.until_connected()
 
     def say(self, topic: str, after: float, *tracks: ConfirmedTrack) -> None:
@@ -187,17 +187,19 @@ class Alone:
     def detect(self, after: float) -> None:
         """A ping that sees the track at its place of then, and something else."""
         x, vx, y, vy = self.TRACK.state
-        x, y = x + vx * after, y + vy * after
-        ping = Ping(
-            START_NS + round(after * SECOND), [np.hypot(x, y), 500.0], [np.arctan2(y, x), -2.0]
+        placed = PlacedDetections(
+            position=np.array([[x + vx * after, y + vy * after], [-200.0, -450.0]]),
+            covariance=np.stack([900.0 * np.eye(2)] * 2),
+            time_offset=np.zeros(2),
         )
-        self.driver.ping(ping)
+        header = make_header(START_NS + round(after * SECOND), "sonar")
+        self.publisher["detections/placed"].publish(placed_detections_cloud(header, placed))
 
-    def until_waiting(self, pings: int, scans: int) -> None:
+    def until_waiting(self, pings: int, placed: int) -> None:
         tracker = self.tracker
         self.world.until(
-            lambda: (len(tracker._waiting), len(tracker._scans)) == (pings, scans),
-            f"{pings} pings and {scans} scans to be there",
+            lambda: (len(tracker._waiting), len(tracker._placed)) == (pings, placed),
+            f"{pings} pings and the detections of {placed} to be there",
         )
 
     def answers(self, *after: float) -> list[set[int]]:
@@ -220,25 +222,28 @@ def test_nothing_is_said_before_what_is_held_is_known(world):
     assert alone.tracker._tracker.targets[7].misses == 0
 
 
-@pytest.mark.parametrize("what", ["detections", "own ship"])
-def test_a_ping_that_lacks_something_is_passed_over_without_a_miss(world, what):
-    source = "odometry" if what == "own ship" else "none"
-    alone = Alone(world, own_ship_source=source)
+def test_a_ping_that_lacks_its_detections_is_passed_over_without_a_miss(world):
+    alone = Alone(world)
     alone.say("tracks/current", 0.0, alone.TRACK)
-    if what == "own ship":
-        alone.detect(12.0)  # before the first pose
     alone.say("tracks", 12.0)
     alone.say("tracks", 24.0)
     alone.detect(24.0)
-    if what == "own ship":
-        for after in (23.0, 25.0):
-            alone.driver.pose(START_NS + round(after * SECOND), 0.0, 0.0, 0.0)
     assert alone.answers(24.0) == [{7}]
     world.until_logged("passed over", level=WARN)
+    assert alone.tracker._tracker.targets[7].misses == 0
     [said] = points(alone.tracked[0])
-    np.testing.assert_allclose(
-        [said[name] for name in STATE], [3096.0, 4.0, 1452.0, -2.0], atol=5.0
-    )
+    np.testing.assert_allclose([said[name] for name in STATE], [3096.0, 4.0, 1452.0, -2.0])
+
+
+def test_detections_without_their_ping_are_left_out(world):
+    alone = Alone(world)
+    alone.say("tracks/current", 0.0, alone.TRACK)
+    alone.detect(12.0)
+    alone.detect(24.0)
+    alone.until_waiting(0, 2)
+    alone.say("tracks", 24.0)
+    assert alone.answers(24.0) == [{7}]
+    alone.until_waiting(0, 0)
 
 
 def test_late_detections_are_waited_for(world):
@@ -260,24 +265,28 @@ def test_stamps_that_go_back_start_over(world):
     world.until_logged("time went back", level=WARN)
 
 
-def test_own_ship_data_that_goes_back_begins_anew(world):
-    alone = Alone(world, own_ship_source="odometry")
-    for after in (1000.0, -1.0, 1.0):
-        alone.driver.pose(START_NS + round(after * SECOND), 0.0, 0.0, 0.0)
-    alone.say("tracks/current", 0.0)
-    alone.say("tracks", 0.0, alone.TRACK)
-    alone.detect(0.0)
-    assert alone.answers(0.0) == [{7}]
-
-
 def test_an_interrupt_ends_it_cleanly(start):
     process = start("kalman_tracker", script=f"import sys; sys.path.append({EXAMPLES!r})\n{RUN}")
-    process.until_said("waiting for a publisher")
+    process.until_said("waiting for tracks/current")
     process.interrupt()
     assert process.exit_code() == 0
     assert "Traceback" not in process.said
 
 
-def test_a_parameter_that_the_tracker_does_not_know_is_refused(world):
-    with pytest.raises(ParameterError, match="max_missed is not a parameter"):
-        world.make(KalmanTracker, {"max_missed": 3})
+@pytest.mark.parametrize("wrong", [{"max_misses": -1}, {"acceleration_density": -0.01}], ids=str)
+def test_a_parameter_out_of_its_range_is_refused(world, wrong):
+    with pytest.raises(InvalidParameterValueException, match=next(iter(wrong))):
+        world.make(KalmanTracker, wrong)
+
+
+def test_parameters_reach_the_filter(world):
+    tracker = world.make(KalmanTracker, {"acceleration_density": 0.5, "max_misses": 2})._tracker
+    assert (tracker.noise, tracker.max_misses) == (0.5, 2)
+
+
+@pytest.mark.parametrize("name", ["kalman_tracker", "nearest_neighbour"])
+def test_the_example_imports_of_the_package_only_what_is_public(name):
+    tree = ast.parse(Path(EXAMPLES, f"{name}.py").read_text(encoding="utf-8"))
+    named = [one.module or "" for one in ast.walk(tree) if isinstance(one, ast.ImportFrom)]
+    ours = {one for one in named if one.partition(".")[0] in ("tsepm_ros", "msg_adapters")}
+    assert ours and ours <= {"tsepm_ros", "msg_adapters"}

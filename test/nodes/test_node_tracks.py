@@ -30,6 +30,9 @@ from sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
+from msg_adapters import read_placed_detections
+from tsepm_ros import SensorModel
+from tsepm_ros.conversion import convert
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
 SECOND = 10**9
@@ -333,6 +336,23 @@ def test_detections_are_shown_where_they_were_placed(world):
     np.testing.assert_allclose([point["x"] for point in found], x, atol=0.5)
     np.testing.assert_allclose([point["y"] for point in found], y, atol=0.5)
     assert [point["intensity"] for point in found] == list(range(len(ping.range)))
+
+
+def test_detections_are_handed_over_with_what_a_filter_needs(world):
+    boat = Boat(world)
+    tracks = world.listen(PointCloud2, "tracks")
+    placed = world.listen(PointCloud2, "detections/placed")
+    world.until_connected()
+    sent = pings(3)
+    delay = np.linspace(0.5, 11.0, len(sent[0].range))
+    boat.send(sent, time_offset=delay.astype(np.float32))
+    world.until(lambda: len(placed) == len(tracks) == len(sent), "detections")
+    assert_stamps(placed, sent)
+    for message, ping in zip(placed, sent, strict=True):
+        found, expected = read_placed_detections(message), convert(as_scan(ping), SensorModel(), 0)
+        np.testing.assert_allclose(found.position, expected["position"], rtol=1e-12)
+        np.testing.assert_allclose(found.covariance, expected["covariance"], rtol=1e-9)
+        np.testing.assert_array_equal(found.time_offset, delay.astype(np.float32))
 
 
 def test_potential_tracks_are_drawn_by_their_evidence(world):

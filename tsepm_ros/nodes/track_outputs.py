@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -14,6 +15,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import (
+    PlacedDetections,
     clear_markers,
     make_header,
     placed_detections_cloud,
@@ -24,6 +26,7 @@ from msg_adapters import (
 )
 from tsepm_ros.conversion import convert
 from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.scan import Scan
 from tsepm_ros.session import ScanResult, Session
 from tsepm_ros.track import ConfirmedTrack
 
@@ -63,7 +66,7 @@ class TrackOutputs:
         self._markers = publisher(MarkerArray, "tracks/markers", _latched(10), self._joined)
         self._potential = publisher(PointCloud2, "potential_tracks", 10)
         self._potential_markers = publisher(MarkerArray, "potential_tracks/markers", _latched(1))
-        self._placed = publisher(PointCloud2, "detections/placed", 10)
+        self._placed = publisher(PointCloud2, "detections/placed", 100)
 
     def publish_new(self, header: Header, result: ScanResult) -> None:
         """Publish the new tracks."""
@@ -71,6 +74,8 @@ class TrackOutputs:
 
     def publish_more(self, header: Header, result: ScanResult, potential: bool) -> None:
         """Publish what is not as urgent as the new tracks; potential tracks where wanted."""
+        if self._placed.get_subscription_count():  # first: a tracker waits for it
+            self._publish_placed(header, result.scan)
         self._current.publish(track_cloud(header, result.current))
         # Nested messages are slow to build in Python: only for those who listen.
         if self._odometry.get_subscription_count():
@@ -82,11 +87,6 @@ class TrackOutputs:
                 track_markers(header, result.current, result.ended, afresh=self._afresh)
             )
             self._afresh = False
-        if self._placed.get_subscription_count():
-            found = convert(result.scan, self._session.settings.sensor, 0)
-            self._placed.publish(
-                placed_detections_cloud(header, found["position"], result.scan.features)
-            )
         if potential:
             self._publish_potential(header)
 
@@ -96,6 +96,12 @@ class TrackOutputs:
         self._markers.publish(clear_markers(header))
         self._potential_markers.publish(clear_markers(header))
         self._current.publish(track_cloud(header, []))
+
+    def _publish_placed(self, header: Header, scan: Scan) -> None:
+        found = convert(scan, self._session.settings.sensor, 0)
+        offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+        placed = PlacedDetections(found["position"], found["covariance"], offset, scan.features)
+        self._placed.publish(placed_detections_cloud(header, placed))
 
     def _publish_potential(self, header: Header) -> None:
         tracks = self._session.initiator.potential_tracks()
