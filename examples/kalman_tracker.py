@@ -126,11 +126,13 @@ def stamp_ns(message: PointCloud2) -> int:
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the node until it is interrupted."""
+    rclpy.init(args=args)
     try:
-        with rclpy.init(args=args):
-            rclpy.spin(KalmanTracker())
+        rclpy.spin(KalmanTracker())
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    finally:
+        rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from handover_page import run_page
+from handover_page import PAGE, run_page
 
-from msg_adapters import make_header, track_cloud, track_odometry, tracker_report
+from msg_adapters import (
+    PlacedDetections,
+    make_header,
+    placed_detections_cloud,
+    track_cloud,
+    track_odometry,
+    tracker_report,
+)
+from tsepm_ros import filtering
+from tsepm_ros.scan import FEATURES
 from tsepm_ros.tracked import usable
 
 STAMP = 1_700_000_000_123_456_789
@@ -23,6 +32,48 @@ def test_what_is_tracked_goes_back_as_it_came(make_track, over_the_wire):
     for one in taken:
         np.testing.assert_array_equal(one.state, make_track().state)
         np.testing.assert_array_equal(one.covariance, make_track().covariance)
+
+
+def test_a_detection_updates_as_the_package_s_own_filter_does(make_track, over_the_wire):
+    track = make_track()
+    placed = PlacedDetections(
+        position=np.array([[0.0, 0.0], [3080.0, 4020.0]]),
+        covariance=np.array([np.eye(2), [[900.0, -200.0], [-200.0, 8100.0]]]),
+        time_offset=np.array([0.0, 3.4]),
+    )
+    cloud = over_the_wire(placed_detections_cloud(make_header(STAMP, "odom"), placed))
+    state, covariance = run_page()["update"](track.state, track.covariance, cloud, 1)
+    step, before = placed.time_offset[1:], track.covariance[None]
+    innovation = placed.position[1:] - track.position - step * track.velocity
+    S = filtering.position_covariance_after(before, step) + placed.covariance[1:]
+    [after], [spread] = filtering.update(track.state[None], before, step, innovation, S)
+    np.testing.assert_allclose(state, after, rtol=1e-9)
+    np.testing.assert_allclose(covariance, spread, rtol=1e-9, atol=1e-9)
+
+
+def test_the_page_gives_every_field_of_placed_detections_with_its_offset():
+    features = {name: np.zeros(0) for name in FEATURES}
+    placed = PlacedDetections(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0), features)
+    section = PAGE.read_text(encoding="utf-8").partition("## What to go on with")[2]
+    rows = [line.split("|")[1:4] for line in section.splitlines() if line.startswith("| `")]
+    told = {
+        name.strip(" `"): (kind.strip(), offset.strip().removesuffix(" on"))
+        for names, kind, offsets in rows[:5]
+        for name, offset in zip(names.split(","), _each(names, offsets), strict=True)
+    }
+    cloud = placed_detections_cloud(make_header(STAMP, "odom"), placed)
+    kinds = {7: "float32", 8: "float64"}
+    made = {field.name: (kinds[field.datatype], str(field.offset)) for field in cloud.fields}
+    first = made[FEATURES[0]][1]
+    for name in FEATURES:  # where each is depends on which there are
+        made[name] = made[name][0], f"from {first}"
+    assert told == made
+
+
+def _each(names: str, offsets: str) -> list[str]:
+    """The offset of each name in a row of the page's table."""
+    given = offsets.split(",")
+    return given if len(given) > 1 else given * len(names.split(","))
 
 
 def test_an_empty_message_is_a_message(over_the_wire):
