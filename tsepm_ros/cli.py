@@ -31,7 +31,7 @@ from tsepm_ros.parameter_groups import (
     as_yaml,
     parse_values,
 )
-from tsepm_ros.session import SessionOptions
+from tsepm_ros.settings import SessionOptions
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
 INTERRUPTED = 130

@@ -13,7 +13,8 @@ from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.own_ship import PoseSample
 from tsepm_ros.recording import RecordedMotion, Recording
-from tsepm_ros.session import ScanResult, Session, Settings
+from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.settings import Settings
 
 FRAME = "recording"
 UNKNOWN_YAW_VARIANCE = 1e6

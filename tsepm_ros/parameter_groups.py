@@ -15,7 +15,7 @@ from tsepm_ros.methods import METHODS
 from tsepm_ros.own_ship import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_group, parameter, table
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.session import SessionOptions, Settings
+from tsepm_ros.settings import SessionOptions, Settings
 
 SLOWEST_SOUND = 100.0
 """Slowest speed that is taken for one of sound, m/s."""

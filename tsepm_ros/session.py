@@ -11,30 +11,18 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tsepm_ros.attitude import levelled
+from tsepm_ros import placing
 from tsepm_ros.clocks import Now, waited
 from tsepm_ros.health import Figures
 from tsepm_ros.holding import Tracker
-from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
-from tsepm_ros.methods import METHODS, available_methods, make_initiator
-from tsepm_ros.own_ship import (
-    Coverage,
-    Mounting,
-    PoseHistory,
-    PoseSample,
-    echo_poses,
-    sensor_covariance,
-)
-from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.scan import LARGEST, SMALLEST, Scan
+from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample
+from tsepm_ros.placing import SensorScan
+from tsepm_ros.scan import Scan
 from tsepm_ros.scan_order import Arrival, ScanOrder
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.settings import Settings
 from tsepm_ros.track import TrackArrays
 from tsepm_ros.tracked import TrackerReport, usable
 
@@ -43,168 +31,6 @@ QUEUE_LENGTH = 1000
 
 MAX_YAW_VARIANCE = math.pi**2
 """Variance of the heading above which there is none, rad^2."""
-
-OWN_SHIP_SOURCES = ("none", "odometry", "tf")
-
-
-@dataclass(frozen=True, kw_only=True)
-class SessionOptions:
-    """How arriving data is put in order and in place.
-
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    method: str = parameter("score", "Track initiation method", choices=available_methods())
-    own_ship_source: str = parameter(
-        "none",
-        "Where the sensor's pose comes from: none (it does not move), odometry or tf",
-        choices=OWN_SHIP_SOURCES,
-        read_only=True,
-    )
-    fixed_frame: str = parameter(
-        "",
-        "Frame of the tracks (ENU); empty: the odometry's frame, else the detections' own",
-        read_only=True,
-    )
-    sensor_frame: str = parameter(
-        "", "Frame of the detections; empty: that of the first message", read_only=True
-    )
-    own_ship_timeout: float = parameter(
-        2.0,
-        "Time that a scan waits for the own-ship data that belongs to it",
-        unit="s",
-        minimum=0.0,
-        maximum=3600.0,
-    )
-    own_ship_max_extrapolation: float = parameter(
-        0.5,
-        "Own-ship data this much older than the scan still places it, once it has waited",
-        unit="s",
-        minimum=0.0,
-        maximum=3600.0,
-    )
-    own_ship_max_gap: float = parameter(
-        10.0,
-        "Longest gap between own-ship data that is interpolated across",
-        unit="s",
-        positive=True,
-        maximum=3600.0,
-    )
-    restart_jump: float = parameter(
-        60.0,
-        "A stamp farther back than this is a restart and resets the state; nearer is a late scan",
-        unit="s",
-        minimum=0.0,
-    )
-    max_gap: float = parameter(
-        0.0,
-        "A gap between scans longer than this drops the potential tracks; 0: the window times the "
-        "median scan interval",
-        unit="s",
-        minimum=0.0,
-    )
-    max_scan_time: float = parameter(
-        5.0,
-        "Time that a scan may take, a last resort behind the limits on counts; off in studies and "
-        "offline runs, so that they are reproducible",
-        unit="s",
-        positive=True,
-        maximum=3600.0,
-    )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Everything a session is made from.
-
-    Attributes
-    ----------
-    session : SessionOptions
-    sensor : SensorModel
-    common : CommonOptions
-    methods : mapping of str to options
-        Each method's own options, by the method's name; defaults where one is missing.
-    mounting : Mounting
-        Where the sensor is on the vessel of the odometry.
-
-    Raises
-    ------
-    ValueError
-        If a mounting is given where there is no odometry to use it with.
-    """
-
-    session: SessionOptions = field(default_factory=SessionOptions)
-    sensor: SensorModel = field(default_factory=SensorModel)
-    common: CommonOptions = field(default_factory=CommonOptions)
-    methods: dict[str, Any] = field(default_factory=dict)
-    mounting: Mounting = field(default_factory=Mounting)
-
-    def __post_init__(self) -> None:
-        source = self.session.own_ship_source
-        if self.mounting.given and source != "odometry":
-            raise ValueError(
-                f"mounting.x, mounting.y and mounting.yaw must be 0 where own_ship_source is "
-                f"{source}: they say where the sensor is on the vessel of the odometry"
-            )
-
-    @property
-    def method_options(self) -> Any:
-        """Options of the chosen method."""
-        method = self.session.method
-        return self.methods.get(method) or METHODS[method].Options()
-
-    def make_initiator(self) -> Initiator:
-        """Make the initiator that these settings describe."""
-        return make_initiator(
-            self.session.method,
-            sensor=self.sensor,
-            **dataclasses.asdict(self.common),
-            **dataclasses.asdict(self.method_options),
-        )
-
-    @property
-    def window(self) -> int:
-        """Scans of the chosen method's window."""
-        return int(self.method_options.window)
-
-
-@dataclass(frozen=True)
-class SensorScan:
-    """A scan as it arrives: not yet placed in the fixed frame.
-
-    Attributes
-    ----------
-    scan : Scan
-        Detections; its sensor pose is not used. The ranges are those in the sensor's own x-y
-        plane.
-    frame_id : str
-        The sensor's frame.
-    north_referenced : bool
-        The azimuths count from the fixed frame's x axis (east), not from the sensor's, and lie in
-        the horizontal plane: neither heading nor attitude is applied to them.
-    stamp_ns : int
-        The stamp as received, ns: a date in seconds does not fit a float64 to the last digit.
-    transmit_offset : (n,) ndarray or None
-        Time after the stamp at which each detection's ping left, s; None: at the stamp.
-    height : (n,) ndarray or None
-        Height of each detection above the sensor's own x-y plane, m; None: 0.
-    axes : str
-        Which of the sensor frame's axes are ahead, port and up, see `tsepm_ros.attitude.AXES`.
-    """
-
-    scan: Scan
-    frame_id: str
-    north_referenced: bool = False
-    stamp_ns: int = 0
-    transmit_offset: NDArray[np.float64] | None = None
-    height: NDArray[np.float64] | None = None
-    axes: str = "body"
 
 
 @dataclass(frozen=True)
@@ -249,51 +75,6 @@ class ScanResult:
     statistics: ScanStatistics
     core_seconds: float
     waiting: float
-
-
-def _echo_span(arrived: SensorScan) -> tuple[float, float]:
-    """Time from the transmit to the last echo's arrival, s, for which poses are needed."""
-    scan = arrived.scan
-    if scan.time_offset is None or not len(scan):
-        return scan.stamp, scan.stamp
-    sent = np.zeros(1) if arrived.transmit_offset is None else arrived.transmit_offset
-    times = np.concatenate([[0.0], sent, 2.0 * scan.time_offset - sent])
-    return scan.stamp + float(times.min()), scan.stamp + float(times.max())
-
-
-def _received(arrived: SensorScan) -> NDArray[np.float64]:
-    """Times at which the echoes arrived, s, (n,) or, where all arrived at once, (1,)."""
-    scan = arrived.scan
-    if scan.time_offset is None:
-        return np.array([scan.stamp])
-    sent = 0.0 if arrived.transmit_offset is None else arrived.transmit_offset
-    return scan.stamp + 2.0 * scan.time_offset - sent
-
-
-def _chosen(
-    arrived: SensorScan,
-    good: NDArray[np.bool_],
-    range: NDArray[np.float64],
-    azimuth: NDArray[np.float64],
-) -> SensorScan:
-    """The good ones of a scan's detections, at the ranges and azimuths given for all of them."""
-
-    def of(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-        return None if values is None else values[good]
-
-    scan = arrived.scan
-    chosen = Scan(
-        stamp=scan.stamp,
-        range=range[good],
-        azimuth=azimuth[good],
-        range_std=of(scan.range_std),
-        azimuth_std=of(scan.azimuth_std),
-        time_offset=of(scan.time_offset),
-        features={name: values[good] for name, values in scan.features.items()},
-    )
-    return dataclasses.replace(
-        arrived, scan=chosen, transmit_offset=of(arrived.transmit_offset), height=None
-    )
 
 
 def _ignore(reason: str, sentence: str) -> None:
@@ -576,7 +357,7 @@ class Session:
             return False
         if not self._moves:
             return scan
-        first, last = _echo_span(arrived)
+        first, last = placing.echo_span(arrived)
         if self.look_up is not None:
             self.look_up(arrived.frame_id, first, last, arrived.axes)
         coverage = self._poses.coverage(first, last)
@@ -590,27 +371,20 @@ class Session:
             self.drop(reason, f"no own-ship data for the scan of {scan.stamp:.3f} s")
             return False
         self._say_of_mounting(arrived.frame_id)
-        heading = not arrived.north_referenced
         covariance = self._poses.covariance(scan.stamp)
-        needed = heading or self._settings.mounting.offset
+        needed = not arrived.north_referenced or self._settings.mounting.offset
         if needed and covariance is not None and covariance[2, 2] > MAX_YAW_VARIANCE:
             self.drop("heading_unknown", "the own-ship data has no heading, but it is needed")
             return False
-        arrived = self._levelled(arrived)
-        scan = arrived.scan
-        return dataclasses.replace(
-            scan,
-            sensor_pose=echo_poses(
-                self._sensor_poses,
-                scan.stamp,
-                scan.time_offset,
-                scan.azimuth,
-                transmit_offset=arrived.transmit_offset,
-                heading=heading,
-            ),
-            sensor_pose_covariance=self._pose_covariance(covariance, scan.stamp, heading),
-            sensor_velocity=self._sensor_velocity(scan),
-        )
+        found = placing.placed(arrived, self._poses, self._settings.mounting)
+        lost = len(scan) - len(found)
+        if lost:
+            self.drop(
+                "no_horizontal_range",
+                f"{lost} detections dropped: straight above or below the tilted sensor",
+                lost,
+            )
+        return found
 
     def _say_of_mounting(self, frame_id: str) -> None:
         """Report where nobody says where the sensor is on the vessel."""
@@ -620,55 +394,6 @@ class Session:
                 f"own-ship data is of frame {self._own_ship_frame!r}, detections are in "
                 f"{frame_id!r}: taken to be the same place and direction",
             )
-
-    def _sensor_poses(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Poses of the sensor at some times (s), (n, 3)."""
-        return self._settings.mounting.sensor_poses(self._poses.poses_with_attitude(times))
-
-    def _sensor_velocity(self, scan: Scan) -> NDArray[np.float64]:
-        """Velocity of the sensor when each echo was reflected, m/s, (n, 2), or (2,) for all."""
-        if "range_rate" not in scan.features:
-            return np.zeros(2)
-        times = scan.stamp + (np.zeros(1) if scan.time_offset is None else scan.time_offset)
-        rates = self._poses.rates(times)
-        velocity = rates[:, :2]
-        if self._settings.mounting.offset:
-            arm = self._sensor_poses(times)[:, :2] - self._poses.poses(times)[:, :2]
-            velocity = velocity + rates[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        return velocity[0] if scan.time_offset is None else velocity
-
-    def _pose_covariance(
-        self, covariance: NDArray[np.float64] | None, stamp: float, heading: bool
-    ) -> NDArray[np.float64] | None:
-        """Covariance of the sensor's pose at a stamp (s), from the vessel's."""
-        if covariance is None:
-            return None
-        if self._settings.mounting.offset:
-            at = np.array([stamp])
-            arm = self._sensor_poses(at)[0, :2] - self._poses.poses(at)[0, :2]
-            covariance = sensor_covariance(covariance, arm)
-        return covariance if heading else covariance * np.outer([1, 1, 0], [1, 1, 0])
-
-    def _levelled(self, arrived: SensorScan) -> SensorScan:
-        """Bring a scan into the horizontal plane, by the attitude with which it was received."""
-        scan = arrived.scan
-        if arrived.north_referenced or not len(scan):
-            return arrived
-        _, _, _, roll, pitch = self._poses.poses_with_attitude(_received(arrived)).T
-        if not (roll.any() or pitch.any()):
-            return arrived
-        range_, azimuth = levelled(
-            scan.range, scan.azimuth, arrived.height, roll, pitch, self._settings.mounting.yaw
-        )
-        good = (range_ >= SMALLEST["range"]) & (range_ <= LARGEST["range"])
-        bad = int(np.count_nonzero(~good))
-        if bad:
-            self.drop(
-                "no_horizontal_range",
-                f"{bad} detections dropped: straight above or below the tilted sensor",
-                bad,
-            )
-        return _chosen(arrived, good, range_, azimuth)
 
     def _take_first(self) -> None:
         self._waiting.popleft()

@@ -22,7 +22,8 @@ from msg_adapters import (
 )
 from msg_adapters.point_cloud_detections import NO_TIMES
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.session import Session, SessionOptions, Settings
+from tsepm_ros.session import Session
+from tsepm_ros.settings import SessionOptions, Settings
 
 START = 1_700_000_000
 PERIOD = 12
@@ -98,7 +99,8 @@ def test_without_times_an_echo_is_of_range_over_sound_speed_where_that_is_given(
     unset, found = read_detections(message), read_detections(message, sound_speed=1450.0)
     np.testing.assert_array_equal(found.range, unset.range)
     given = "time_offset" in numbers
-    expected = numbers["time_offset"] if given else found.range / 1450.0
+    height = 0.0 if found.height is None else found.height
+    expected = numbers["time_offset"] if given else np.hypot(found.range, height) / 1450.0
     np.testing.assert_allclose(found.time_offset, expected, rtol=1e-6, atol=1e-9)
     assert (unset.time_offset is None) == (not given)
     assert found.assumptions == ()

@@ -13,8 +13,10 @@ from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.placing import SensorScan
 from tsepm_ros.scan_order import Arrival
-from tsepm_ros.session import SensorScan, Session, SessionOptions, Settings
+from tsepm_ros.session import Session
+from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.simulation.scenario import OwnShipMotion
 

@@ -9,7 +9,7 @@ import pytest
 
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
-from tsepm_ros.session import SessionOptions, Settings
+from tsepm_ros.settings import SessionOptions, Settings
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
 

@@ -44,7 +44,7 @@ def test_poses_in_between_are_interpolated(time, expected):
     np.testing.assert_allclose(history(*TWO).poses([time]), [expected])
 
 
-def test_velocities_are_those_of_the_positions_whatever_the_rates_say():
+def test_rates_are_those_of_the_poses_whatever_the_samples_say():
     # A circle of 100 m at 0.05 rad/s, sampled at 10 Hz: the chord of 2 s is 0.04 % short.
     poses = PoseHistory(max_extrapolation=3.0)
     for stamp in np.arange(0.0, 60.0, 0.1):
@@ -52,30 +52,30 @@ def test_velocities_are_those_of_the_positions_whatever_the_rates_say():
         poses.add(
             PoseSample(stamp, 100 * math.sin(turn), -100 * math.cos(turn), turn, rates=(0, 0, 0))
         )
-    times = np.array([[5.0, 20.0], [33.3, 58.0]])
-    expected = 5.0 * np.stack([np.cos(0.05 * times), np.sin(0.05 * times)], axis=-1)
-    np.testing.assert_allclose(poses.velocities(times), expected, atol=0.005)
+    times = np.array([5.0, 20.0, 33.3, 58.0])
+    around = [5.0 * np.cos(0.05 * times), 5.0 * np.sin(0.05 * times), np.full(4, 0.05)]
+    np.testing.assert_allclose(poses.rates(times), np.transpose(around), atol=0.005)
     # Where the history ends, of the last second there is: half a second old.
     for time, at in ((0.0, 0.5), (59.9, 59.4), (62.0, 59.4)):
-        expected = [5.0 * math.cos(0.05 * at), 5.0 * math.sin(0.05 * at)]
-        np.testing.assert_allclose(poses.velocities(time), expected, atol=0.005)
+        expected = [[5.0 * math.cos(0.05 * at), 5.0 * math.sin(0.05 * at), 0.05]]
+        np.testing.assert_allclose(poses.rates(np.array([time])), expected, atol=0.005)
 
 
-def test_velocities_of_sparse_samples_are_those_between_them():
+def test_rates_of_sparse_samples_are_those_between_them():
     poses = history((0.0, 0, 0, 0), (10.0, 30, 0, 0), (20.0, 30, -40, 0))
-    found = poses.velocities(np.array([5.0, 10.0, 15.0]))
-    np.testing.assert_allclose(found, [[3, 0], [1.5, -2], [0, -4]], atol=1e-12)
+    found = poses.rates(np.array([5.0, 10.0, 15.0]))
+    np.testing.assert_allclose(found, [[3, 0, 0], [1.5, -2, 0], [0, -4, 0]], atol=1e-12)
 
 
-def test_a_single_sample_has_the_velocity_of_its_rates_and_none_has_none():
+def test_a_single_sample_has_its_own_rates_and_none_has_none():
     poses = PoseHistory()
-    assert poses.velocities(3.0).tolist() == [0.0, 0.0]
-    assert poses.velocities(np.zeros(0)).shape == (0, 2)
+    assert poses.rates(np.array([3.0])).tolist() == [[0.0, 0.0, 0.0]]
+    assert poses.rates(np.zeros(0)).shape == (0, 3)
     poses.add(PoseSample(1.0, 5.0, 6.0, 0.0))
-    assert poses.velocities(np.array([1.0])).tolist() == [[0.0, 0.0]]
+    assert poses.rates(np.array([1.0])).tolist() == [[0.0, 0.0, 0.0]]
     poses.clear()
     poses.add(PoseSample(1.0, 5.0, 6.0, 0.0, rates=(1.5, -2.0, 0.1)))
-    assert poses.velocities(np.array([1.0, 2.0])).tolist() == [[1.5, -2.0]] * 2
+    assert poses.rates(np.array([1.0, 2.0])).tolist() == [[1.5, -2.0, 0.1]] * 2
 
 
 def test_each_time_uses_the_samples_around_it():

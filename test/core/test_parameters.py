@@ -18,7 +18,7 @@ from tsepm_ros.parameter_groups import (
 )
 from tsepm_ros.parameters import check_group, parameter, table
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.session import SessionOptions
+from tsepm_ros.settings import SessionOptions
 
 GROUPS = [
     CommonOptions,

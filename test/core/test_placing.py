@@ -15,7 +15,9 @@ from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship import Mounting, PoseSample
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.session import SensorScan, Session, SessionOptions, Settings
+from tsepm_ros.placing import SensorScan
+from tsepm_ros.session import Session
+from tsepm_ros.settings import SessionOptions, Settings
 
 
 class Reports(list):
@@ -299,3 +301,18 @@ def test_without_the_own_ship_s_covariance_the_track_s_is_far_too_small():
     good = [value for value in found if value is not None]
     assert len(good) < 50, "nor do the hits lie on a line by the errors that are known"
     assert np.mean(good) > 15.0
+
+
+def test_range_rates_are_taken_against_the_velocity_of_the_sensor_not_of_the_vessel():
+    # It turns on the spot at 0.1 rad/s with the sensor 20 m ahead and 5 m to starboard.
+    one = session(Mounting(x=20.0, y=-5.0))
+    for stamp in np.arange(0.0, 20.0, 0.1):
+        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.1 * stamp), "odom")
+    scan = place(
+        one, Scan(10.0, [1500.0], [0.0], time_offset=[1.0], features={"range_rate": [0.0]})
+    )
+    at = 0.1 * 11.0
+    arm = Rotation.from_euler("z", at).apply([20.0, -5.0, 0.0])
+    np.testing.assert_allclose(
+        scan.sensor_velocity, [np.cross([0.0, 0.0, 0.1], arm)[:2]], atol=0.01
+    )

@@ -15,7 +15,8 @@ from tsepm_ros.analysis.run_scene import (
 from tsepm_ros.conversion import convert
 from tsepm_ros.offline import recording_results
 from tsepm_ros.recording import RecordedMotion
-from tsepm_ros.session import Session, SessionOptions, Settings
+from tsepm_ros.session import Session
+from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.simulation.recorded import simulated_recording
 from tsepm_ros.track import ConfirmedTrack, TrackArrays

@@ -20,7 +20,7 @@ from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.score import Score
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import read_recording
-from tsepm_ros.session import SessionOptions, Settings
+from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.track import TrackArrays
 
 NEVER = 1e-30

@@ -15,8 +15,10 @@ from tsepm_ros import ConfirmedTrack, Scan, make_initiator
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.placing import SensorScan
 from tsepm_ros.scan_order import Arrival
-from tsepm_ros.session import SensorScan, Session, SessionOptions, Settings
+from tsepm_ros.session import Session
+from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.track import TrackArrays
 from tsepm_ros.tracked import TrackerReport
@@ -184,10 +186,12 @@ def test_scans_are_placed_where_the_ship_was_at_their_time():
 
 
 @pytest.mark.parametrize("offset", [None, [1.0, 5.0]], ids=["at once", "echoes"])
-def test_scans_have_the_velocity_of_the_ship_at_their_detections_times(offset):
+def test_scans_with_range_rates_have_the_velocity_of_the_ship_at_their_times(offset):
     one = moving()
     sail(one, 0.0, 100.0)
-    one.add_scan(arrived(Scan(30.0, [1500.0, 7500.0], [-0.5, 0.5], time_offset=offset)), 0.0)
+    rates = {"range_rate": [1.0, -1.0]}
+    scan = Scan(30.0, [1500.0, 7500.0], [-0.5, 0.5], time_offset=offset, features=rates)
+    one.add_scan(arrived(scan), 0.0)
     (result,) = one.process(0.0)
     expected = [2.0, 0.0] if offset is None else [[2.0, 0.0]] * 2
     np.testing.assert_allclose(result.scan.sensor_velocity, expected, atol=1e-9)

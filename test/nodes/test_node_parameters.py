@@ -28,7 +28,7 @@ from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.parameter_groups import NODES, full_table
-from tsepm_ros.session import SessionOptions
+from tsepm_ros.settings import SessionOptions
 
 INITIATOR = "/track_initiator"
 ROS_TYPES = {

@@ -21,7 +21,8 @@ from msg_adapters import make_header, read_detections, sensor_scan
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.session import Session, SessionOptions, Settings
+from tsepm_ros.session import Session
+from tsepm_ros.settings import SessionOptions, Settings
 
 START = START_NS * 1e-9
 SENSOR = np.array([10.0, 20.0])

@@ -25,7 +25,8 @@ from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_outputs import TrackOutputs
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, InitiatorNodeOptions, settings_from
-from tsepm_ros.session import ScanResult, Session, SessionOptions
+from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.settings import SessionOptions
 
 WAIT_PERIOD = 0.05
 """Time between looks at the scans that wait for own-ship data, s."""

@@ -1,0 +1,184 @@
+"""Placing a scan in the fixed frame: levelled, and with the sensor's pose at each echo.
+
+What the sensor measured along its own axes becomes range and azimuth in the horizontal plane, and
+the vessel's poses become those of the sensor, which is mounted somewhere on it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.attitude import levelled
+from tsepm_ros.own_ship import Mounting, PoseHistory, echo_poses, sensor_covariance
+from tsepm_ros.scan import LARGEST, SMALLEST, Scan
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SensorScan:
+    """A scan as it arrives: not yet placed in the fixed frame.
+
+    Attributes
+    ----------
+    scan : Scan
+        Detections; its sensor pose is not used. The ranges are those in the sensor's own x-y
+        plane.
+    frame_id : str
+        The sensor's frame.
+    north_referenced : bool
+        The azimuths count from the fixed frame's x axis (east), not from the sensor's, and lie in
+        the horizontal plane: neither heading nor attitude is applied to them.
+    stamp_ns : int
+        The stamp as received, ns: a date in seconds does not fit a float64 to the last digit.
+    transmit_offset : (n,) ndarray or None
+        Time after the stamp at which each detection's ping left, s; None: at the stamp.
+    height : (n,) ndarray or None
+        Height of each detection above the sensor's own x-y plane, m; None: 0.
+    axes : str
+        Which of the sensor frame's axes are ahead, port and up, see `tsepm_ros.attitude.AXES`.
+    """
+
+    scan: Scan
+    frame_id: str
+    north_referenced: bool = False
+    stamp_ns: int = 0
+    transmit_offset: FloatArray | None = None
+    height: FloatArray | None = None
+    axes: str = "body"
+
+
+def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
+    """Place a scan by the poses of its echoes.
+
+    Parameters
+    ----------
+    arrived : SensorScan
+    poses : PoseHistory
+        Of the vessel; it must cover `echo_span`.
+    mounting : Mounting
+        Of the sensor on it.
+
+    Returns
+    -------
+    Scan
+        Without the detections that lie straight above or below the tilted sensor.
+
+    Raises
+    ------
+    ValueError
+        If a time is beyond what the poses cover.
+    """
+    arrived = _levelled(arrived, poses, mounting)
+    scan = arrived.scan
+    heading = not arrived.north_referenced
+    return dataclasses.replace(
+        scan,
+        sensor_pose=echo_poses(
+            lambda times: _sensor_poses(times, poses, mounting),
+            scan.stamp,
+            scan.time_offset,
+            scan.azimuth,
+            transmit_offset=arrived.transmit_offset,
+            heading=heading,
+        ),
+        sensor_pose_covariance=_sensor_covariance(scan.stamp, poses, mounting, heading),
+        sensor_velocity=_sensor_velocity(scan, poses, mounting),
+    )
+
+
+def echo_span(arrived: SensorScan) -> tuple[float, float]:
+    """Time from the transmit to the last echo's arrival, s, for which poses are needed."""
+    scan = arrived.scan
+    if scan.time_offset is None or not len(scan):
+        return scan.stamp, scan.stamp
+    sent = np.zeros(1) if arrived.transmit_offset is None else arrived.transmit_offset
+    times = np.concatenate([[0.0], sent, 2.0 * scan.time_offset - sent])
+    return scan.stamp + float(times.min()), scan.stamp + float(times.max())
+
+
+def _received(arrived: SensorScan) -> FloatArray:
+    """Times at which the echoes arrived, s, (n,) or, where all arrived at once, (1,)."""
+    scan = arrived.scan
+    if scan.time_offset is None:
+        return np.array([scan.stamp])
+    sent = 0.0 if arrived.transmit_offset is None else arrived.transmit_offset
+    return scan.stamp + 2.0 * scan.time_offset - sent
+
+
+def _chosen(
+    arrived: SensorScan,
+    good: NDArray[np.bool_],
+    range: FloatArray,
+    azimuth: FloatArray,
+) -> SensorScan:
+    """The good ones of a scan's detections, at the ranges and azimuths given for all of them."""
+
+    def of(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else values[good]
+
+    scan = arrived.scan
+    chosen = Scan(
+        stamp=scan.stamp,
+        range=range[good],
+        azimuth=azimuth[good],
+        range_std=of(scan.range_std),
+        azimuth_std=of(scan.azimuth_std),
+        time_offset=of(scan.time_offset),
+        features={name: values[good] for name, values in scan.features.items()},
+    )
+    return dataclasses.replace(
+        arrived, scan=chosen, transmit_offset=of(arrived.transmit_offset), height=None
+    )
+
+
+def _sensor_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+    """Poses of the sensor at some times (s), (n, 3)."""
+    return mounting.sensor_poses(poses.poses_with_attitude(times))
+
+
+def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+    """From the vessel's origin to the sensor in the fixed frame's axes, m, (n, 2)."""
+    return _sensor_poses(times, poses, mounting)[:, :2] - poses.poses(times)[:, :2]
+
+
+def _sensor_velocity(scan: Scan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+    """Velocity of the sensor when each echo was reflected, m/s, (n, 2), or (2,) for all."""
+    if "range_rate" not in scan.features:
+        return np.zeros(2)
+    times = scan.stamp + (np.zeros(1) if scan.time_offset is None else scan.time_offset)
+    rates = poses.rates(times)
+    velocity = rates[:, :2]
+    if mounting.offset:
+        arm = _arm(times, poses, mounting)
+        velocity = velocity + rates[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    return velocity[0] if scan.time_offset is None else velocity
+
+
+def _sensor_covariance(
+    stamp: float, poses: PoseHistory, mounting: Mounting, heading: bool
+) -> FloatArray | None:
+    """Covariance of the sensor's pose at a stamp (s), from the vessel's."""
+    covariance = poses.covariance(stamp)
+    if covariance is None:
+        return None
+    if mounting.offset:
+        covariance = sensor_covariance(covariance, _arm(np.array([stamp]), poses, mounting)[0])
+    return covariance if heading else covariance * np.outer([1, 1, 0], [1, 1, 0])
+
+
+def _levelled(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> SensorScan:
+    """Bring a scan into the horizontal plane, by the attitude with which it was received."""
+    scan = arrived.scan
+    if arrived.north_referenced or not len(scan):
+        return arrived
+    _, _, _, roll, pitch = poses.poses_with_attitude(_received(arrived)).T
+    if not (roll.any() or pitch.any()):
+        return arrived
+    range_, azimuth = levelled(scan.range, scan.azimuth, arrived.height, roll, pitch, mounting.yaw)
+    good = (range_ >= SMALLEST["range"]) & (range_ <= LARGEST["range"])
+    return _chosen(arrived, good, range_, azimuth)
