@@ -1,0 +1,210 @@
+"""The simulated runs of Sequential 2014: six targets on a hexagon, a platform on a square."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros import initial_state
+from tsepm_ros.analysis.bounds import cramer_rao
+from tsepm_ros.analysis.reproduction import published_2014 as published
+from tsepm_ros.analysis.reproduction.runs import Result
+from tsepm_ros.analysis.reproduction.scene import Scene, Started
+from tsepm_ros.analysis.truth import Judged, Outcome
+from tsepm_ros.association import Pairs, best_of_each, nearest_first
+from tsepm_ros.conversion import convert
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods.sequential import Sequential, SequentialOptions
+from tsepm_ros.sensor import SensorModel
+from tsepm_ros.simulation import Scenario
+from tsepm_ros.simulation.scenario import WaypointMotion
+from tsepm_ros.track import ConfirmedTrack
+
+FloatArray = NDArray[np.float64]
+
+DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
+ASSUMED = 0.9
+"""Detection probability of the interval of the list."""
+TURN_RADIUS = 1.0
+"""Of the platform at a corner, m: the published one turns on the spot."""
+
+
+class OldestFirst(Sequential):
+    """The reading that the oldest potential track is served first, with what is nearest to it."""
+
+    def _choose(self, pairs: Pairs) -> Pairs:
+        age = self.scan_index - self._potential.first_scan[pairs.parent]
+        # A gate is narrower than twice the coverage.
+        return nearest_first(
+            dataclasses.replace(pairs, cost=pairs.cost - 2.0 * self.sensor.max_range * age)
+        )
+
+
+class Shared(Sequential):
+    """The reading that a detection may continue several tracks: removed, it starts none."""
+
+    def _choose(self, pairs: Pairs) -> Pairs:
+        return best_of_each(pairs)
+
+
+MATCHINGS: dict[str, type[Sequential]] = {
+    "nearest pair first": Sequential,
+    "oldest track first": OldestFirst,
+    "by several tracks": Shared,
+}
+GATES = ("range", "major_axis")
+READINGS = tuple(itertools.product(GATES, MATCHINGS))
+"""What sigma in Eq. 7 is, and who gets a detection that several tracks match (Step 3)."""
+PLAIN = READINGS[0]
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a run depends on; the targets' headings are drawn in the run.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    """
+
+    scenario: Scenario
+
+
+def case(period: float, detection_probability: float) -> Case:
+    """The scene of Section 5, from time 0 to two minutes.
+
+    Parameters
+    ----------
+    period : float
+        s.
+    detection_probability : float
+    """
+    half = 0.5 * published.SQUARE_SIDE
+    corners = ((-half, -half), (half, -half), (half, half), (-half, half))
+    sensor = SensorModel(
+        range_std_fraction=published.RANGE_ERROR_FRACTION,
+        azimuth_std=math.radians(published.ANGLE_ERROR_DEG),
+        max_range=published.MAX_RANGE,
+        detection_probability=detection_probability,
+        clutter_density=published.CLUTTER / (math.pi * published.MAX_RANGE**2),
+    )
+    return Case(
+        Scenario(
+            "sequential_2014",
+            scans=1 + int(published.DURATION // period),
+            period=period,
+            sensor=sensor,
+            own_ship=WaypointMotion(
+                corners, published.PLATFORM_SPEED, published.PLATFORM_SPEED / TURN_RADIUS, True
+            ),
+        )
+    )
+
+
+def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
+    """States of the targets, with headings drawn."""
+    azimuth = np.arange(published.TARGETS) * 2.0 * np.pi / published.TARGETS
+    heading = rng.uniform(-np.pi, np.pi, published.TARGETS)
+    x, y = published.DISTANCE * np.array([np.cos(azimuth), np.sin(azimuth)])
+    vx, vy = published.TARGET_SPEED * np.array([np.cos(heading), np.sin(heading)])
+    return tuple(np.stack([x, vx, y, vy], axis=1))
+
+
+def cases() -> dict[tuple[float, float], Case]:
+    """Scenes by interval (s) and p_d, neither of which is certain."""
+    first, other = published.PERIODS
+    likely = [(first, p_d) for p_d in DETECTION_PROBABILITIES]
+    return {key: case(*key) for key in (*likely, (other, ASSUMED))}
+
+
+def run_hexagon(what: Case, seed: list[int]) -> Result:
+    """Start tracks by every reading.
+
+    Gives per reading and scan: targets with a true track so far, targets with a track of which they
+    gave more than half of the hits, and all tracks; and of the plain reading's tracks of the second
+    kind the errors by each estimator, and the bounds.
+    """
+    targets = hexagon(np.random.default_rng([*seed, 1]))
+    scene = Scene.drawn(dataclasses.replace(what.scenario, targets=targets), seed)
+    results: Result = {}
+    for gate, matching in READINGS:
+        starter = MATCHINGS[matching](
+            what.scenario.sensor,
+            CommonOptions(max_speed=published.MAX_SPEED),
+            SequentialOptions(gate_error=gate),
+        )
+        started = scene.started(starter, what.scenario.scans)
+        judged = started.judged()
+        true = [one for one in judged if one.outcome is Outcome.TRUE]
+        for name, stamps in (
+            ("true", [one.track.stamp for one in true]),
+            ("near", [one.track.stamp for one in _first_of_each(judged)]),
+            ("all", started.tracks.stamp.tolist()),
+        ):
+            scan = np.round(np.array(stamps) / what.scenario.period)
+            counts = np.histogram(scan, np.arange(what.scenario.scans + 1) - 0.5)[0]
+            results[f"{gate}, {matching}: {name}"] = np.cumsum(counts).astype(float).tolist()
+        if (gate, matching) == PLAIN:
+            results |= errors(started, _first_of_each(judged))
+    return results
+
+
+def _first_of_each(judged: list[Judged]) -> list[Judged]:
+    first: dict[int, Judged] = {}
+    for one in judged:
+        first.setdefault(one.target, one)
+    return list(first.values())
+
+
+def errors(started: Started, judged: list[Judged]) -> Result:
+    """Errors of the estimators on the same hits, and the least that they allow.
+
+    Returns
+    -------
+    dict
+        Per estimator: distance (m), length of the velocity's error (m/s), speed less the true one
+        (m/s), angle between the velocities (degrees), of each track in turn; and of each track the
+        Cramer-Rao bounds of mean square distance (m^2) and velocity error (m^2/s^2), and whether
+        all hits are the target's.
+    """
+    scene = started.scene
+    results: Result = {name: [] for name in (*initial_state.ESTIMATORS, "bound")}
+    for one in judged:
+        truth = scene.simulator.truth(one.track.stamp)[one.target]
+        for name in initial_state.ESTIMATORS:
+            results[name] += _errors(_estimated(scene, one.track, name) - truth, truth)
+        results["bound"] += [*_bound(scene, one), float(one.pure)]
+    return results
+
+
+def _estimated(scene: Scene, track: ConfirmedTrack, estimator: str) -> FloatArray:
+    sensor = scene.simulator.scenario.sensor
+    hits = np.array([convert(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits])
+    noise = SequentialOptions().process_noise
+    return initial_state.estimate(hits[None], track.stamp, sensor, estimator, noise).state[0]
+
+
+def _errors(error: FloatArray, truth: FloatArray) -> list[float]:
+    true, found = truth[1::2], truth[1::2] + error[1::2]
+    angle = math.atan2(true[0] * found[1] - true[1] * found[0], float(true @ found))
+    return [
+        float(np.hypot(error[0], error[2])),
+        float(np.hypot(error[1], error[3])),
+        float(np.hypot(*found) - np.hypot(*true)),
+        abs(math.degrees(angle)),
+    ]
+
+
+def _bound(scene: Scene, one: Judged) -> list[float]:
+    """Bounds of the mean square errors from the hits' times, as if all were the target's."""
+    stamps = np.array([scene.scans[scan].stamp for scan, _ in one.track.hits])
+    scenario = scene.simulator.scenario
+    positions = np.array([scene.simulator.truth(t)[one.target, 0::2] for t in stamps])
+    own_ship = np.array([scenario.own_ship.pose(t)[:2] for t in stamps])
+    bound = cramer_rao(positions, stamps, own_ship, scenario.sensor, one.track.stamp)
+    return [float(np.trace(bound[place::2, place::2])) for place in (0, 1)]
