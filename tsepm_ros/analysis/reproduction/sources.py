@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tsepm_ros.analysis.reproduction import split_merge_2016, tsepm_2018
+from tsepm_ros.analysis.reproduction import sequential_2014, split_merge_2016, tsepm_2018
 from tsepm_ros.analysis.reproduction.document import Part
 from tsepm_ros.analysis.reproduction.runs import Setting
 
@@ -28,4 +28,5 @@ class Source:
 SOURCES = {
     "tsepm_2018": Source("TSEPM 2018", tsepm_2018.reproduce),
     "split_merge_2016": Source("Split-merge 2016", split_merge_2016.reproduce),
+    "sequential_2014": Source("Sequential 2014", sequential_2014.reproduce),
 }

@@ -1,0 +1,362 @@
+"""Sequential 2014: Figs. 8-11 and Table 1."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.analysis.bounds import cramer_rao
+from tsepm_ros.analysis.intervals import Estimate, mean, proportion, root, root_mean_square
+from tsepm_ros.analysis.reproduction import published_2014 as published
+from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.analysis.reproduction.hexagon import (
+    ASSUMED,
+    MATCHINGS,
+    PLAIN,
+    READINGS,
+    case,
+    cases,
+    run_hexagon,
+)
+from tsepm_ros.analysis.reproduction.runs import Result, Setting
+
+FloatArray = NDArray[np.float64]
+
+TIMES = np.array(list(published.FORMED))
+FORMED = np.array(list(published.FORMED.values()))
+MAIN = (published.PERIODS[0], ASSUMED)
+"""The scene of Table 1's errors and of the pictures."""
+ESTIMATORS = {
+    "least_squares": "least squares",
+    "linear_fitting": "linear fitting",
+    "kalman_filter": "Kalman filter",
+}
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Tracks started by a reading in the runs of a scene.
+
+    Attributes
+    ----------
+    period, detection_probability : float
+    gate, matching : str
+    true, near, every : (runs, scans) ndarray
+        By the end of each scan: targets with a true track, targets with a track of which they gave
+        more than half of the hits, all tracks.
+    """
+
+    period: float
+    detection_probability: float
+    gate: str
+    matching: str
+    true: FloatArray
+    near: FloatArray
+    every: FloatArray
+
+    @classmethod
+    def of(cls, key: tuple[float, float], reading: tuple[str, str], runs: list[Result]) -> Counts:
+        """What the runs of a scene, by interval and p_d, give for a reading."""
+        name = ", ".join(reading)
+        counts = (np.array([run[f"{name}: {kind}"] for run in runs]) for kind in _KINDS)
+        return cls(*key, *reading, *counts)
+
+    @property
+    def name(self) -> str:
+        """Its reading in words."""
+        return (
+            f"T {self.period:g} s, p_d {self.detection_probability:g}, "
+            f"gate {self.gate}, {self.matching}"
+        )
+
+    def place(self, time: float, earlier: bool = False) -> int:
+        """Index of the last scan by a time (s): the first comes after an interval, or at 0."""
+        return int(time // self.period) - (0 if earlier else 1)
+
+    def formed(self, counts: FloatArray, earlier: bool = False) -> FloatArray:
+        """Means at the times of Fig. 9."""
+        return np.asarray(counts.mean(axis=0)[[self.place(time, earlier) for time in TIMES]])
+
+    def at_least(self, number: int, earlier: bool = False) -> Estimate:
+        """Share of the runs in which so many targets are started within two minutes."""
+        return _share_of_at_least(self.true[:, self.place(published.DURATION, earlier)], number)
+
+    def distance(self, earlier: bool = False) -> float:
+        """Root mean square difference from Fig. 9, tracks."""
+        return float(np.sqrt(np.square(self.formed(self.true, earlier) - FORMED).mean()))
+
+
+_KINDS = ("true", "near", "all")
+
+
+def _share_of_at_least(counts: FloatArray, number: int) -> Estimate:
+    return proportion(int(np.count_nonzero(counts >= number)), len(counts))
+
+
+def reproduce(setting: Setting) -> list[Part]:
+    """The parts of its chapter."""
+    scenes = cases()
+    results = dict(zip(scenes, setting.results(run_hexagon, list(scenes.values())), strict=True))
+    counts = [
+        Counts.of(key, reading, runs) for key, runs in results.items() for reading in READINGS
+    ]
+    return [*_start_parts(counts), *_error_parts(results)]
+
+
+def same_share() -> float:
+    """Share p of each target, if all are started independently, that makes p^6 the published."""
+    return float(published.ALL_SIX ** (1.0 / published.TARGETS))
+
+
+def four_or_more(share: float) -> float:
+    """Probability that four or more of six are started, each independently with a share."""
+    n = published.TARGETS
+    return sum(math.comb(n, k) * share**k * (1.0 - share) ** (n - k) for k in range(4, n + 1))
+
+
+def most_formed() -> float:
+    """Most tracks on average, one per target, that the published P(all six) allows."""
+    n = published.TARGETS
+    return n * published.ALL_SIX + (n - 1) * (1.0 - published.ALL_SIX)
+
+
+def closest(counts: Sequence[Counts], earlier: bool = False) -> Counts:
+    """The reading whose means are nearest to Fig. 9."""
+    return min(counts, key=lambda one: one.distance(earlier))
+
+
+def _start_parts(counts: list[Counts]) -> list[Part]:
+    nearest, shifted = closest(counts), closest(counts, earlier=True)
+    agree = [
+        one.name
+        for one in counts
+        if one.at_least(6).low <= published.ALL_SIX <= one.at_least(6).high
+    ]
+    whole = [one.name for one in counts if one.at_least(4).value == 1.0]
+    share = same_share()
+    return [
+        "### Figs. 8 and 9: targets started",
+        f"Six targets on a hexagon of {published.DISTANCE:g} m at {published.TARGET_SPEED:g} m/s, "
+        f"a platform at {published.PLATFORM_SPEED:g} m/s round a square of "
+        f"{published.SQUARE_SIDE:g} m, {published.CLUTTER} clutter points a scan (here Poisson) in "
+        f"{published.MAX_RANGE / 1000:g} km, errors of 1.5 % and 1 degree, two minutes, no delay, "
+        "6/10. Not said: p_d; T (8 s in the list, 12 s in the text); the targets' headings (here "
+        "drawn in every run); where on the square the platform starts (here a corner, the square "
+        "round the hexagon's centre); what sigma in Eq. 7 is (the range's, or the larger axis); "
+        "which track gets a detection that several match (Step 3); when the first scan is (here "
+        "after one interval, so that 72 s is the sixth of 12 s; else at 0: the seventh); when a "
+        "target counts as started (here a track within 3 sigma of which it gave more than half of "
+        "the hits; else any such track). *Off Fig. 9* is the root mean square difference of the "
+        "five means from the published.",
+        Table(
+            "sequential_2014_starts",
+            [
+                Column("T, s", "g"),
+                Column("p_d", "g"),
+                Column("sigma"),
+                Column("a detection goes to the"),
+                Column("P(>= 4)", ".3f"),
+                Column("P(all six)", ".3f"),
+                Column("... any track", ".3f"),
+                Column("... first scan at 0", ".3f"),
+                *(Column(f"{time:g} s", ".2f") for time in TIMES),
+                Column("all tracks, 120 s", ".2f"),
+                Column("off Fig. 9", ".2f"),
+            ],
+            [_published_row(), *map(_row, counts)],
+        ),
+        f"The means of Fig. 9 are nearest to those of *{nearest.name}* (off by "
+        f"{nearest.distance():.2f} tracks); with the first scan at 0 to those of *{shifted.name}* "
+        f"({shifted.distance(earlier=True):.2f}). P(all six) = {published.ALL_SIX} lies in the "
+        f"interval of: {'; '.join(agree) or 'none'}. Four or more in every run: "
+        f"{'; '.join(whole) or 'none'}.",
+        "The published figures do not go together. If the targets are started independently, "
+        f"P(all six) = {published.ALL_SIX} means {share:.3f} for each, and P(>= 4) = "
+        f"{four_or_more(share):.3f}: that four or more be started in all of {published.RUNS} runs "
+        f"then has the probability {four_or_more(share) ** published.RUNS:.1g}. Whatever the "
+        f"dependence, P(all six) = {published.ALL_SIX} allows {most_formed():.2f} started targets "
+        "on average, not the 5.8 and 6.0 of Fig. 9, which therefore counts something else, such "
+        "as all tracks.",
+        _starts_picture(counts),
+    ]
+
+
+def _published_row() -> list[Any]:
+    return [
+        "published",
+        "-",
+        "-",
+        "-",
+        published.FOUR_OR_MORE,
+        published.ALL_SIX,
+        "-",
+        "-",
+        *FORMED,
+        "-",
+        "-",
+    ]
+
+
+def _row(one: Counts) -> list[Any]:
+    last = one.place(published.DURATION)
+    return [
+        one.period,
+        one.detection_probability,
+        one.gate,
+        one.matching,
+        one.at_least(4),
+        one.at_least(6),
+        _share_of_at_least(one.near[:, last], 6),
+        one.at_least(6, earlier=True),
+        *one.formed(one.true),
+        float(one.every[:, last].mean()),
+        one.distance(),
+    ]
+
+
+def _starts_picture(counts: list[Counts]) -> Picture:
+    shown = [one for one in counts if (one.period, one.detection_probability) == MAIN]
+
+    def draw(figure: Any) -> None:
+        left, right = figure.subplots(1, 2)
+        numbers = range(1, published.TARGETS + 1)
+        for one in shown:
+            style = {
+                "color": f"C{list(MATCHINGS).index(one.matching)}",
+                "linestyle": "-" if one.gate == PLAIN[0] else "--",
+                "marker": ".",
+                "label": f"{one.matching}, {one.gate}",
+            }
+            left.plot(numbers, [one.at_least(k).value for k in numbers], **style)
+            right.plot(TIMES, one.formed(one.true), **style)
+        marks = {"color": "k", "marker": "x", "ms": 9, "mew": 2, "label": "published"}
+        left.plot([4, 6], [published.FOUR_OR_MORE, published.ALL_SIX], linestyle="", **marks)
+        right.plot(TIMES, FORMED, linestyle=":", **marks)
+        left.set(xlabel="targets", ylabel="share of runs", title="At least so many are started")
+        right.set(xlabel="time, s", ylabel="targets", title="Started by a time, mean")
+        for axis in (left, right):
+            axis.set_ylim(bottom=0.0)
+            axis.grid(alpha=0.3)
+        right.legend(fontsize=8)
+
+    return Picture(
+        "sequential_2014_figures_8_9",
+        f"Figs. 8 and 9 of Sequential 2014, T = {MAIN[0]:g} s and p_d = {MAIN[1]:g}, by who gets a "
+        "detection that several tracks match and by sigma",
+        draw,
+    )
+
+
+def least_speed_error(hits: int, period: float) -> float:
+    """Least mean size of the speed's error (m/s), without bias, from hits in successive scans.
+
+    The bound of the velocity's component along the line of sight, which is the smaller one, where
+    the targets are.
+    """
+    positions = np.tile([published.DISTANCE, 0.0], (hits, 1))
+    times = np.arange(hits) * period
+    sensor = case(period, ASSUMED).scenario.sensor
+    bound = cramer_rao(positions, times, np.zeros(2), sensor, times[-1])
+    return float(np.sqrt(2.0 / np.pi * min(bound[1, 1], bound[3, 3])))
+
+
+def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]:
+    rows: list[list[Any]] = []
+    for name, (position, speed, angle) in published.TABLE_1.items():
+        rows.append(["published", ESTIMATORS[name], position, "-", speed, "-", "-", "-", angle])
+    for (period, p_d), runs in results.items():
+        rows += [
+            [f"T {period:g} s, p_d {p_d:g}", ESTIMATORS[name], *_figures(_stacked(runs, name, 4))]
+            for name in ESTIMATORS
+        ]
+        rows.append([f"T {period:g} s, p_d {p_d:g}", "Cramer-Rao bound", *_bounds(runs)])
+    pure = np.concatenate([_stacked(runs, "bound", 3)[:, 2] for runs in results.values()])
+    period, _ = MAIN
+    six, ten = (least_speed_error(hits, period) for hits in (6, published.SCANS))
+    _, speed, angle = published.TABLE_1["least_squares"]
+    across = published.TARGET_SPEED * math.sin(math.radians(angle))
+    return [
+        "### Table 1, Figs. 10 and 11: errors of the estimators",
+        "The three estimators on the same hits: of each target's first track, with sigma that of "
+        f"the range and the nearest pair matched first. {np.mean(pure):.2f} of these tracks have "
+        "only hits of their target. The article prints least squares only (Eq. 11); its linear "
+        "fitting is read as a straight line run along from the first hit to the last, its Kalman "
+        "filter as begun by the first two hits. Nor does it say what is averaged; "
+        "Fig. 10's caption has the length of the velocity's error, Table 1 an error of speed.",
+        Table(
+            "sequential_2014_table_1",
+            [
+                Column("scene"),
+                Column("estimator"),
+                Column("position, mean, m", ".1f"),
+                Column("position, rms, m", ".1f"),
+                Column("speed, mean difference, m/s", ".2f"),
+                Column("speed, mean with sign, m/s", ".2f"),
+                Column("velocity, mean length, m/s", ".2f"),
+                Column("velocity, rms, m/s", ".2f"),
+                Column("angle, mean, degrees", ".1f"),
+            ],
+            rows,
+        ),
+        f"The published {speed:g} m/s of least squares is out of reach of these errors, if it is "
+        f"the mean size of the speed's error: without bias, six hits in six scans of {period:g} s "
+        f"leave {six:.2f} m/s at least, ten in ten {ten:.2f} m/s (Cramer-Rao, Gaussian). Only a "
+        "mean with its sign can be so small. If it is the length of the velocity's error, as the "
+        "caption of Fig. 10 has it, it does not go with "
+        f"the {angle:g} degrees beside it, which alone are {across:.2f} m/s across "
+        f"{published.TARGET_SPEED:g} m/s.",
+        _errors_picture(results[MAIN]),
+    ]
+
+
+def _stacked(runs: list[Result], name: str, width: int) -> FloatArray:
+    return np.concatenate([np.reshape(run[name], (-1, width)) for run in runs])
+
+
+def _figures(errors: FloatArray) -> list[Estimate]:
+    position, velocity, speed, angle = errors.T
+    return [
+        mean(position),
+        root_mean_square(position),
+        mean(np.abs(speed)),
+        mean(speed),
+        mean(velocity),
+        root_mean_square(velocity),
+        mean(angle),
+    ]
+
+
+def _bounds(runs: list[Result]) -> list[Any]:
+    position, velocity = (root(mean(part)) for part in _stacked(runs, "bound", 3)[:, :2].T)
+    return ["-", position.value, "-", "-", "-", velocity.value, "-"]
+
+
+def _errors_picture(runs: list[Result]) -> Picture:
+    def draw(figure: Any) -> None:
+        axes = figure.subplots(1, 2)
+        errors = {name: _stacked(runs, name, 4) for name in ESTIMATORS}
+        for axis, place, top, text in (
+            (axes[0], 1, 8.0, "length of the velocity's error, m/s"),
+            (axes[1], 3, 90.0, "angle between the velocities, degrees"),
+        ):
+            bins = np.linspace(0.0, top, 33)
+            for (name, label), line in zip(ESTIMATORS.items(), ("-", "-", "--"), strict=True):
+                values = np.minimum(errors[name][:, place], top)
+                weights = np.full(len(values), 1.0 / max(len(values), 1))
+                axis.hist(values, bins, weights=weights, histtype="step", ls=line, label=label)
+            value = published.TABLE_1["least_squares"][1 if place == 1 else 2]
+            axis.axvline(value, color="k", ls=":", label=f"least squares, published: {value:g}")
+            axis.set(xlabel=text, ylabel="share of tracks", title="the last bar: or more")
+            axis.legend(fontsize=8)
+
+    return Picture(
+        "sequential_2014_figures_10_11",
+        f"Figs. 10 and 11 of Sequential 2014, T = {MAIN[0]:g} s and p_d = {MAIN[1]:g}: errors of "
+        "the velocity",
+        draw,
+    )
