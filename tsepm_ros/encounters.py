@@ -1,0 +1,97 @@
+"""Encounters of targets: when two are closest (Environment 2018, Section 2.2, Eqs. 1-9).
+
+Shen Y., "The target tracking algorithm based on environment technology", ICOI 2018.
+
+With the relative position r and velocity v of two targets on straight courses, the time until they
+are closest, and their distance then, are ::
+
+    T_cpa = -r.v / |v|^2,    d_cpa = |r + v T_cpa|
+
+Readings
+--------
+- Eq. 9 gives the same time with absolute bars, ``R |cos(phi_r - theta)| / v_r``, which can never be
+  negative; Fig. 4 and its text say that it is below 0 once the targets separate. So it is here.
+- Eq. 2 prints the two products of its numerator without the minus between them.
+- At no relative velocity any time is that of the least distance: it is 0, now.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros import filtering
+from tsepm_ros.conversion import major_sigma
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def closest_approach(one: FloatArray, two: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Time until two targets are closest and their distance then (Eqs. 1-9).
+
+    Parameters
+    ----------
+    one, two : (..., 4) ndarray
+        States ``[x, vx, y, vy]`` at one time.
+
+    Returns
+    -------
+    time : (...) ndarray
+        T_cpa, s; below 0 where they separate.
+    distance : (...) ndarray
+        m.
+    """
+    apart = two - one
+    position, velocity = apart[..., 0::2], apart[..., 1::2]
+    square = np.square(velocity).sum(axis=-1)
+    towards = -(position * velocity).sum(axis=-1)
+    time = np.divide(towards, square, out=np.zeros_like(square), where=square > 0.0)
+    return time, distance_at(one, two, time)
+
+
+def distance_at(one: FloatArray, two: FloatArray, time: FloatArray) -> FloatArray:
+    """Distance of two targets (..., 4) after a time (...), s, on straight courses (Eq. 7); m."""
+    apart = two - one
+    later = apart[..., 0::2] + time[..., None] * apart[..., 1::2]
+    return np.asarray(np.hypot(later[..., 0], later[..., 1]))
+
+
+def meeting(
+    state: FloatArray,
+    covariance: FloatArray,
+    error: FloatArray,
+    gate: float,
+    within: float,
+) -> tuple[IntArray, IntArray]:
+    """Pairs of targets whose gates overlap at some time not far from now, before or after.
+
+    The time looked at is that of their closest approach, or the nearest to it of those allowed, and
+    a gate reaches as far as the larger axis of the predicted detection's error does.
+
+    Parameters
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        At one time.
+    error : (n,) ndarray
+        Standard deviation of a detection of each, along the larger axis, m.
+    gate : float
+        Standard deviations that a gate reaches.
+    within : float
+        Time from now, s.
+
+    Returns
+    -------
+    one, two : (p,) ndarray of int
+        Rows, the first below the second.
+    """
+    one, two = np.triu_indices(len(state), 1)
+    time, _ = closest_approach(state[one], state[two])
+    time = np.clip(time, -within, within)
+
+    def reach(rows: IntArray) -> FloatArray:
+        spread = filtering.position_covariance_after(covariance[rows], time)
+        return gate * np.hypot(major_sigma(spread), error[rows])
+
+    near = distance_at(state[one], state[two], time) <= reach(one) + reach(two)
+    return one[near], two[near]
