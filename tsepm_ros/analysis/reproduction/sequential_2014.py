@@ -176,8 +176,8 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         "was chosen by these figures.",
         "Where the nearest pair is matched first, an echo outside its target's gate starts a "
         "second track, which is nearer to the next echoes: the hits are divided between the two, "
-        "and the seventh to ninth scans start fewer. Where the oldest track is served first, it goes "
-        "on, as Fig. 9's steep rise asks for.",
+        "and the seventh to ninth scans start fewer. Where the oldest track is served first, it "
+        "goes on, as Fig. 9's steep rise asks for.",
         "The published figures do not go together. If the targets are started independently, "
         f"P(all six) = {published.ALL_SIX} means {share:.3f} for each, and P(>= 4) = "
         f"{four_or_more(share):.3f}: that four or more be started in all of {published.RUNS} runs "

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tsepm_ros.analysis.reproduction import sequential_2014, split_merge_2016, tsepm_2018
+from tsepm_ros.analysis.reproduction import (
+    environment_2018,
+    sequential_2014,
+    split_merge_2016,
+    tsepm_2018,
+)
 from tsepm_ros.analysis.reproduction.document import Part
 from tsepm_ros.analysis.reproduction.runs import Setting
 
@@ -29,4 +34,5 @@ SOURCES = {
     "tsepm_2018": Source("TSEPM 2018", tsepm_2018.reproduce),
     "split_merge_2016": Source("Split-merge 2016", split_merge_2016.reproduce),
     "sequential_2014": Source("Sequential 2014", sequential_2014.reproduce),
+    "environment_2018": Source("Environment 2018", environment_2018.reproduce),
 }
