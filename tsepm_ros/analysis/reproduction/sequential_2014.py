@@ -312,8 +312,8 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
         ),
         f"The published {speed:g} m/s of least squares is out of reach of these errors, if it is "
         f"the mean size of the speed's error: without bias, six hits in six scans of {period:g} s "
-        f"leave {six:.2f} m/s at least, ten in ten {ten:.2f} m/s (Cramer-Rao, Gaussian). Only a "
-        "mean with its sign can be so small. If it is the length of the velocity's error, as the "
+        f"leave {six:.2f} m/s at least, ten in ten {ten:.2f} m/s (Cramer-Rao, Gaussian). A mean "
+        "with its sign could be so small. If it is the length of the velocity's error, as the "
         "caption of Fig. 10 has it, it does not go with "
         f"the {angle:g} degrees beside it, which alone are {across:.2f} m/s across "
         f"{published.TARGET_SPEED:g} m/s. The published Kalman filter errs by more than the "
