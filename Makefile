@@ -5,7 +5,7 @@ VENV := .venv
 # Used when the environment is made; empty: the first that fits of python3, python3.12, python3.11.
 PYTHON ?=
 DEMO_ARGS ?=
-TEST_ARGS ?= test
+TEST_ARGS ?=
 # More arguments for pip install; .ci/run uses it.
 MORE :=
 
@@ -46,8 +46,14 @@ help:  ## list the targets
 demo: env  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
 	$(VENV)/bin/python -m tsepm_ros.nodes.demo $(DEMO_ARGS)
 
+# Nodes wait for each other, so they are tested one after another.
 test: env  ## the whole test suite; TEST_ARGS="test/core -k merging" for a part
+ifdef TEST_ARGS
 	$(VENV)/bin/python -m pytest $(TEST_ARGS)
+else
+	$(VENV)/bin/python -m pytest -n auto test/core test/adapters
+	$(VENV)/bin/python -m pytest test/nodes
+endif
 
 lint: env  ## ruff and mypy
 	$(VENV)/bin/python -m ruff check .
