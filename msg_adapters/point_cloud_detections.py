@@ -7,12 +7,14 @@ The position is taken from the first of these that the cloud has:
 3. `x` and `y` (m, sensor frame), with `z` where the cloud has it.
 
 Optional: `elevation` (rad, above the sensor's x-y plane) beside a range, which is the slant range;
-`range_std`, `azimuth_std`, `time_offset`, `intensity`, `range_width`, `azimuth_width`,
-`range_rate`. Each field is FLOAT32 or FLOAT64; `intensity`, which has no unit, may be an integer.
+`range_std`, `azimuth_std`; `time_offset` or, where that is not there, `two_way_travel_time`;
+`intensity`, `range_width`, `azimuth_width`, `range_rate`. Each field is FLOAT32 or FLOAT64;
+`intensity`, which has no unit, may be an integer.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +32,7 @@ from msg_adapters.detections import (
 from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.stamps import time_to_ns
+from tsepm_ros.scan import FEATURES
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
@@ -40,13 +43,15 @@ FloatArray = NDArray[np.float64]
 POSITION_FIELDS = (("range", "azimuth"), ("range", "bearing"), ("x", "y"))
 """The forms of a position, in order of precedence."""
 
-ERROR_FIELDS = ("range_std", "azimuth_std", "time_offset")
-FEATURE_FIELDS = ("intensity", "range_width", "azimuth_width", "range_rate")
+TIME_FIELDS = ("time_offset", "two_way_travel_time")
+"""What tells when a position is valid, in order of precedence."""
 
+OPTIONAL_FIELDS = ("elevation", "range_std", "azimuth_std", *TIME_FIELDS, *FEATURES)
+"""What a detection may have besides, where its position is a range and an angle."""
 
 NO_TIMES = (
-    "the detections have no time_offset and sound_speed is 0: all are taken to be of the stamp, "
-    "but an echo is of range / sound speed later"
+    "the detections have no time_offset and no two_way_travel_time, and sound_speed is 0: all are "
+    "taken to be of the stamp, but an echo is of range / sound speed later"
 )
 
 
@@ -78,8 +83,49 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMe
     there = {field.name for field in cloud.fields}
     position = _position_fields(there)
     upward = "z" if position == ("x", "y") else "elevation"
-    optional = [name for name in (upward, *ERROR_FIELDS, *FEATURE_FIELDS) if name in there]
+    wanted = (upward, *(name for name in OPTIONAL_FIELDS if name != "elevation"))
+    optional = [name for name in wanted if name in there]
     values = read_fields(cloud, [*position, *optional], integers=("intensity",))
+    timed = options.sound_speed or not there.isdisjoint(TIME_FIELDS)
+    return detections_of_fields(
+        time_to_ns(cloud.header.stamp),
+        cloud.header.frame_id,
+        values,
+        options,
+        assumptions=() if timed else (NO_TIMES,),
+    )
+
+
+def detections_of_fields(
+    stamp_ns: int,
+    frame_id: str,
+    values: Mapping[str, FloatArray],
+    options: ReadingOptions,
+    assumptions: tuple[str, ...] = (),
+) -> DetectionMessage:
+    """Read detections given by the names that the fields of a cloud have.
+
+    Beside the reasons of `good_detections` a detection may be dropped for ``elevation_not_finite``.
+    A two-way travel time is twice a `time_offset`, and its faults are counted as that one's.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        ns.
+    frame_id : str
+        The sensor's frame.
+    values : mapping of str to (n,) ndarray
+        A position in one of `POSITION_FIELDS`, and whatever else there is, SI and radians.
+    options : ReadingOptions
+    assumptions : tuple of str, optional
+        As in `DetectionMessage`.
+
+    Raises
+    ------
+    MessageError
+        If there is no form of a position.
+    """
+    position = _position_fields(set(values))
     first, second = position
     range, azimuth = _polar(values[first], values[second], position, options)
     height, faults = values.get("z"), {}
@@ -87,19 +133,25 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMe
         range, height = in_plane(range, values["elevation"])
         faults = {"elevation_not_finite": ~np.isfinite(values["elevation"])}
     return good_detections(
-        time_to_ns(cloud.header.stamp),
-        cloud.header.frame_id,
+        stamp_ns,
+        frame_id,
         range=range,
         azimuth=azimuth,
         height=height,
         faults=faults,
-        features={name: values[name] for name in FEATURE_FIELDS if name in values},
+        features={name: values[name] for name in FEATURES if name in values},
         north_referenced="bearing" in position and options.bearing_reference == "north",
         range_std=values.get("range_std"),
         azimuth_std=values.get("azimuth_std"),
-        time_offset=values.get("time_offset"),
-        assumptions=() if "time_offset" in there or options.sound_speed else (NO_TIMES,),
+        time_offset=_time_offset(values),
+        assumptions=assumptions,
     )
+
+
+def _time_offset(values: Mapping[str, FloatArray]) -> FloatArray | None:
+    """Time after the stamp for which positions are valid, s; None: nobody says."""
+    travel = values.get("two_way_travel_time")
+    return values.get("time_offset", None if travel is None else 0.5 * travel)
 
 
 def _position_fields(there: set[str]) -> tuple[str, str]:
@@ -136,7 +188,7 @@ def detections_cloud(
 ) -> PointCloud2:
     """Build a cloud of detections that `read_point_cloud` reads back without loss.
 
-    First come `x`, `y`, `z` = 0 in the sensor frame as FLOAT32, which RViz and PCL need, then what
+    First come `x`, `y`, `z` in the sensor frame as FLOAT32, which RViz and PCL need, then what
     is given here as FLOAT64. Bearings not from the bow are the exception: where they lie in the
     sensor frame is not known without the heading, so such a cloud has no `x`, `y`, `z`, and RViz
     does not show it.
@@ -152,8 +204,8 @@ def detections_cloud(
     bearing_reference : {"bow", "north"} or None, optional
         What `bearing` is measured from, clockwise; None: not known here, the reader's to say.
     **optional : (n,) array_like or None
-        `range_std`, `azimuth_std`, `time_offset`, `intensity`, `range_width`, `azimuth_width` or
-        `range_rate`; None leaves a field out.
+        `elevation`, `range_std`, `azimuth_std`, `time_offset`, `two_way_travel_time`, `intensity`,
+        `range_width`, `azimuth_width` or `range_rate`; None leaves a field out.
 
     Returns
     -------
@@ -168,7 +220,7 @@ def detections_cloud(
         ReadingOptions(bearing_reference)
     if (azimuth is None) == (bearing is None):
         raise ValueError("exactly one of azimuth and bearing must be given")
-    unknown = sorted(set(optional) - {*ERROR_FIELDS, *FEATURE_FIELDS})
+    unknown = sorted(set(optional) - {*OPTIONAL_FIELDS})
     if unknown:
         raise ValueError(f"{unknown[0]} is not a field of detections")
     given = {"range": range, "azimuth": azimuth, "bearing": bearing, **optional}
@@ -202,9 +254,12 @@ def write_point_cloud(
 
 def _with_xyz(fields: dict[str, FloatArray], azimuth: FloatArray) -> NDArray[np.void]:
     points = _points(fields, ("x", "y", "z"))
+    range = fields["range"]
+    if "elevation" in fields:
+        range, points["z"] = in_plane(range, fields["elevation"])
     with np.errstate(invalid="ignore"):  # an infinite azimuth has no position
-        points["x"] = fields["range"] * np.cos(azimuth)
-        points["y"] = fields["range"] * np.sin(azimuth)
+        points["x"] = range * np.cos(azimuth)
+        points["y"] = range * np.sin(azimuth)
     return points
 
 

@@ -1,16 +1,11 @@
-"""Scans of a CSV recording, read as a message of theirs would be."""
+"""Scans of a CSV recording, read as a cloud of theirs would be."""
 
 from __future__ import annotations
 
-from msg_adapters.detections import (
-    DetectionMessage,
-    ReadingOptions,
-    azimuth_of_bearing,
-    good_detections,
-)
+from msg_adapters.detections import DetectionMessage, ReadingOptions
+from msg_adapters.point_cloud_detections import detections_of_fields
 from msg_adapters.stamps import seconds_to_ns
 from tsepm_ros.recording import RecordedScan
-from tsepm_ros.scan import FEATURES
 
 
 def read_recorded_scan(
@@ -35,19 +30,5 @@ def read_recorded_scan(
     ValueError
         If `bearing_reference` is not allowed.
     """
-    reference = ReadingOptions(bearing_reference).bearing_reference
-    fields = dict(scan.fields)
-    bearing = fields.get("bearing")
-    if bearing is not None:
-        fields["azimuth"] = azimuth_of_bearing(bearing, reference)
-    return good_detections(
-        seconds_to_ns(scan.time),
-        frame_id,
-        range=fields["range"],
-        azimuth=fields["azimuth"],
-        range_std=fields.get("range_std"),
-        azimuth_std=fields.get("azimuth_std"),
-        time_offset=fields.get("time_offset"),
-        features={name: fields[name] for name in FEATURES if name in fields},
-        north_referenced=bearing is not None and reference == "north",
-    )
+    options = ReadingOptions(bearing_reference)
+    return detections_of_fields(seconds_to_ns(scan.time), frame_id, scan.fields, options)

@@ -19,6 +19,8 @@ SMALLEST_NORM = 1e-6
 """Of a quaternion; below, its direction is noise."""
 SMALLEST_COSINE = 1e-6
 """Of the pitch; below, yaw and roll are one rotation."""
+STEEPEST = 1.1
+"""Slant over horizontal range beyond which a range rate says too little: 24.6 degrees."""
 
 AXES: dict[str, FloatArray] = {
     "body": np.eye(3),
@@ -146,3 +148,34 @@ def levelled(
         horizontal = np.hypot(ahead, port)
     turned = np.arctan2(port, ahead) - mounting_yaw
     return np.where(tilted, horizontal, range), np.where(tilted, turned, azimuth)
+
+
+def horizontal_range_rate(
+    range_rate: FloatArray, slant_range: FloatArray, range: FloatArray
+) -> FloatArray:
+    """Rate of the horizontal range, from the rate along a slant line of sight.
+
+    The slant range s, the horizontal range r and the height h are ``s^2 = r^2 + h^2``. Where
+    target and sensor move horizontally, h stays, so that ``s ds/dt = r dr/dt``::
+
+        dr/dt = s / r ds/dt
+
+    A vertical velocity w of one against the other, such as the sensor's heave, adds ``w h / r`` to
+    that, which is not taken out. The deviation of the rate grows by s / r, too, and is left as it
+    is, for s / r is at most `STEEPEST`.
+
+    Parameters
+    ----------
+    range_rate : (n,) ndarray
+        ds/dt, m/s.
+    slant_range, range : (n,) ndarray
+        s and r, m; r may vanish.
+
+    Returns
+    -------
+    (n,) ndarray
+        dr/dt, m/s; nan where s / r is beyond `STEEPEST`. The given ones, to the bit, where s is r.
+    """
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # ends as nan
+        ratio = slant_range / range
+        return np.where(ratio <= STEEPEST, ratio * range_rate, np.nan)

@@ -61,7 +61,7 @@ def recording_results(
         last = session.own_ship_stamp
         while motions and (last is None or last < until):
             last = motions[0].time
-            session.add_own_ship(_pose(motions.popleft()), FRAME)
+            session.add_own_ship(_pose(motions.popleft()), session.fixed_frame or FRAME)
         session.dropped.update(detections.dropped)
         session.add_scan(sensor_scan(detections), now=0.0)
         yield from session.process()
@@ -124,6 +124,7 @@ def _longest_echo(time_offset: NDArray[np.float64] | None) -> float:
 
 def _pose(motion: RecordedMotion) -> PoseSample:
     x, _, y, _ = motion.state.tolist()
-    if motion.yaw is not None:
-        return PoseSample(motion.time, x, y, motion.yaw)
-    return PoseSample(motion.time, x, y, 0.0, np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE]))
+    yaw, covariance = motion.yaw, None
+    if yaw is None:
+        yaw, covariance = 0.0, np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
+    return PoseSample(motion.time, x, y, yaw, covariance, roll=motion.roll, pitch=motion.pitch)

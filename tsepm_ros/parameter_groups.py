@@ -242,8 +242,19 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
         except ValueError as error:
             raise ValueError(f"{prefix}{error}") from None
     if groups is TRACK_INITIATOR:
-        settings_from(made)  # refuses what does not go together
+        _refuse_what_does_not_go_together(made)
     return made
+
+
+def _refuse_what_does_not_go_together(made: Mapping[type[Any], Any]) -> None:
+    settings_from(made)
+    session: SessionOptions = made[SessionOptions]
+    from_north = made[InitiatorNodeOptions].bearing_reference == "north"
+    if from_north and session.own_ship_source == "none" and not session.fixed_frame:
+        raise ValueError(
+            "fixed_frame must be given where bearing_reference is north and own_ship_source none: "
+            "the tracks are then in an east-north frame, not in the sensor's"
+        )
 
 
 def parse_values(assignments: Iterable[str]) -> dict[str, Value]:

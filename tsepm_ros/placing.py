@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.attitude import levelled
+from tsepm_ros.attitude import horizontal_range_rate, levelled
 from tsepm_ros.own_ship import Mounting, PoseHistory, echo_poses, sensor_covariance
 from tsepm_ros.scan import LARGEST, SMALLEST, Scan
 
@@ -27,7 +27,7 @@ class SensorScan:
     ----------
     scan : Scan
         Detections; its sensor pose is not used. The ranges are those in the sensor's own x-y
-        plane.
+        plane; range rates are along the slant line of sight.
     frame_id : str
         The sensor's frame.
     north_referenced : bool
@@ -50,6 +50,11 @@ class SensorScan:
     transmit_offset: FloatArray | None = None
     height: FloatArray | None = None
     axes: str = "body"
+
+
+def at_rest(arrived: SensorScan) -> Scan:
+    """Place a scan of a level sensor that stays at the origin of the fixed frame."""
+    return _chosen(arrived, arrived.scan.range, arrived.scan.azimuth).scan
 
 
 def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
@@ -110,18 +115,21 @@ def _received(arrived: SensorScan) -> FloatArray:
     return scan.stamp + 2.0 * scan.time_offset - sent
 
 
-def _chosen(
-    arrived: SensorScan,
-    good: NDArray[np.bool_],
-    range: FloatArray,
-    azimuth: FloatArray,
-) -> SensorScan:
-    """The good ones of a scan's detections, at the ranges and azimuths given for all of them."""
+def _chosen(arrived: SensorScan, range: FloatArray, azimuth: FloatArray) -> SensorScan:
+    """A scan's detections at the horizontal ranges and azimuths given, as far as those are good."""
+    scan = arrived.scan
+    if range is scan.range and (arrived.height is None or "range_rate" not in scan.features):
+        return arrived
+    good = (range >= SMALLEST["range"]) & (range <= LARGEST["range"])
 
     def of(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else values[good]
 
-    scan = arrived.scan
+    features = dict(scan.features)
+    if "range_rate" in features:
+        height = 0.0 if arrived.height is None else arrived.height
+        slant = np.hypot(scan.range, height)
+        features["range_rate"] = horizontal_range_rate(features["range_rate"], slant, range)
     chosen = Scan(
         stamp=scan.stamp,
         range=range[good],
@@ -129,7 +137,7 @@ def _chosen(
         range_std=of(scan.range_std),
         azimuth_std=of(scan.azimuth_std),
         time_offset=of(scan.time_offset),
-        features={name: values[good] for name, values in scan.features.items()},
+        features={name: values[good] for name, values in features.items()},
     )
     return dataclasses.replace(
         arrived, scan=chosen, transmit_offset=of(arrived.transmit_offset), height=None
@@ -174,11 +182,8 @@ def _sensor_covariance(
 def _levelled(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> SensorScan:
     """Bring a scan into the horizontal plane, by the attitude with which it was received."""
     scan = arrived.scan
-    if arrived.north_referenced or not len(scan):
-        return arrived
-    _, _, _, roll, pitch = poses.poses_with_attitude(_received(arrived)).T
-    if not (roll.any() or pitch.any()):
-        return arrived
-    range_, azimuth = levelled(scan.range, scan.azimuth, arrived.height, roll, pitch, mounting.yaw)
-    good = (range_ >= SMALLEST["range"]) & (range_ <= LARGEST["range"])
-    return _chosen(arrived, good, range_, azimuth)
+    range_, azimuth = scan.range, scan.azimuth
+    if not arrived.north_referenced:
+        _, _, _, roll, pitch = poses.poses_with_attitude(_received(arrived)).T
+        range_, azimuth = levelled(range_, azimuth, arrived.height, roll, pitch, mounting.yaw)
+    return _chosen(arrived, range_, azimuth)

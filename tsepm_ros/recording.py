@@ -5,11 +5,14 @@ A recording is a folder with
 - ``detections.csv``: a row per detection; columns ``time_s``, ``range_m``, and ``azimuth_rad``
   (counter-clockwise from the sensor's x axis) or ``bearing_rad`` (clockwise); optionally ``scan``
   (rows with the same number are one scan; without it, rows with the same time are),
-  ``range_std_m``, ``azimuth_std_rad``, ``time_offset_s``, ``intensity``, ``range_width_m``,
-  ``azimuth_width_rad`` and ``range_rate_mps``;
+  ``elevation_rad`` (above the sensor's x-y plane; the range is then the slant range),
+  ``range_std_m``, ``azimuth_std_rad``, ``time_offset_s`` (after ``time_s``; or
+  ``two_way_travel_time_s``, twice that, which counts where there is no ``time_offset_s``),
+  ``intensity``, ``range_width_m``, ``azimuth_width_rad`` and ``range_rate_mps``;
 - optionally ``own_ship.csv``: ``time_s``, ``east_m``, ``north_m``; optionally ``east_mps``,
-  ``north_mps``, ``heading_rad`` (clockwise from north), and ``scan``: then scans that appear here
-  but have no detections are known to have been empty;
+  ``north_mps``, ``heading_rad`` (clockwise from north), ``roll_rad`` (above 0 with the port side
+  up), ``pitch_rad`` (above 0 with the bow down), both as in `tsepm_ros.attitude`, and ``scan``:
+  then scans that appear here but have no detections are known to have been empty;
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` where it is several.
 """
 
@@ -30,9 +33,11 @@ DETECTION_COLUMNS = {
     "range_m": "range",
     "azimuth_rad": "azimuth",
     "bearing_rad": "bearing",
+    "elevation_rad": "elevation",
     "range_std_m": "range_std",
     "azimuth_std_rad": "azimuth_std",
     "time_offset_s": "time_offset",
+    "two_way_travel_time_s": "two_way_travel_time",
     "intensity": "intensity",
     "range_width_m": "range_width",
     "azimuth_width_rad": "azimuth_width",
@@ -69,11 +74,15 @@ class RecordedMotion:
         ``[x, vx, y, vy]``, x east and y north, m and m/s.
     yaw : float or None
         Heading, rad, counter-clockwise from east; None if not recorded.
+    roll, pitch : float
+        Attitude, rad, as in `tsepm_ros.attitude`; 0 if not recorded.
     """
 
     time: float
     state: FloatArray
     yaw: float | None = None
+    roll: float = 0.0
+    pitch: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -135,7 +144,8 @@ Table = dict[str, FloatArray]
 
 
 MOTION = ("time_s", "east_m", "north_m")
-FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", "scan", "target")
+ATTITUDE = ("roll_rad", "pitch_rad")
+FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
 
 
 def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
@@ -202,9 +212,10 @@ def _motions(table: Table | None) -> list[RecordedMotion]:
     )
     headings = table.get("heading_rad")
     yaws = [None] * len(zero) if headings is None else (math.pi / 2 - headings).tolist()
+    attitudes = (table.get(name, zero).tolist() for name in ATTITUDE)
     motions = [
-        RecordedMotion(float(time), state, yaw)
-        for time, state, yaw in zip(table["time_s"], states, yaws, strict=True)
+        RecordedMotion(*row)
+        for row in zip(table["time_s"].tolist(), states, yaws, *attitudes, strict=True)
     ]
     return sorted(motions, key=lambda motion: motion.time)
 

@@ -48,8 +48,8 @@ class Scan:
         Time after `stamp` for which each detection's position is valid, s; 0 if not given.
     features : mapping of str to (n,) array_like, optional
         Further measurements by name: intensity, range_width (m), azimuth_width (rad),
-        range_rate (m/s, above 0 where the range grows, against the moving sensor; nan or beyond
-        `LARGEST`: none).
+        range_rate (m/s, above 0 where the range grows, in the horizontal plane as the range,
+        against the moving sensor; nan or beyond `LARGEST`: none).
     sensor_pose : (3,) or (n, 3) array_like, optional
         Pose (x, y, yaw) of the sensor in the fixed frame, m and rad: one for the scan, or one per
         detection. At the origin if not given.

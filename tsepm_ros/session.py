@@ -13,6 +13,8 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from tsepm_ros import placing
 from tsepm_ros.clocks import Now, waited
 from tsepm_ros.health import Figures
@@ -356,7 +358,7 @@ class Session:
         if self._is_too_large(scan):
             return False
         if not self._moves:
-            return scan
+            return self._with_usable_rates(scan, placing.at_rest(arrived))
         first, last = placing.echo_span(arrived)
         if self.look_up is not None:
             self.look_up(arrived.frame_id, first, last, arrived.axes)
@@ -384,7 +386,20 @@ class Session:
                 f"{lost} detections dropped: straight above or below the tilted sensor",
                 lost,
             )
-        return found
+        return self._with_usable_rates(scan, found)
+
+    def _with_usable_rates(self, scan: Scan, placed: Scan) -> Scan:
+        """The scan as placed; reports where that took range rates from it which would be used."""
+        before, after = (
+            np.isfinite(one.features.get("range_rate", ())).sum() for one in (scan, placed)
+        )
+        if after < before and self._settings.sensor.range_rate_std:
+            self._report(
+                "steep_range_rate",
+                f"{before - after} range rates not used: measured too steeply above or below the "
+                "horizontal",
+            )
+        return placed
 
     def _say_of_mounting(self, frame_id: str) -> None:
         """Report where nobody says where the sensor is on the vessel."""

@@ -111,6 +111,8 @@ class PlayedRecording:
             x=x,
             y=y,
             yaw=motion.yaw or 0.0,
+            roll=motion.roll,
+            pitch=motion.pitch,
             vx=vx,
             vy=vy,
         )

@@ -18,7 +18,7 @@ from tsepm_ros.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.health import Connections, DiagnosticsOptions, Health, Latency
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
-from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
+from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import run
@@ -43,14 +43,8 @@ class TrackInitiator(Node):
         super().__init__("track_initiator", **AUTO_DECLARE, **node_options)
         self._given = NodeParameters(self, TRACK_INITIATOR, self._configure)
         options: InitiatorNodeOptions = self._given.made[InitiatorNodeOptions]
-        session_options: SessionOptions = self._given.made[SessionOptions]
-        source, frame = session_options.own_ship_source, session_options.fixed_frame
+        source = self._given.made[SessionOptions].own_ship_source
         self._session = Session(settings_from(self._given.made), self._report, live=True)
-        if options.bearing_reference == "north" and source == "none" and not frame:
-            raise ParameterError(
-                "fixed_frame must be given where bearing_reference is north and own_ship_source "
-                "none: the tracks are then in an east-north frame, not in the sensor's"
-            )
         self._warned: dict[str, float] = {}
         self._input = MessageInput(self._session, options, self.get_logger().warning)
         self._health = Health(self._given.made[DiagnosticsOptions])
