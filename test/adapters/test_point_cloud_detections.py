@@ -381,6 +381,16 @@ def test_built_cloud_gives_back_every_bit(header, over_the_wire):
         np.testing.assert_array_equal(read, values, err_msg=name)
 
 
+def test_built_cloud_gives_back_elevations_and_shows_them(header):
+    cloud = detections_cloud(header, range=[100.0], azimuth=[1.0], elevation=[-0.5])
+    x, y, z = np.frombuffer(cloud.data, np.float32)[:3]
+    level = 100.0 * math.cos(0.5)
+    expected = [level * math.cos(1.0), level * math.sin(1.0), -100.0 * math.sin(0.5)]
+    np.testing.assert_allclose([x, y, z], expected, rtol=1e-6)
+    found = read_detections(cloud)
+    assert (found.range[0], found.height[0]) == (level, expected[2])
+
+
 @pytest.mark.parametrize("angle", [{"azimuth": [0.0, 1.0]}, {"bearing": [0.0, -1.0]}], ids=list)
 def test_built_cloud_shows_in_rviz(header, angle):
     cloud = detections_cloud(header, range=[100.0, 200.0], **angle)
@@ -462,6 +472,34 @@ def test_a_time_offset_counts_whatever_the_sound_speed_is():
     found = read_detections(cloud, sound_speed=1000.0)
     np.testing.assert_array_equal(found.time_offset, [0.25, 0.0])
     assert found.assumptions == read_detections(cloud).assumptions == ()
+
+
+TRAVEL = [("range", "d"), ("azimuth", "d"), ("two_way_travel_time", "d")]
+
+
+def test_without_a_time_offset_half_of_the_two_way_travel_counts():
+    cloud = raw_cloud(TRAVEL, [(1500.0, 0.1, 2.5), (3000.0, 0.2, 0.0)])
+    found = read_detections(cloud, sound_speed=1000.0)
+    np.testing.assert_array_equal(found.time_offset, [1.25, 0.0])
+    assert found.assumptions == read_detections(cloud).assumptions == ()
+
+
+def test_a_time_offset_comes_before_a_two_way_travel_time_even_where_it_is_nan():
+    fields = [*TRAVEL, ("time_offset", "d")]
+    cloud = raw_cloud(fields, [(1500.0, 0.1, 2.5, 0.25), (3000.0, 0.2, 4.0, NAN)])
+    found = read_detections(cloud)
+    np.testing.assert_array_equal(found.time_offset, [0.25])
+    assert found.dropped == {"time_offset_not_finite": 1}
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [(NAN, "not_finite"), (INF, "not_finite"), (2.1 * LARGEST["time_offset"], "too_large")],
+)
+def test_a_bad_two_way_travel_time_is_counted_as_a_time_offset(value, reason):
+    found = read_detections(raw_cloud(TRAVEL, [(1500.0, 0.1, value), (3000.0, 0.2, 4.0)]))
+    assert found.dropped == {f"time_offset_{reason}": 1}
+    np.testing.assert_array_equal(found.time_offset, [2.0])
 
 
 @pytest.mark.parametrize("speed", [-1.0, math.nan, math.inf])

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from foreign_messages import RadarReturn, RadarScan
 
-from msg_adapters import make_header, read_detections
+from msg_adapters import make_header, read_detections, sensor_scan
+from tsepm_ros.session import Session
+from tsepm_ros.settings import Settings
 
 NAN, INF = math.nan, math.inf
 GOOD = {
@@ -41,6 +43,15 @@ def test_the_range_is_that_in_the_horizontal_plane(elevation):
     found = read_detections(scan({"elevation": elevation}))
     assert found.range[0] == pytest.approx(1000.0 * math.cos(0.5), rel=1e-15)
     assert found.height[0] == pytest.approx(1000.0 * math.sin(elevation), rel=1e-15)
+
+
+def test_the_doppler_velocity_along_the_line_of_sight_becomes_that_of_the_horizontal_range():
+    session = Session(Settings())
+    message = scan({"elevation": 0.4, "doppler_velocity": -3.0}, {"elevation": 0.5})
+    session.add_scan(sensor_scan(read_detections(message)), 0.0)
+    (result,) = session.process()
+    expected = [-3.0 / math.cos(0.4), NAN]  # beyond 24.6 degrees it says too little
+    np.testing.assert_allclose(result.scan.features["range_rate"], expected, rtol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -241,6 +241,10 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
         (["run", "nowhere.yaml"], "nowhere.yaml"),
         (["run", "box", "--animation", "a.mp4"], "a.mp4"),
         (["run", "box", "-p", "own_ship_source:=tf"], "own_ship_source tf"),
+        (
+            ["run", "box", "-p", "bearing_reference:=north", "-p", "own_ship_source:=none"],
+            "fixed_frame must be given",
+        ),
         (["study", "nowhere"], "nowhere"),
         (["study", "box", "--method", "tsepm", "-p", "min_hats:=4"], "min_hats"),
         (["evaluate", "nowhere"], "nowhere"),

@@ -78,3 +78,10 @@ def test_recorded_echoes_without_times_are_of_range_over_sound_speed():
     np.testing.assert_allclose(result.scan.time_offset, [2000.0 / 1500.0])
     assert result.scan.sensor_pose.shape == (1, 3)
     assert not dropped
+
+
+def test_a_fixed_frame_names_the_recordings_own():
+    settings = Settings(session=SessionOptions(own_ship_source="odometry", fixed_frame="map"))
+    results, dropped = process_recording(Recording(scans(8), own_ship(100.0)), settings, "bow")
+    assert {result.frame_id for result in results} == {"map"}
+    assert (len(results), dropped) == (8, {})

@@ -116,6 +116,17 @@ def test_refusals_have_the_full_name(values, sentence):
     assert str(refused.value).startswith(sentence)
 
 
+FROM_NORTH = {"bearing_reference": "north"}
+
+
+def test_bearings_from_north_at_rest_need_a_fixed_frame():
+    with pytest.raises(ValueError, match=r"fixed_frame must be given where bearing_reference is "):
+        make_groups(TRACK_INITIATOR, FROM_NORTH)
+    for more in ({"fixed_frame": "map"}, {"own_ship_source": "odometry"}):
+        made = make_groups(TRACK_INITIATOR, {**FROM_NORTH, **more})
+        assert made[InitiatorNodeOptions].bearing_reference == "north"
+
+
 def test_settings_have_every_group():
     made = make_groups(
         TRACK_INITIATOR, {"method": "tsepm", "tsepm.window": 9, "sensor.max_range": 5e3}

@@ -50,7 +50,8 @@ def test_without_scan_numbers_rows_of_the_same_time_are_one_scan(write):
 def test_every_column_becomes_its_field(write):
     text = (
         "intensity,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,time_offset_s,"
-        "range_width_m,azimuth_width_rad,range_rate_mps\n1,2,3,4,5,6,7,8,9,10\n"
+        "range_width_m,azimuth_width_rad,range_rate_mps,elevation_rad,two_way_travel_time_s\n"
+        "1,2,3,4,5,6,7,8,9,10,11,12\n"
     )
     (scan,) = read_recording(write(detections=text)).scans
     assert {name: value.tolist() for name, value in scan.fields.items()} == {
@@ -63,6 +64,8 @@ def test_every_column_becomes_its_field(write):
         "range_width": [8],
         "azimuth_width": [9],
         "range_rate": [10],
+        "elevation": [11],
+        "two_way_travel_time": [12],
     }
 
 
@@ -114,9 +117,16 @@ def test_motion_is_east_north_with_the_heading_turned_to_yaw(write):
     assert [motion.yaw for motion in motions] == pytest.approx([0.0, math.pi / 2])
 
 
-def test_what_was_not_recorded_is_zero_speed_and_no_yaw(write):
+def test_roll_and_pitch_are_taken_as_they_are(write):
+    own_ship = "time_s,east_m,north_m,pitch_rad,roll_rad\n0,3,4,0.1,-0.2\n"
+    (motion,) = read_recording(write(detections=DETECTIONS, own_ship=own_ship)).own_ship
+    assert (motion.roll, motion.pitch) == (-0.2, 0.1)
+
+
+def test_what_was_not_recorded_is_zero_speed_level_and_no_yaw(write):
     own_ship = "time_s,east_m,north_m\n0,3,4\n"
     (motion,) = read_recording(write(detections=DETECTIONS, own_ship=own_ship)).own_ship
+    assert (motion.roll, motion.pitch) == (0.0, 0.0)
     assert motion.state.tolist() == [3, 0, 4, 0]
     assert motion.yaw is None
 
@@ -195,6 +205,11 @@ HEADER = "time_s,range_m,bearing_rad\n"
             {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m\n0,nan,1\n"},
             "own_ship.csv: east_m",
             id="own ship nowhere",
+        ),
+        pytest.param(
+            {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m,roll_rad\n0,1,1,nan\n"},
+            "own_ship.csv: roll_rad",
+            id="roll not known",
         ),
         pytest.param(
             {"detections": DETECTIONS, "target": "target,time_s,east_m,north_m\nnan,0,1,1\n"},

@@ -16,6 +16,7 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import ReliabilityPolicy
 from ros_world import World
 from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2, PointField
 from sonar_driver import START_NS, Ping, points, stamp_ns
 from visualization_msgs.msg import MarkerArray
@@ -347,6 +348,21 @@ def test_bearings_stay_bearings_and_a_heading_that_is_not_known_is_said(world, r
     assert point == {"range": 100.0, "bearing": 0.5}
     yaw_variances = [message.pose.covariance[35] for message in show.own_ship]
     assert min(yaw_variances) > 100.0
+
+
+def test_elevation_and_attitude_are_played(world, record):
+    detections = (
+        "time_s,range_m,azimuth_rad,elevation_rad,two_way_travel_time_s\n1,100,0.5,-0.25,2\n"
+    )
+    own_ship = "time_s,east_m,north_m,heading_rad,roll_rad,pitch_rad\n1,5,6,0.5,0.1,-0.2\n"
+    show = Show(
+        world, ScanPlayer, recording=record(detections=detections, own_ship=own_ship)
+    ).play()
+    [[point]] = map(points, show.detections)
+    assert (point["elevation"], point["two_way_travel_time"]) == (-0.25, 2.0)
+    turn = show.own_ship[0].pose.pose.orientation
+    found = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_euler("ZYX")
+    np.testing.assert_allclose(found, [math.pi / 2 - 0.5, -0.2, 0.1], atol=1e-12)
 
 
 def test_the_players_start_is_added_to_recorded_stamps(world, record):
