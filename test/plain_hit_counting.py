@@ -74,13 +74,16 @@ def plain_sequential(
     for index, scan in enumerate(scans):
         detections = convert_scan(scan, index, settings)
         used = match(potential, detections, settings, options)  # Step 3
-        tracks, left = [], []
+        complete, left = [], []
         for path in potential:
             if len(path.hits) >= settings.min_hits:  # Step 7
                 estimate = plain_estimate(path.hits, float(scan["stamp"]), options)
-                tracks.append(finish(path.hits, float(scan["stamp"]), estimate))
+                complete.append(finish(path.hits, float(scan["stamp"]), estimate))
             elif index + 1 - path.first_scan < settings.window:  # Step 6
                 left.append(path)
+        tracks = best_apart(complete)
+        taken = {key for track in tracks for key in track.hits}
+        left = [path for path in left if not any(hit.key in taken for hit in path.hits)]
         left += [Path([one], index) for j, one in enumerate(detections) if j not in used]  # Step 5
         potential = left
         results.append((tracks, len(potential)))
@@ -93,16 +96,17 @@ def match(
     settings: Parameters,
     options: Mapping[str, Any],
 ) -> set[int]:
-    """Add its detection to each path, the nearest pair first; returns the detections used."""
+    """Add its detection to each path, by the reading chosen; returns the detections used."""
     found = []
     for i, path in enumerate(potential):
+        turn = path.first_scan if options["matching"] == "oldest" else 0
         for j, detection in enumerate(detections):
             if in_gate(path.hits[-1], detection, settings, options):
-                found.append((math.dist(path.hits[-1].point, detection.point), i, j))
+                found.append((turn, math.dist(path.hits[-1].point, detection.point), i, j))
     used_paths: set[int] = set()
     used: set[int] = set()
-    for _, i, j in sorted(found):
-        if i not in used_paths and j not in used:
+    for _, _, i, j in sorted(found):
+        if i not in used_paths and (j not in used or options["matching"] == "shared"):
             potential[i].hits.append(detections[j])
             used_paths.add(i)
             used.add(j)

@@ -95,8 +95,29 @@ def disjoint(members: IntArray, cost: FloatArray) -> IntArray:
 
 def nearest_first(pairs: Pairs) -> Pairs:
     """The pairs of which each track and each detection has one at most, best first."""
+    return _exclusive(pairs, pairs.cost)
+
+
+def oldest_first(pairs: Pairs, first_scan: IntArray) -> Pairs:
+    """As `nearest_first`, but the tracks choose in turn, those begun earliest first.
+
+    Of tracks begun in the same scan the better pair goes first.
+
+    Parameters
+    ----------
+    pairs : Pairs
+    first_scan : (t,) ndarray of int
+        Of each track that `pairs.parent` counts.
+    """
+    turn = np.empty(len(pairs))
+    turn[np.lexsort((pairs.cost, first_scan[pairs.parent]))] = np.arange(len(pairs))
+    return _exclusive(pairs, turn)
+
+
+def _exclusive(pairs: Pairs, turn: FloatArray) -> Pairs:
+    """Each track and each detection once at most, the pair of the smallest turn first."""
     members = np.stack([pairs.parent, -2 - pairs.row], axis=1)  # apart, and never NO_HIT
-    return pairs[disjoint(members, pairs.cost)]
+    return pairs[disjoint(members, turn)]
 
 
 def best_of_each(pairs: Pairs) -> Pairs:

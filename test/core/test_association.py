@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import association
-from tsepm_ros.association import Pairs, best_of_each, disjoint, nearest_first
+from tsepm_ros.association import Pairs, best_of_each, disjoint, nearest_first, oldest_first
 from tsepm_ros.paths import NO_HIT
 
 
@@ -42,6 +42,20 @@ def test_each_track_and_each_detection_is_matched_once():
     chosen = nearest_first(PAIRS)
     assert chosen.parent.tolist() == [1, 2]
     assert chosen.row.tolist() == [0, 1], "what is left of track 0 was taken"
+
+
+@pytest.mark.parametrize(
+    ("first_scan", "expected"),
+    [
+        ([5, 5, 5], [(1, 0), (2, 1)]),  # as the nearest first
+        ([4, 5, 5], [(0, 0), (1, 1)]),
+        ([4, 5, 3], [(0, 0), (2, 1)]),
+    ],
+)
+def test_older_tracks_choose_before_younger(first_scan, expected):
+    chosen = oldest_first(PAIRS, np.array(first_scan))
+    assert sorted(zip(chosen.parent.tolist(), chosen.row.tolist(), strict=True)) == expected
+    assert set(chosen.cost) <= set(PAIRS.cost)
 
 
 def test_the_best_of_each_track_may_be_another_s_too():

@@ -29,6 +29,7 @@ def options_of(scene: Scene, seed: int, method: str) -> dict[str, Any]:
         "gate_error": str(rng.choice(["range", "major_axis"])),
         "estimator": str(rng.choice(["least_squares", "linear_fitting", "kalman_filter"])),
         "process_noise": float(rng.choice([0.0, 0.001, 0.1])),
+        "matching": str(rng.choice(["nearest", "oldest", "shared"])),
     }
 
 

@@ -10,14 +10,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tsepm_ros import Scan, SensorModel
 from tsepm_ros.analysis.reproduction import hexagon, sequential_2014
 from tsepm_ros.analysis.reproduction import published_2014 as published
 from tsepm_ros.analysis.reproduction.runs import Setting
 from tsepm_ros.analysis.reproduction.sequential_2014 import MAIN, Counts
 from tsepm_ros.cli import main
-from tsepm_ros.initiator import CommonOptions
-from tsepm_ros.methods.sequential import SequentialOptions
 
 
 def test_the_scene_is_the_published_one():
@@ -50,26 +47,6 @@ def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan()
     bounds = np.reshape(counts["bound"], (6, 3))
     assert (bounds[:, 2] == 1.0).all()
     assert bounds[:, :2].max() < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("matching", "lengths"),
-    [
-        ("nearest pair first", {1: 2}),
-        ("oldest track first", {0: 2}),
-        ("by several tracks", {0: 2, 1: 2}),
-    ],
-)
-def test_who_gets_a_detection_that_two_tracks_match(matching, lengths):
-    # Gates of 10 m/s and 2 m: at 10 s the second is out of the first's, at 20 s the third in both.
-    sensor = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-6)
-    starter = hexagon.MATCHINGS[matching](
-        sensor, CommonOptions(max_speed=10.0), SequentialOptions()
-    )
-    for stamp, x in ((0.0, 1000.0), (10.0, 1110.0), (20.0, 1100.0)):
-        starter.process(Scan(stamp=stamp, range=np.array([x]), azimuth=np.zeros(1)))
-    found = {track.hits[0][0]: len(track.hits) for track in starter.potential_tracks()}
-    assert found == lengths
 
 
 def counts(period, rows):

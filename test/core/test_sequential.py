@@ -73,8 +73,40 @@ def test_a_matched_detection_starts_nothing_and_the_others_do():
     assert track.hits == ((0, 0), (1, 0))
 
 
+@pytest.mark.parametrize(
+    ("matching", "lengths"),
+    [("nearest", {1: 2}), ("oldest", {0: 2}), ("shared", {0: 2, 1: 2})],
+)
+def test_who_gets_a_detection_that_two_tracks_match(matching, lengths):
+    # Gates of 10 m/s and 60 m: the second detection is outside that of the first, the third in both.
+    made = initiator(matching=matching)
+    for k, x in enumerate((3000.0, 3200.0, 3190.0)):
+        made.process(scan_at(12.0 * k, [(x, 0.0)]))
+    assert {track.hits[0][0]: len(track.hits) for track in made.potential_tracks()} == lengths
+    assert made.statistics.started == 0
+
+
+def test_the_oldest_track_takes_what_is_nearest_to_it_and_leaves_the_rest():
+    made = initiator(matching="oldest")
+    for k, places in enumerate(([3000.0], [3200.0], [3190.0, 3150.0])):
+        made.process(scan_at(12.0 * k, [(x, 0.0) for x in places]))
+    found = sorted(track.hits for track in made.potential_tracks())
+    assert found == [((0, 0), (2, 1)), ((1, 0), (2, 0))]
+
+
+def test_tracks_that_share_a_detection_are_put_out_once_and_end():
+    made = initiator(min_hits=3, matching="shared")
+    tracks = []
+    for k, places in enumerate(([3000.0, 3100.0], [3050.0], [3050.0])):
+        tracks += made.process(scan_at(12.0 * k, [(x, 0.0) for x in places]))
+    assert len(tracks) == 1
+    assert made.statistics.raw_confirmations == 2
+    assert made.statistics.merged == 1
+    assert made.statistics.potential_tracks == 0
+
+
 def test_the_nearest_pair_of_all_is_matched_first():
-    made = initiator(min_hits=2)
+    made = initiator(min_hits=2, matching="nearest")
     made.process(scan_at(0.0, [(3000.0, 0.0), (3000.0, 60.0)]))
     # 40 m from the first and 20 m from the second; 70 m from the first, 130 m from the second.
     tracks = made.process(scan_at(12.0, [(3000.0, 40.0), (3000.0, -70.0)]))

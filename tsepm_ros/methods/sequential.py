@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import initial_state
-from tsepm_ros.association import Pairs, nearest_first
+from tsepm_ros.association import Pairs, best_of_each, nearest_first, oldest_first
 from tsepm_ros.conversion import measured_polar, range_variance_at
 from tsepm_ros.estimation import Fit
 from tsepm_ros.hit_counting import PathFollower, check_rule
@@ -68,6 +68,12 @@ class SequentialOptions:
         "The error that the gate's margin counts: that of the range, or the larger axis of the "
         "position's",
         choices=("range", "major_axis"),
+    )
+    matching: str = parameter(
+        "nearest",
+        "Who gets a detection in the gates of several tracks: the nearest pair of all first, the "
+        "oldest track first, or each of them (shared)",
+        choices=("nearest", "oldest", "shared"),
     )
     estimator: str = parameter(
         "least_squares", "Estimator of the initial state", choices=initial_state.ESTIMATORS
@@ -112,7 +118,11 @@ class Sequential(PathFollower):
         return np.sqrt(range_variance_at(hits, measured_polar(hits)[0], self.sensor))
 
     def _choose(self, pairs: Pairs) -> Pairs:
-        """Each track and each detection is matched once, the nearest first (Step 3)."""
+        """One detection at most for each track, by the reading of Step 3 that is chosen."""
+        if self.options.matching == "shared":
+            return best_of_each(pairs)
+        if self.options.matching == "oldest":
+            return oldest_first(pairs, self._potential.first_scan)
         return nearest_first(pairs)
 
     def _fit(self, hits: NDArray[np.void]) -> Fit:

@@ -16,7 +16,6 @@ from tsepm_ros.analysis.reproduction import published_2014 as published
 from tsepm_ros.analysis.reproduction.runs import Result
 from tsepm_ros.analysis.reproduction.scene import Scene, Started
 from tsepm_ros.analysis.truth import Judged, Outcome
-from tsepm_ros.association import Pairs, best_of_each, nearest_first
 from tsepm_ros.conversion import convert
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.sequential import Sequential, SequentialOptions
@@ -34,29 +33,12 @@ TURN_RADIUS = 1.0
 """Of the platform at a corner, m: the published one turns on the spot."""
 
 
-class OldestFirst(Sequential):
-    """The reading that the oldest potential track is served first, with what is nearest to it."""
-
-    def _choose(self, pairs: Pairs) -> Pairs:
-        age = self.scan_index - self._potential.first_scan[pairs.parent]
-        # A gate is narrower than twice the coverage.
-        return nearest_first(
-            dataclasses.replace(pairs, cost=pairs.cost - 2.0 * self.sensor.max_range * age)
-        )
-
-
-class Shared(Sequential):
-    """The reading that a detection may continue several tracks: removed, it starts none."""
-
-    def _choose(self, pairs: Pairs) -> Pairs:
-        return best_of_each(pairs)
-
-
-MATCHINGS: dict[str, type[Sequential]] = {
-    "nearest pair first": Sequential,
-    "oldest track first": OldestFirst,
-    "by several tracks": Shared,
+MATCHINGS = {
+    "nearest pair first": "nearest",
+    "oldest track first": "oldest",
+    "by several tracks": "shared",
 }
+"""Values of `SequentialOptions.matching`, in the words of the tables."""
 GATES = ("range", "major_axis")
 READINGS = tuple(itertools.product(GATES, MATCHINGS))
 """What sigma in Eq. 7 is, and who gets a detection that several tracks match (Step 3)."""
@@ -133,10 +115,10 @@ def run_hexagon(what: Case, seed: list[int]) -> Result:
     scene = Scene.drawn(dataclasses.replace(what.scenario, targets=targets), seed)
     results: Result = {}
     for gate, matching in READINGS:
-        starter = MATCHINGS[matching](
+        starter = Sequential(
             what.scenario.sensor,
             CommonOptions(max_speed=published.MAX_SPEED),
-            SequentialOptions(gate_error=gate),
+            SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
         )
         started = scene.started(starter, what.scenario.scans)
         judged = started.judged()
