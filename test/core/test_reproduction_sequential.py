@@ -15,6 +15,7 @@ from tsepm_ros.analysis.reproduction import published_2014 as published
 from tsepm_ros.analysis.reproduction.runs import Setting
 from tsepm_ros.analysis.reproduction.sequential_2014 import MAIN, Counts
 from tsepm_ros.cli import main
+from tsepm_ros.methods.sequential import SequentialOptions
 
 
 def test_the_scene_is_the_published_one():
@@ -47,6 +48,12 @@ def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan()
     bounds = np.reshape(counts["bound"], (6, 3))
     assert (bounds[:, 2] == 1.0).all()
     assert bounds[:, :2].max() < 1e-3
+
+
+def test_the_plain_reading_is_the_default_of_the_method():
+    options = SequentialOptions()
+    gate, matching = hexagon.PLAIN
+    assert (gate, hexagon.MATCHINGS[matching]) == (options.gate_error, options.matching)
 
 
 def counts(period, rows):

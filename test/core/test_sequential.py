@@ -27,7 +27,7 @@ def confirmed_at(seen: str, **options) -> list[int]:
 def test_the_defaults_are_the_article_s():
     options = initiator().options
     assert (options.min_hits, options.window, options.gate_sigmas) == (6, 10, 2.0)
-    assert options.estimator == "least_squares"
+    assert (options.estimator, options.matching) == ("least_squares", "oldest")
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,26 @@ def test_the_defaults_are_the_article_s():
 )
 def test_six_of_ten_as_in_the_figures(seen, confirmed):
     assert confirmed_at(seen) == confirmed
+
+
+@pytest.mark.parametrize(
+    ("ranges", "hits"),
+    [
+        ([3000, 3000, 3000, 3000, 3200, 3150, 3150], [1, 2, 3, 4, 6, 7]),
+        ([3000, 3000, 3000, 3200, 3310, 3250, 3450, 3400, 3600, 3550], [1, 2, 3, 6, 8, 10]),
+    ],
+    ids=["figure 3", "figure 4"],
+)
+def test_points_outside_the_gate_leave_the_track_its_later_ones(ranges, hits):
+    found = {}
+    for matching in ("oldest", "nearest"):
+        made = initiator(matching=matching)
+        tracks = []
+        for k, x in enumerate(ranges):
+            tracks += made.process(scan_at(12.0 * k, [(float(x), 0.0)]))
+        found[matching] = [[scan + 1 for scan, _ in track.hits] for track in tracks]
+    assert found["oldest"] == [hits]
+    assert hits not in found["nearest"], "the points outside must contend for the later ones"
 
 
 @pytest.mark.parametrize("gap", [1, 2, 3, 5])
@@ -78,7 +98,7 @@ def test_a_matched_detection_starts_nothing_and_the_others_do():
     [("nearest", {1: 2}), ("oldest", {0: 2}), ("shared", {0: 2, 1: 2})],
 )
 def test_who_gets_a_detection_that_two_tracks_match(matching, lengths):
-    # Gates of 10 m/s and 60 m: the second detection is outside that of the first, the third in both.
+    # Gates of 10 m/s and 60 m: the second detection is outside the first's, the third in both.
     made = initiator(matching=matching)
     for k, x in enumerate((3000.0, 3200.0, 3190.0)):
         made.process(scan_at(12.0 * k, [(x, 0.0)]))

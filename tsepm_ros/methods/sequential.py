@@ -17,9 +17,16 @@ Readings
 - k T is the time between the detections. The sensor moves: r is in the fixed frame.
 - sigma is the deviation of the range error at the last hit; `gate_error` "major_axis" reads it as
   the larger axis of the position's error, as the papers of 2016 and 2018 do.
-- Where several detections and tracks match, the nearest pair of all is matched first, then the
-  nearest of what is left. The article leaves it open; another reading serves the oldest track
-  first.
+- Step 3 does not say who gets a detection in the gates of several tracks; `matching` has the
+  readings. "oldest": the tracks in the order in which Step 5 made them, each with what is nearest
+  to it of what is left. Section 4.1 and Figs. 3 and 4 speak for it: there points outside the gate,
+  which start tracks of their own, keep none of the later ones from the track, and "if there are 6
+  or more than 6 points which satisfy the threshold, it is considered that a track exists".
+  "nearest": the nearest pair of all first, then the nearest of what is left; a track started by an
+  echo outside the gate then takes the target's next ones, and the examples depend on where the
+  points lie. "shared": each track takes what is nearest to it, and a detection "removed" only
+  starts none; the article then starts a target once for each of its tracks, since no step merges
+  them. Here, as with the other methods, the best of the tracks that share a hit is put out.
 - A track that can no longer reach M hits is deleted when its N scans are over (Section 4.1), not
   as soon as that is known: it matches, and so removes, detections until then.
 - A confirmed track no longer matches detections: its target starts anew, as with the other methods.
@@ -70,10 +77,10 @@ class SequentialOptions:
         choices=("range", "major_axis"),
     )
     matching: str = parameter(
-        "nearest",
-        "Who gets a detection in the gates of several tracks: the nearest pair of all first, the "
-        "oldest track first, or each of them (shared)",
-        choices=("nearest", "oldest", "shared"),
+        "oldest",
+        "Who gets a detection in the gates of several tracks: the oldest of them, the track of the "
+        "nearest pair of all (nearest), or each (shared)",
+        choices=("oldest", "nearest", "shared"),
     )
     estimator: str = parameter(
         "least_squares", "Estimator of the initial state", choices=initial_state.ESTIMATORS

@@ -42,7 +42,8 @@ MATCHINGS = {
 GATES = ("range", "major_axis")
 READINGS = tuple(itertools.product(GATES, MATCHINGS))
 """What sigma in Eq. 7 is, and who gets a detection that several tracks match (Step 3)."""
-PLAIN = READINGS[0]
+PLAIN = (GATES[0], "oldest track first")
+"""The reading that is the default of the method."""
 
 
 @dataclass(frozen=True)

@@ -290,7 +290,7 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
     return [
         "### Table 1, Figs. 10 and 11: errors of the estimators",
         "The three estimators on the same hits: of each target's first track, with sigma that of "
-        f"the range and the nearest pair matched first. {np.mean(pure):.2f} of these tracks have "
+        f"the range and the oldest track served first. {np.mean(pure):.2f} of these tracks have "
         "only hits of their target. The article prints least squares only (Eq. 11); its linear "
         "fitting is read as a straight line run along from the first hit to the last, its Kalman "
         "filter as begun by the first two hits. Nor does it say what is averaged; "
