@@ -35,6 +35,8 @@ DATA_SHEET_COUNT = 1.0
 """Detections that the density of the data sheet counts for, in the whole coverage."""
 DEVIATIONS = 1.5
 """Standard deviations of a window's count within which the density found so far stays."""
+ZONE_FACTOR = 3.0
+"""A clutter zone is where clutter is this many times as dense as over the coverage."""
 TARGET_COUNT = 3.0
 """Detections in a window that may be a new target's and do not yet tell of clutter."""
 
@@ -81,6 +83,10 @@ class ClutterMap:
         """Mean density over the coverage, 1/m^2."""
         area = np.diff(self._edges**2)  # of a ring's cells, up to a factor
         return float(np.average(self._densities.mean(axis=1), weights=area))
+
+    def in_zone(self, range: FloatArray, azimuth: FloatArray) -> NDArray[np.bool_]:
+        """Whether positions (n,) are in a clutter zone (Environment 2018, 2.1); see `at`."""
+        return np.asarray(self.at(range, azimuth) > ZONE_FACTOR * self.mean)
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Take a scan's detections.

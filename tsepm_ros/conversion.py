@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros import range_rates
+from tsepm_ros import plot_features, range_rates
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 
@@ -28,6 +28,8 @@ DETECTION = np.dtype(
         ("sensor_velocity", np.float64, (2,)),  # m/s, fixed frame
         ("range_rate", np.float64),  # m/s, against the moving sensor
         ("range_rate_std", np.float64),  # m/s; 0: no range rate
+        ("clutter_density", np.float64),  # 1/m^2, where it is
+        ("features", np.float64, (3,)),  # as in plot_features; nan: not measured
     ]
 )
 """A converted detection, with what re-evaluating its covariance elsewhere needs."""
@@ -224,6 +226,8 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
     detections["covariance"] = covariance
     detections["major_sigma"] = major_sigma(covariance)
     range_rates.take(detections, scan, sensor)
+    detections["clutter_density"] = sensor.clutter_density
+    detections["features"] = plot_features.measured(scan)
     return detections
 
 

@@ -40,6 +40,11 @@ class DetectionWindow:
         positions: NDArray[np.float64] = self._detections["position"][ids - self._first_id]
         return positions
 
+    def clutter_densities(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Clutter densities where the detections with the given ids are, (...), 1/m^2."""
+        densities: NDArray[np.float64] = self._detections["clutter_density"][ids - self._first_id]
+        return densities
+
     def __len__(self) -> int:
         """Number of detections held."""
         return len(self._detections)

@@ -37,26 +37,29 @@ def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
     return squared_distance(misfit, spread).max(axis=1)
 
 
-def clutter_statistic(positions: FloatArray, clutter_density: float) -> FloatArray:
+def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float) -> FloatArray:
     """Kennedy's clutter statistic f_2 (Eqs. 24-25).
 
-    ``f_2 = 2 sum_k lambda V(k)``, V(k) = pi d_k^2 the area out to the associated point at distance
-    d_k from the hit before. For nearest points of pure clutter it is chi-square distributed with
-    2 M - 2 degrees of freedom; a target makes it small.
+    ``f_2 = 2 sum_k lambda_k V(k)``, V(k) = pi d_k^2 the area out to the associated point at
+    distance d_k from the hit before, lambda_k the density there. For
+    nearest points of pure clutter it is chi-square distributed with 2 M - 2 degrees of freedom; a
+    target makes it small.
 
     Parameters
     ----------
     positions : (n, m, 2) ndarray
         Positions of the hits, oldest first, m.
-    clutter_density : float
-        lambda, 1/m^2.
+    clutter_density : (n, m) ndarray or float
+        lambda at each hit, 1/m^2: one for all, as published, or where each hit is.
 
     Returns
     -------
     (n,) ndarray
     """
-    steps = np.diff(positions, axis=1)
-    return 2.0 * clutter_density * np.pi * np.square(steps).sum(axis=(1, 2))
+    steps = np.square(np.diff(positions, axis=1)).sum(axis=2)
+    density = np.broadcast_to(clutter_density, positions.shape[:2])[:, 1:]
+    statistic: FloatArray = 2.0 * np.pi * (density * steps).sum(axis=1)
+    return statistic
 
 
 def squared_distance(misfit: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from tsepm_ros.estimation import Fit, fit
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.paths import NO_HIT, Paths, Rows, starting
+from tsepm_ros.plot_features import Histories
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.steps import Steps
@@ -236,6 +237,7 @@ class PathFollower(HitCounter):
         detections = self._receive(scan)
         ids = self._window.append(detections)
         pairs, cut_pairs = self._pairs(detections)
+        pairs = self._resembling(pairs, detections)
         extending, cut_potential, cut_raw = self._within_limits(self._choose(pairs))
         children = self._extended(extending.parent, ids[extending.row], detections[extending.row])
         reached = pruning.confirmed(children.hit_count, self.options.min_hits)
@@ -268,6 +270,19 @@ class PathFollower(HitCounter):
                 cut_confirmations=cut_raw,
             ),
         )
+
+    def _resembling(self, pairs: Pairs, detections: NDArray[np.void]) -> Pairs:
+        """The pairs but those in a clutter zone whose detection is unlike the track's hits."""
+        if not self.common.plot_features:
+            return pairs
+        zone = np.flatnonzero(self._in_zone[pairs.row])
+        hits = self._potential.hits[pairs.parent[zone]]
+        some = hits != NO_HIT
+        features = np.full((*hits.shape, 3), np.nan)
+        features[some] = self._window[hits[some]]["features"]
+        kept = np.ones(len(pairs), bool)
+        kept[zone] = Histories.of(features).resembled_by(detections["features"][pairs.row[zone]])
+        return pairs[kept]
 
     def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits; `evaluation` is the figure of the hits so far.

@@ -24,11 +24,15 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros import filtering, range_rates
+from tsepm_ros.association import Pairs
 from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.detection_probability import DetectionProbability
+from tsepm_ros.environment import Environment
 from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.motion import Motion, stay_or_change
+from tsepm_ros.plot_features import Histories
 from tsepm_ros.sensor import SensorModel
+from tsepm_ros.splitting import gate_factor
 from tsepm_ros.track import TrackArrays
 
 FloatArray = NDArray[np.float64]
@@ -150,6 +154,7 @@ class TrackHold:
         self._agreed = np.zeros(0, np.int64)
         # Since when each track waits for the tracker to list it, s; -inf: it does.
         self._waiting_since = np.zeros(0)
+        self._histories = Histories.of(np.zeros((0, 0, 3)))
         self.tracker = Tracker.NONE
         self._heard = -np.inf
         self.detection_probability = DetectionProbability()
@@ -162,6 +167,7 @@ class TrackHold:
         detectable: Callable[[FloatArray], FloatArray],
         sensor: SensorModel,
         max_speed: float,
+        environment: Environment | None = None,
     ) -> FloatArray:
         """Carry the tracks to a scan and let them take its detections.
 
@@ -186,6 +192,8 @@ class TrackHold:
         sensor : SensorModel
         max_speed : float
             v_max, m/s: the velocity after a turn is unknown up to it.
+        environment : Environment, optional
+            Clutter zones and encounters, in which plots' features count.
 
         Returns
         -------
@@ -215,7 +223,7 @@ class TrackHold:
         faded, still = stay_or_change(np.abs(step), TIME_TO_FADE, TIME_OF_FADING)
         self._seen = 1.0 - self._seen * faded - (1.0 - self._seen) * still
         predicted = self._motion.predicted(step, max_speed)
-        expected, _ = predicted.combined()
+        expected, spread = predicted.combined()
         probability = detectable(expected[:, 0::2])
         missed = 1.0 - self._seen * probability * GATE_PROBABILITY
         near = _neighbours(predicted, expected, stamp, detections)
@@ -225,24 +233,41 @@ class TrackHold:
         ]
         # What is there was detected, wherever the data sheet ends the coverage.
         scale = self._seen[near.owner] * sensor.detection_probability / clutter[near.row]
+        if environment is not None:
+            likelihood = _over_modes(predicted, near, [mode.likelihood for mode in found])
+            scale = scale * self._resemblance(
+                environment, near, likelihood, expected, spread, detections
+            )
         ratios = np.array([mode.likelihood for mode in found]) * scale
-        ratio = (predicted.probability[:, near.owner] * ratios).sum(axis=0)
+        ratio = _over_modes(predicted, near, ratios)
         alone = self._factors(near, missed, ratio, ratio)
         by_others = np.bincount(near.row, alone, minlength=len(detections))[near.row] - alone
         left = np.exp(-np.minimum(by_others, LARGEST_FACTOR))
         factors = np.bincount(
             near.row, self._factors(near, missed, ratio, left * ratio), minlength=len(detections)
         )
+        if environment is not None:
+            self._remember(near, left * ratio, missed, detections)
         taken = self._update(stamp, predicted, near, found, left * ratios, missed)
         self._count(taken, probability > 0.0)
         self._end(self._existence >= LEAST_EXISTENCE)
         self._end(~self._repeated())
         return clutter * np.expm1(np.minimum(factors, LARGEST_FACTOR))
 
-    def add(self, tracks: TrackArrays, existence: float | FloatArray) -> None:
-        """Hold newly confirmed tracks whose targets exist with a probability, one or (n,)."""
+    def add(
+        self,
+        tracks: TrackArrays,
+        existence: float | FloatArray,
+        histories: Histories | None = None,
+    ) -> None:
+        """Hold newly confirmed tracks whose targets exist with a probability, one or (n,).
+
+        Their hits have features as in `histories`, if these are known.
+        """
         if not len(tracks):
             return
+        unknown = Histories.of(np.zeros((len(tracks), 0, 3)))
+        self._histories = Histories.joined(self._histories, histories or unknown)
         self._tracks = self._tracks.joined(tracks)
         self._motion = self._motion.joined(Motion.of(tracks.state, tracks.covariance))
         self._seen = np.concatenate([self._seen, np.ones(len(tracks))])
@@ -317,6 +342,40 @@ class TrackHold:
         """Notice at a time (s) that the downstream tracker has fallen silent."""
         if self.tracker is Tracker.ALIVE and abs(stamp - self._heard) > self.tracked_timeout:
             self.tracker = Tracker.SILENT
+
+    def _resemblance(
+        self,
+        environment: Environment,
+        near: Neighbours,
+        likelihood: FloatArray,
+        state: FloatArray,
+        covariance: FloatArray,
+        detections: NDArray[np.void],
+    ) -> FloatArray:
+        """Factor of each pair's L_ij that features give, (p,); see `Environment.factors`."""
+        if not len(near.owner):
+            return np.ones(0)
+        error = detections["major_sigma"][near.nearest]
+        meets = environment.meeting(state, covariance, error, gate_factor(GATE_PROBABILITY))
+        inside = likelihood > 0.0
+        cost = np.full(len(likelihood), np.inf)
+        cost[inside] = -2.0 * np.log(likelihood[inside])
+        pairs = Pairs(near.owner, near.row, cost)
+        return environment.factors(self._histories, meets, pairs, detections["features"])
+
+    def _remember(
+        self,
+        near: Neighbours,
+        ratio: FloatArray,
+        missed: FloatArray,
+        detections: NDArray[np.void],
+    ) -> None:
+        """Add the features of the plot that is more likely than not each track's."""
+        total = missed + np.bincount(near.owner, ratio, minlength=len(missed))
+        own = np.flatnonzero(ratio > 0.5 * total[near.owner])
+        self._histories = self._histories.with_plots(
+            near.owner[own], detections["features"][near.row[own]]
+        )
 
     def _factors(
         self, near: Neighbours, missed: FloatArray, ratio: FloatArray, left: FloatArray
@@ -441,6 +500,15 @@ class TrackHold:
         self._seen, self._undecided = self._seen[held], self._undecided[held]
         self._existence, self._last_taken = self._existence[held], self._last_taken[held]
         self._agreed, self._waiting_since = self._agreed[held], self._waiting_since[held]
+        self._histories = self._histories[held]
+
+
+def _over_modes(
+    motion: Motion, near: Neighbours, values: FloatArray | list[FloatArray]
+) -> FloatArray:
+    """Mean of values (2, p) of pairs over the modes of their tracks, (p,)."""
+    mean: FloatArray = (motion.probability[:, near.owner] * np.asarray(values)).sum(axis=0)
+    return mean
 
 
 def _put(array: FloatArray, row: IntArray, values: FloatArray) -> FloatArray:

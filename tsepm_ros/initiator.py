@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import range_rates
+from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.conversion import convert
+from tsepm_ros.environment import Surroundings
 from tsepm_ros.holding import TrackHold
 from tsepm_ros.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter
@@ -67,6 +69,25 @@ class CommonOptions:
         "after confirmation of the tracks held, beginning with what is given; that is right where "
         "most of them are true, as with the method score",
         choices=("given", "estimated"),
+    )
+    clutter_density: str = parameter(
+        "given",
+        "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
+        "polar grid, also where clutter ends or changes within the sensor's coverage",
+        choices=("given", "estimated"),
+    )
+    plot_features: bool = parameter(
+        False,
+        "In clutter zones, and where targets meet, the intensity, range width and azimuth width "
+        "of a detection must resemble those of a track's own to extend it",
+    )
+    encounter_time: float = parameter(
+        60.0,
+        "Targets meet from this long before their closest approach to as long after it, where "
+        "their gates overlap; with plot_features",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
     )
     tracked_timeout: float = parameter(
         60.0,
@@ -231,7 +252,9 @@ class Initiator(ABC):
     @property
     def clutter_density(self) -> float:
         """Clutter density in use, 1/m^2: given, or the mean of the estimate over the coverage."""
-        return self.sensor.clutter_density
+        if self.common.clutter_density == "given":
+            return self.sensor.clutter_density
+        return self._clutter_map.mean
 
     @property
     def sensor_in_use(self) -> SensorModel:
@@ -249,6 +272,8 @@ class Initiator(ABC):
             Whether the potential tracks were kept. A method that cannot continue them under the new
             options overrides this and starts over.
         """
+        if sensor != self.sensor:
+            self._clutter_map = ClutterMap(sensor)
         self.sensor = sensor
         self.common = common
         self.options = options
@@ -265,6 +290,11 @@ class Initiator(ABC):
         self._sensor_pose = np.zeros(3)
         self._polar = np.zeros(0), np.zeros(0)
         self._explained = np.zeros(0)
+        self._clutter_map = ClutterMap(self.sensor)
+        self._clutter_rates = range_rates.ClutterRates()
+        self._clutter_share = np.zeros(0)
+        self._surroundings = Surroundings()
+        self._in_zone = np.zeros(0, bool)
         self._time = TimeLimit()
         self.forget_potential_tracks()
         self.hold.clear()
@@ -292,14 +322,28 @@ class Initiator(ABC):
             self._sensor_pose = poses[-1]
         detections = convert(scan, self.sensor, self.scan_index)
         self._polar = scan.range, scan.azimuth
+        environment = None
+        if self.common.plot_features:
+            self._in_zone = self._clutter_map.in_zone(*self._polar)
+            environment = self._surroundings.at(self._in_zone, self.common.encounter_time)
+        self._clutter_rates.update(detections)
+        clutter = self._clutter_density(detections)
         self._explained = self.hold.step(
             scan.stamp,
             detections,
-            self._clutter_density(detections),
+            clutter,
             self._detectable,
             self.sensor_in_use,
             self.common.max_speed,
+            environment,
         )
+        if self.common.plot_features:
+            self._surroundings.observe(
+                self.scan_index, detections["features"], self._explained < clutter
+            )
+        self._clutter_share = self._probably_clutter(clutter)
+        self._clutter_map.update(*self._polar, self._clutter_share)
+        detections["clutter_density"] = self._local_density(len(detections))
         return detections
 
     def _detectable(self, positions: FloatArray) -> FloatArray:
@@ -312,8 +356,29 @@ class Initiator(ABC):
 
     def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
         """Clutter density at each detection, 1/m^2; times that of its range rate, s/m."""
-        rates = range_rates.clutter_density(detections, self.sensor)
-        return self.sensor.clutter_density * rates
+        rates = range_rates.clutter_density(detections, self._sensor_of_clutter)
+        return self._local_density(len(detections)) * rates
+
+    @property
+    def _sensor_of_clutter(self) -> SensorModel:
+        """The sensor, with the range rates of its clutter as given or estimated."""
+        if self.common.clutter_density == "given":
+            return self.sensor
+        return self._clutter_rates.estimate(self.sensor)
+
+    def _probably_clutter(self, clutter: FloatArray) -> FloatArray:
+        """Weight of each detection in the clutter map, where the density was as given, (n,).
+
+        All count, a held target's too: where tracks are false, not counting what they explain would
+        make the density too low, and that more tracks false.
+        """
+        return np.ones(len(clutter))
+
+    def _local_density(self, number: int) -> FloatArray:
+        """Clutter density where each of the scan's detections is, (number,), 1/m^2."""
+        if self.common.clutter_density == "given":
+            return np.full(number, self.sensor.clutter_density)
+        return self._clutter_map.at(*self._polar)
 
     def _existence(self, tracks: TrackArrays) -> FloatArray:
         """Probability that the target of each newly confirmed track exists, (n,)."""
@@ -336,7 +401,8 @@ class Initiator(ABC):
 
     def _deliver(self, tracks: TrackArrays, statistics: ScanStatistics) -> TrackArrays:
         """Hold the newly confirmed tracks and count the scan; returns the tracks."""
-        self.hold.add(tracks, self._existence(tracks))
+        histories = self._surroundings.histories(tracks) if self.common.plot_features else None
+        self.hold.add(tracks, self._existence(tracks), histories)
         self.statistics = statistics
         self.totals = self.totals + statistics
         return tracks

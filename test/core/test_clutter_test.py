@@ -8,7 +8,7 @@ from builders import scan_at
 from scenes import random_scene
 from scipy.stats import chi2
 
-from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel, make_initiator
 
 
 @pytest.mark.parametrize(("size", "found"), [(0.0101, 1), (0.0099, 0)])
@@ -26,6 +26,25 @@ def test_a_track_is_put_out_where_its_statistic_is_below_the_quantile(size, foun
     assert len(tracks) == found
     for track in tracks:
         assert track.evaluation == pytest.approx(chi2.ppf(0.01, 8), rel=1e-6)
+
+
+def test_a_density_that_is_wrong_or_uneven_does_not_matter_where_it_is_estimated():
+    def confirmed(density: float, **options: str) -> int:
+        sensor = SensorModel(max_range=5000.0, clutter_density=density)
+        rule = {"min_hits": 4, "window": 5, "clutter_test_size": 0.2}
+        made = make_initiator("clutter_test", sensor=sensor, **rule, **options)
+        rng = np.random.default_rng(2)
+        total = 0
+        for k in range(30):  # 1e-5 in a box, nothing around it
+            x, y = rng.uniform(2000.0, 3500.0, (2, rng.poisson(22.5)))
+            tracks = made.process(Scan(12.0 * k, np.hypot(x, y), np.arctan2(y, x)))
+            total += len(tracks) if k >= 10 else 0
+        return total
+
+    known = confirmed(1e-5)
+    assert confirmed(1e-6) > 10 * known
+    # 39 known: a true ratio of 1.5 stays below 2.5 with 99 %.
+    assert 0.5 * known < confirmed(1e-6, clutter_density="estimated") < 2.5 * known
 
 
 @pytest.mark.parametrize("seed", [3, 13])

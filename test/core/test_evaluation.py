@@ -59,6 +59,13 @@ def test_f2_is_taken_from_hit_to_hit_of_each_track():
     assert clutter_statistic(hits["position"], 0.5) == pytest.approx([math.pi, 4 * math.pi])
 
 
+def test_f2_counts_each_area_with_the_density_at_its_hit():
+    # Steps of 5 and 13 m, the first hit's density in no area.
+    hits = detections([[[0.0, 0.0], [3.0, 4.0], [8.0, 16.0]]], [[0.0, 1.0, 2.0]])
+    found = clutter_statistic(hits["position"], np.array([[9.0, 2e-3, 3e-3]]))
+    assert found == pytest.approx([2 * math.pi * (2e-3 * 25.0 + 3e-3 * 169.0)])
+
+
 @pytest.mark.parametrize("hit_count", [2, 3, 5])
 def test_f2_of_nearest_clutter_points_is_chi_square(hit_count):
     # Kennedy's null hypothesis: from point to nearest point of each new scan. 1000 independent

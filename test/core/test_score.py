@@ -453,7 +453,9 @@ def test_an_unknown_clutter_density_is_learned_within_ten_scans():
     # Ten times too low or too high at first; the detections are of the same sea.
     def rate(given: float, clutter_is: str = "estimated") -> float:
         initiator = score(
-            SensorModel(clutter_density=given), false_tracks_per_hour=300.0, clutter=clutter_is
+            SensorModel(clutter_density=given),
+            false_tracks_per_hour=300.0,
+            clutter_density=clutter_is,
         )
         rng = np.random.default_rng(12)
         confirmed = [
@@ -469,7 +471,7 @@ def test_an_unknown_clutter_density_is_learned_within_ten_scans():
 
 @pytest.mark.parametrize(("clutter_is", "density"), [("given", 1e-7), ("estimated", 1e-6)])
 def test_the_clutter_density_in_use_is_told(clutter_is, density):
-    initiator = score(SensorModel(clutter_density=1e-7), clutter=clutter_is)
+    initiator = score(SensorModel(clutter_density=1e-7), clutter_density=clutter_is)
     rng = np.random.default_rng(3)
     for index in range(10):
         initiator.process(Scan(12.0 * index, *clutter(rng)))
@@ -486,7 +488,7 @@ def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density
             initiator = score(
                 SensorModel(max_range=12000.0, clutter_density=given),
                 false_tracks_per_hour=100.0,
-                clutter=clutter_is,
+                clutter_density=clutter_is,
             )
             for index in range(50):
                 x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))

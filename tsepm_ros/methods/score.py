@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import design, evidence, filtering, pruning, range_rates
-from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, fit, mixture
 from tsepm_ros.holding import LEAST_EXISTENCE
@@ -49,10 +48,6 @@ TARGETS_PER_HOUR = 1.0
 LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
 """A confirmed track is held for a scan at the least."""
 SECONDS_PER_HOUR = 3600.0
-LEAST_RANGE_RATES = 20
-"""Detections whose range rates tell clutter's: below, the given figure counts."""
-LARGEST_RANGE_RATE = 1e4
-"""Median range rate of clutter that is taken, m/s."""
 BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
 MEMORY = 50
@@ -98,13 +93,6 @@ class ScoreOptions:
         minimum=0.0,
         maximum=100.0,
     )
-    clutter: str = parameter(
-        "given",
-        "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
-        "polar grid, also where clutter ends or changes within the sensor's coverage, and the "
-        "median of its range rates, where they are used, over the last scans",
-        choices=("given", "estimated"),
-    )
     estimator: str = parameter(
         "weighted",
         "Fit of a confirmed track: weighted least squares on positions; or polar, the maximum "
@@ -132,12 +120,6 @@ class Score(Initiator):
         }
     )
 
-    def reset(self) -> None:
-        """See `Initiator.reset`."""
-        self._clutter_map = ClutterMap(self.sensor)
-        self._range_rates: deque[FloatArray] = deque(maxlen=MEMORY)
-        super().reset()
-
     def forget_potential_tracks(self) -> None:
         """See `Initiator.forget_potential_tracks`."""
         self._window = DetectionWindow()
@@ -153,8 +135,6 @@ class Score(Initiator):
         See `Initiator.configure`.
         """
         window = self.options.window
-        if sensor != self.sensor:
-            self._clutter_map = ClutterMap(sensor)
         super().configure(sensor, common, options)
         if options.window != window:
             self.forget_potential_tracks()
@@ -170,13 +150,7 @@ class Score(Initiator):
         interval = scan.stamp - self._now if follows else 0.0
         detections = self._receive(scan)
         ids = self._window.append(detections)
-        rated = detections[range_rates.measured(detections)]
-        self._has_range_rates = len(rated) > 0
-        if len(rated):
-            self._range_rates.append(np.abs(range_rates.over_ground(rated)))
-        clutter = self._clutter_density(detections)
-        clutter_share = clutter / (clutter + self._explained)
-        self._clutter_map.update(*self._polar, clutter_share)
+        self._has_range_rates = bool(range_rates.measured(detections).any())
         density = self._clutter_density(detections)
         clutter = density + self._explained
         self._observe(len(scan), interval)
@@ -185,7 +159,7 @@ class Score(Initiator):
         started = self._start(detections, ids, density / clutter)
         updated = Hypotheses.joined(children, started)
         target = self._target_share(updated, ids)
-        self._clutter_map.withdraw(*self._polar, clutter_share * target)
+        self._clutter_map.withdraw(*self._polar, self._clutter_share * target)
         tracks, rest = self._confirm(updated, ids)
         missed = self._miss(predicted).without(self._taken)
         kept = self._prune(Hypotheses.joined(rest, missed))
@@ -214,7 +188,7 @@ class Score(Initiator):
         if self.common.detection_probability == "estimated":
             coarse = max(round(self.detection_probability, 1), 0.1)
             sensor = replace(sensor, detection_probability=coarse)
-        if self.options.clutter == "estimated" and len(self._polar[0]):
+        if self.common.clutter_density == "estimated" and len(self._polar[0]):
             density = float(np.median(self._clutter_map.at(*self._polar)))
             coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
             half = 2.0 ** round(math.log2(self._sensor_of_clutter.clutter_range_rate))
@@ -233,33 +207,12 @@ class Score(Initiator):
         )
         return plan.threshold(share)
 
-    @property
-    def clutter_density(self) -> float:
-        """See `Initiator.clutter_density`."""
-        if self.options.clutter == "given":
-            return super().clutter_density
-        return self._clutter_map.mean
+    def _probably_clutter(self, clutter: FloatArray) -> FloatArray:
+        """What no held target explains: few of the tracks are false.
 
-    def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:
-        """See `Initiator._clutter_density`."""
-        if self.options.clutter == "given":
-            return super()._clutter_density(detections)
-        rates = range_rates.clutter_density(detections, self._sensor_of_clutter)
-        return self._clutter_map.at(*self._polar) * rates
-
-    @property
-    def _sensor_of_clutter(self) -> SensorModel:
-        """The sensor, with the range rate of its clutter as given or estimated.
-
-        Estimated: the median over the last scans, once there are `LEAST_RANGE_RATES`.
+        See `Initiator._probably_clutter`.
         """
-        if self.options.clutter == "given" or not self._range_rates:
-            return self.sensor
-        found = np.concatenate(self._range_rates)
-        if len(found) < LEAST_RANGE_RATES:
-            return self.sensor
-        half = max(float(np.median(found)), 0.5 * self.sensor.range_rate_std)
-        return replace(self.sensor, clutter_range_rate=min(half, LARGEST_RANGE_RATE))
+        return clutter / (clutter + self._explained)
 
     def _existence(self, tracks: TrackArrays) -> FloatArray:
         """Posterior probability of each track, with the prior that `TARGETS_PER_HOUR` appear.

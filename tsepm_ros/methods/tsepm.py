@@ -184,11 +184,11 @@ class Tsepm(Initiator):
 
         See `Initiator.configure`.
         """
-        before = self.options, self._threshold, self.sensor.clutter_density
+        before = self.options, self._threshold, self._given_density
         super().configure(sensor, common, options)
         unlike = options.min_hits != before[0].min_hits
         # What was cut as hopeless under another rule cannot be brought back.
-        after = self._threshold, sensor.clutter_density
+        after = self._threshold, self._given_density
         unlike |= len(self._hopeless) > 0 and before[1:] != after
         if unlike:
             self.forget_potential_tracks()
@@ -197,6 +197,13 @@ class Tsepm(Initiator):
         self._hopeless = self._hopeless[~self._expired(self._hopeless.first_scan)]
         self._surplus = self._surplus[~self._expired(self._surplus.first_scan)]
         return True
+
+    @property
+    def _given_density(self) -> float | None:
+        """The clutter density of all hits; None where it is estimated for each."""
+        if self.common.clutter_density == "given":
+            return self.sensor.clutter_density
+        return None
 
     def process(self, scan: Scan) -> TrackArrays:
         """Take one scan and return the tracks that it newly confirms (Steps 1-8).
@@ -398,7 +405,7 @@ class Tsepm(Initiator):
         distance = evaluation.normalized_distance(hits, fitted)
         figure = distance
         if self.options.evaluation == "clutter_statistic":
-            figure = evaluation.clutter_statistic(hits["position"], self.sensor.clutter_density)
+            figure = evaluation.clutter_statistic(hits["position"], hits["clutter_density"])
         return Candidates(ids, fitted.state, fitted.covariance, distance, figure)
 
     def _fit(self, hits: NDArray[np.void]) -> Fit:
@@ -488,6 +495,8 @@ class Tsepm(Initiator):
         statistic = np.zeros(len(tracks))
         for count in np.unique(tracks.hit_count[tracks.hit_count > 1]):
             rows = np.flatnonzero(tracks.hit_count == count)
-            positions = self._window.positions(tracks.hits[rows, :count])
-            statistic[rows] = evaluation.clutter_statistic(positions, self.sensor.clutter_density)
+            hits = tracks.hits[rows, :count]
+            statistic[rows] = evaluation.clutter_statistic(
+                self._window.positions(hits), self._window.clutter_densities(hits)
+            )
         return statistic
