@@ -95,7 +95,7 @@ class Environment:
         own, found = histories[some.parent], features[some.row]
         alike = own.resembled_by(found)
         factors[rows] = alike / self._share(histories, some.parent)
-        fits = np.flatnonzero(alike & np.isfinite(some.cost))
+        fits = np.flatnonzero(alike & np.isfinite(some.cost) & ~self.in_zone[some.row])
         fits = fits[_contested(some[fits], meets)]
         cost = some.cost[fits] + own[fits].dissimilarity(found[fits])
         candidates = Pairs(some.parent[fits], some.row[fits], cost)

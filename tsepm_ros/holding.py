@@ -30,6 +30,7 @@ from tsepm_ros.detection_probability import DetectionProbability
 from tsepm_ros.environment import Environment
 from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.motion import Motion, stay_or_change
+from tsepm_ros.paths import NO_HIT
 from tsepm_ros.plot_features import Histories
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.splitting import gate_factor
@@ -246,12 +247,17 @@ class TrackHold:
         factors = np.bincount(
             near.row, self._factors(near, missed, ratio, left * ratio), minlength=len(detections)
         )
+        plots = np.full(len(missed), NO_HIT)
         if environment is not None:
-            self._remember(near, left * ratio, missed, detections)
+            plots = self._own_plots(near, left * ratio, missed)
+            own = np.flatnonzero(plots != NO_HIT)
+            self._histories = self._histories.with_plots(own, detections["features"][plots[own]])
+            # In a clutter zone a second plot tells of no second target.
+            plots[own[environment.in_zone[plots[own]]]] = NO_HIT
         taken = self._update(stamp, predicted, near, found, left * ratios, missed)
         self._count(taken, probability > 0.0)
-        self._end(self._existence >= LEAST_EXISTENCE)
-        self._end(~self._repeated())
+        plots = plots[self._end(self._existence >= LEAST_EXISTENCE)]
+        self._end(~self._repeated(plots))
         return clutter * np.expm1(np.minimum(factors, LARGEST_FACTOR))
 
     def add(
@@ -363,19 +369,14 @@ class TrackHold:
         pairs = Pairs(near.owner, near.row, cost)
         return environment.factors(self._histories, meets, pairs, detections["features"])
 
-    def _remember(
-        self,
-        near: Neighbours,
-        ratio: FloatArray,
-        missed: FloatArray,
-        detections: NDArray[np.void],
-    ) -> None:
-        """Add the features of the plot that is more likely than not each track's."""
+    @staticmethod
+    def _own_plots(near: Neighbours, ratio: FloatArray, missed: FloatArray) -> IntArray:
+        """The detection that is more likely than not each track's, (n,); NO_HIT: none."""
         total = missed + np.bincount(near.owner, ratio, minlength=len(missed))
         own = np.flatnonzero(ratio > 0.5 * total[near.owner])
-        self._histories = self._histories.with_plots(
-            near.owner[own], detections["features"][near.row[own]]
-        )
+        plots = np.full(len(missed), NO_HIT)
+        plots[near.owner[own]] = near.row[own]
+        return plots
 
     def _factors(
         self, near: Neighbours, missed: FloatArray, ratio: FloatArray, left: FloatArray
@@ -459,11 +460,12 @@ class TrackHold:
         )
         self._undecided *= 1.0 - taken
 
-    def _repeated(self) -> NDArray[np.bool_]:
+    def _repeated(self, plots: IntArray) -> NDArray[np.bool_]:
         """Which tracks have for some scans been where an older one is: the same target again.
 
         Two tracks agree where ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four
-        dimensions. Looked for among the nearest only.
+        dimensions, and they do not each have a plot (n,) of their own. Looked for among the nearest
+        only.
         """
         n = len(self._tracks)
         if n < 2:
@@ -480,19 +482,24 @@ class TrackHold:
         spread = covariance[one] + covariance[two]
         scaled = np.linalg.solve(spread, apart[..., None])[..., 0]
         near = np.einsum("pi,pi->p", apart, scaled) <= SAME_DISTANCE
+        near &= (plots[one] == plots[two]) | (plots[one] == NO_HIT) | (plots[two] == NO_HIT)
         agrees = np.zeros(n, bool)
         agrees[one[near]] = True
         self._agreed = np.where(agrees, self._agreed + 1, 0)
         return self._agreed >= SAME_SCANS
 
-    def _end(self, held: NDArray[np.bool_]) -> None:
-        """End all tracks but those held and those that the downstream tracker lists."""
+    def _end(self, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """End all tracks but those held and those that the downstream tracker lists.
+
+        Returns which were kept.
+        """
         if self.tracker is Tracker.ALIVE:
             held = held | np.isneginf(self._waiting_since)
         if held.all():
-            return
+            return held
         self._ended = self._ended + self._tracks.track_id[~held].tolist()
         self._keep(held)
+        return held
 
     def _keep(self, held: NDArray[np.bool_]) -> None:
         """Keep only the tracks held."""

@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from tsepm_ros.plot_features import NAMES
 from tsepm_ros.sensor import SensorModel
 
 FloatArray = NDArray[np.float64]
@@ -159,6 +160,26 @@ class WaypointMotion:
 Motion = OwnShipMotion | WaypointMotion
 
 
+Features = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation by the name of a feature of plots."""
+
+
+@dataclass(frozen=True)
+class ClutterPatch:
+    """A patch of more clutter.
+
+    Attributes
+    ----------
+    box : (4,) tuple of float
+        x from, x to, y from, y to, m.
+    density : float
+        False detections per scan and m^2, beside those of the sensor's clutter density.
+    """
+
+    box: tuple[float, float, float, float]
+    density: float
+
+
 @dataclass(frozen=True)
 class TargetArea:
     """Targets to draw: how many, from where, how fast.
@@ -176,12 +197,15 @@ class TargetArea:
         Sector, rad.
     speed : float
         m/s.
+    features : mapping, optional
+        Of their plots.
     """
 
     count: int
     ranges: tuple[float, float]
     azimuths: tuple[float, float]
     speed: float
+    features: Features = field(default_factory=dict)
 
     def draw(self, rng: np.random.Generator, duration: float) -> list[FloatArray]:
         """Draw the targets' states at time 0, (4,) each.
@@ -235,6 +259,12 @@ class Scenario:
     own_ship : OwnShipMotion or WaypointMotion
     clutter_box : (4,) tuple of float, optional
         Clutter fills x from, x to, y from, y to (m) instead of the sensor's whole coverage.
+    clutter_patches : tuple of ClutterPatch
+        More clutter, as far as the sensor covers it.
+    target_features : tuple of mapping
+        Features of the plots of each of `targets`; Gaussian, widths at least 0.
+    clutter_features : mapping
+        Features of false detections, likewise.
     """
 
     name: str
@@ -246,6 +276,9 @@ class Scenario:
     areas: tuple[TargetArea, ...] = ()
     own_ship: Motion = field(default_factory=OwnShipMotion)
     clutter_box: tuple[float, float, float, float] | None = None
+    clutter_patches: tuple[ClutterPatch, ...] = ()
+    target_features: tuple[Features, ...] = ()
+    clutter_features: Features = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -330,28 +363,36 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     entries = values.pop("targets", [])
     if not isinstance(entries, list):
         raise ValueError(f"targets must be a list; got {entries!r}")
-    targets, areas = [], []
+    targets, areas, features = [], [], []
     for index, entry in enumerate(entries):
         where = f"targets[{index}]"
         values_of = _radians(entry, where)
         if "state" in values_of:
-            _known(values_of, ["state"], where)
+            _known(values_of, ["state", "features"], where)
+            features.append(_features(values_of.get("features", {}), f"{where}.features"))
             targets.append(_numbers(values_of["state"], 4, f"{where}.state"))
         else:
             areas.append(_area(values_of, where))
     if "clutter_box" in values:
         values["clutter_box"] = _intervals(values["clutter_box"], 2, "clutter_box")
+    values["clutter_patches"] = _patches(values.get("clutter_patches", []))
+    values["clutter_features"] = _features(values.get("clutter_features", {}), "clutter_features")
     values.setdefault("name", Path(name).stem)
-    for key in ("areas",):
+    for key in ("areas", "target_features"):
         if key in values:
-            raise ValueError(f"scenario: unknown key {key!r}; areas are given under targets")
+            raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
     scenario: Scenario = _section(Scenario, values, "scenario")
     if not 1 <= scenario.scans <= LARGEST_SCANS:
         raise ValueError(f"scenario.scans must be from 1 to {LARGEST_SCANS}; got {scenario.scans}")
     if scenario.period <= 0 or scenario.sound_speed < 0:
         raise ValueError("scenario.period must be above 0 and scenario.sound_speed at least 0")
     return dataclasses.replace(
-        scenario, sensor=sensor, own_ship=own_ship, targets=tuple(targets), areas=tuple(areas)
+        scenario,
+        sensor=sensor,
+        own_ship=own_ship,
+        targets=tuple(targets),
+        areas=tuple(areas),
+        target_features=tuple(features),
     )
 
 
@@ -410,11 +451,40 @@ def _area(entry: dict[str, Any], where: str) -> TargetArea:
     entry = dict(entry)
     for key in ("ranges", "azimuths"):
         entry[key] = _intervals(entry.get(key), 1, f"{where}.{key}")
+    entry["features"] = _features(entry.get("features", {}), f"{where}.features")
     entry.setdefault("count", 1)
     area: TargetArea = _section(TargetArea, entry, where)
     if area.count < 0 or area.ranges[0] < 0:
         raise ValueError(f"{where}: count and ranges must be at least 0")
     return area
+
+
+def _features(content: Any, where: str) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation of each feature."""
+    content = _radians(content, where)
+    _known(content, list(NAMES), where)
+    features = {}
+    for name, value in content.items():
+        mean, deviation = _numbers(value, 2, f"{where}.{name}").tolist()
+        if deviation < 0.0:
+            raise ValueError(f"{where}.{name}: standard deviation must be at least 0")
+        features[name] = (mean, deviation)
+    return features
+
+
+def _patches(entries: Any) -> tuple[ClutterPatch, ...]:
+    if not isinstance(entries, list):
+        raise ValueError(f"clutter_patches must be a list; got {entries!r}")
+    patches = []
+    for index, entry in enumerate(entries):
+        where = f"clutter_patches[{index}]"
+        entry = dict(_mapping(entry, where))
+        entry["box"] = _intervals(entry.get("box"), 2, f"{where}.box")
+        patch: ClutterPatch = _section(ClutterPatch, entry, where)
+        if patch.density < 0.0:
+            raise ValueError(f"{where}.density must be at least 0; got {patch.density!r}")
+        patches.append(patch)
+    return tuple(patches)
 
 
 def _radians(content: Any, where: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.plot_features import NAMES
 from tsepm_ros.scan import Scan
 from tsepm_ros.simulation.scenario import Scenario
 
@@ -64,8 +65,12 @@ class Simulator:
             state for area in scenario.areas for state in area.draw(self._rng, scenario.duration)
         ]
         self.targets = [*scenario.targets, *drawn]
-        # Beside the other draws: the same seed gives the same positions with range rates.
-        self._rate_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+        # Beside the other draws: the same seed gives the same positions with range rates or features.
+        streams = np.random.SeedSequence(seed).spawn(2)
+        self._rate_rng, self._feature_rng = map(np.random.default_rng, streams)
+        drawn_features = [area.features for area in scenario.areas for _ in range(area.count)]
+        given = scenario.target_features or ({},) * len(scenario.targets)
+        self._features = [*given, *drawn_features, scenario.clutter_features]
 
     def __iter__(self) -> Iterator[SimulatedScan]:
         """Draw the scans one by one."""
@@ -92,7 +97,7 @@ class Simulator:
         ranges, azimuths, origin = ranges[order], azimuths[order], origin[order]
         speed = self.scenario.sound_speed
         offsets = ranges / speed if speed > 0 else None
-        own_ship, features = self.scenario.own_ship, {}
+        own_ship, features = self.scenario.own_ship, self._plot_features(origin)
         moving: FloatArray = np.zeros(2)
         if self.scenario.sensor.range_rate_std > 0.0:
             delay = np.zeros(len(ranges)) if offsets is None else offsets
@@ -175,7 +180,33 @@ class Simulator:
         _, azimuth = _polar(there, own_ship.pose(time + out + back))
         return 0.5 * speed * (out + back), azimuth
 
+    def _plot_features(self, origin: NDArray[np.int64]) -> dict[str, FloatArray]:
+        """Features of the scan's detections, (n,) by name; those that any plot has."""
+        drawn = {}
+        for name in NAMES:
+            if not any(name in features for features in self._features):
+                continue
+            figures = [features.get(name, (np.nan, 0.0)) for features in self._features]
+            # Clutter is -1, the last.
+            mean, deviation = np.array(figures)[origin].reshape(-1, 2).T
+            values = mean + deviation * self._feature_rng.standard_normal(len(origin))
+            drawn[name] = values if name == "intensity" else np.maximum(values, 0.0)
+        return drawn
+
     def _clutter(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Ranges and azimuths of the clutter, that of the patches included."""
+        parts = [self._even_clutter(time)]
+        for patch in self.scenario.clutter_patches:
+            x_min, x_max, y_min, y_max = patch.box
+            number = self._rng.poisson(patch.density * (x_max - x_min) * (y_max - y_min))
+            range_, azimuth = self._in_box(patch.box, number, time)
+            covered = self.scenario.sensor.covers(range_, azimuth)
+            parts.append((range_[covered], azimuth[covered]))
+        return np.concatenate([part[0] for part in parts]), np.concatenate(
+            [part[1] for part in parts]
+        )
+
+    def _even_clutter(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Ranges and azimuths of the clutter: Poisson in number, uniform in area (Eqs. 1-2)."""
         sensor = self.scenario.sensor
         number = self._rng.poisson(sensor.clutter_density * self.scenario.area)
@@ -186,7 +217,13 @@ class Simulator:
                 np.sqrt(np.maximum(square, 1e-6)),
                 self._rng.uniform(start, start + sensor.sector_width, number),
             )
-        x_min, x_max, y_min, y_max = self.scenario.clutter_box
+        return self._in_box(self.scenario.clutter_box, number, time)
+
+    def _in_box(
+        self, box: tuple[float, float, float, float], number: int, time: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Ranges and azimuths of so many points, uniform in a box."""
+        x_min, x_max, y_min, y_max = box
         x, y, yaw = self.scenario.own_ship.pose(time)
         east = self._rng.uniform(x_min, x_max, number) - x
         north = self._rng.uniform(y_min, y_max, number) - y
