@@ -11,7 +11,8 @@ Readings
 --------
 - Eq. 9 gives the same time with absolute bars, ``R |cos(phi_r - theta)| / v_r``, which can never be
   negative; Fig. 4 and its text say that it is below 0 once the targets separate. So it is here.
-- Eq. 2 prints the two products of its numerator without the minus between them.
+- Eq. 2 prints the two products of its numerator without the minus between them, and its fraction
+  upside down: as printed phi_r is against the x axis, in the text and beside Eq. 8 against y.
 - At no relative velocity any time is that of the least distance: it is 0, now.
 """
 

@@ -79,7 +79,8 @@ class CommonOptions:
     plot_features: bool = parameter(
         False,
         "In clutter zones, and where targets meet, the intensity, range width and azimuth width "
-        "of a detection must resemble those of a track's own to extend it",
+        "of a detection, if measured, must resemble those of a track's own to extend it; where "
+        "held targets meet, each detection goes to one of them",
     )
     encounter_time: float = parameter(
         60.0,

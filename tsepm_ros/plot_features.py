@@ -41,14 +41,17 @@ MOST_PLOTS = 30
 """Plots that count, K of Eq. 10: a target's aspect changes, and older ones fade."""
 LEAST_SPREAD = 0.01
 """Standard deviation that a feature has at the least, of its mean: sensors round."""
+LARGEST = 1e100
+"""Magnitude from which on a feature counts as not measured: its square could overflow."""
 LEAST_PROBABILITY = 1e-300
+"""Floor of a probability, whose quantile stays finite."""
 
 
 def measured(scan: Scan) -> FloatArray:
     """Features of a scan's detections, (n, 3); nan where not measured."""
     columns = [scan.features.get(name, np.full(len(scan), np.nan)) for name in NAMES]
     values = np.stack(columns, axis=1)
-    return np.where(np.isfinite(values), values, np.nan)
+    return np.where(np.abs(values) < LARGEST, values, np.nan)
 
 
 def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
@@ -123,9 +126,13 @@ class Histories(Rows):
         known = self.known(features)
         freedom = np.where(known, self.count - 1.0, 1.0)
         variance = self.square / freedom
-        floor = np.square(LEAST_SPREAD * self.mean) + np.finfo(float).tiny
-        variance = np.maximum(variance, floor) * (1.0 + 1.0 / np.maximum(self.count, 1.0))
-        distance = np.where(known, np.square(features - self.mean) / variance, 0.0)
+        variance = np.maximum(variance, np.square(LEAST_SPREAD * self.mean))
+        variance = variance * (1.0 + 1.0 / np.maximum(self.count, 1.0))
+        misfit = np.where(known, np.square(features - self.mean), 0.0)
+        # Where nothing ever varied, not even around 0: as far off as can be told, or not at all.
+        largest = np.where(misfit > 0.0, np.inf, 0.0)
+        with np.errstate(over="ignore"):
+            distance = np.divide(misfit, variance, out=largest, where=variance > 0.0)
         probability = np.maximum(fdtrc(1.0, freedom, distance), LEAST_PROBABILITY)
         return np.asarray(chdtri(1.0, probability).sum(axis=1))
 

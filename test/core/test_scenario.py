@@ -155,7 +155,7 @@ def test_a_bad_value_is_refused_when_the_scenario_is_made(content, key):
 
 
 def test_an_unknown_name_is_refused_and_the_shipped_are_named():
-    with pytest.raises(ValueError, match=r"box, four_targets.*got 'harbour'"):
+    with pytest.raises(ValueError, match=r"box, encounter, four_targets.*got 'harbour'"):
         load_scenario("harbour")
 
 
