@@ -119,6 +119,35 @@ REFUSED = [
     pytest.param(area(ranges=None), "targets[0].ranges must be a list of 2", id="no ranges"),
     pytest.param(area(azimuths=[0]), "targets[0].azimuths must be a list of 2", id="one azimuth"),
     pytest.param(area(spede=1.0), "targets[0]: unknown key 'spede'", id="area key"),
+    pytest.param(
+        area(features={"colour": [1, 2]}),
+        "targets[0].features: unknown key 'colour'",
+        id="feature",
+    ),
+    pytest.param(
+        {"clutter_features": {"intensity": 5.0}},
+        "clutter_features.intensity must be a list of 2",
+        id="feature without a deviation",
+    ),
+    pytest.param(
+        {"clutter_features": {"intensity": [5.0, -1.0]}},
+        "clutter_features.intensity: standard deviation",
+        id="negative deviation",
+    ),
+    pytest.param({"clutter_patches": 5}, "clutter_patches must be a list", id="patches"),
+    pytest.param(
+        {"clutter_patches": [{"box": [0, 1, 0], "density": 1e-6}]},
+        "clutter_patches[0].box must be a list of 4",
+        id="box of a patch",
+    ),
+    pytest.param(
+        {"clutter_patches": [{"box": [0, 1, 0, 1], "density": -1e-6}]},
+        "clutter_patches[0].density must be at least 0",
+        id="density of a patch",
+    ),
+    pytest.param(
+        {"clutter_patches": [{"box": [0, 1, 0, 1]}]}, "clutter_patches[0]:", id="no density"
+    ),
 ]
 
 
