@@ -23,7 +23,7 @@ import math
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -174,51 +174,60 @@ def report(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     print(f"\n{title}\n\n{text_table(header, rows)}", flush=True)
 
 
-def main() -> int:
-    """Run the scenes and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=100)
-    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
-    given = parser.parse_args()
-    runs = given.runs
+def results(function: Callable[[Job], Any], work: list[Job], processes: int) -> list[Any]:
+    """What each run gave."""
+    return list(with_progress(mapped(function, work, processes), len(work)))
 
-    def results(function: Any, work: list[Job]) -> list[Any]:
-        return list(with_progress(mapped(function, work, given.processes), len(work)))
 
+def encounter_table(runs: int, processes: int) -> None:
+    """Tracks held through an encounter."""
     rows = []
     for name, scenario in encounters().items():
         for features in WITHOUT_AND_WITH:
-            found = Counter(results(encounter_run, jobs(scenario, runs, plot_features=features)))
+            work = jobs(scenario, runs, plot_features=features)
+            found = Counter(results(encounter_run, work, processes))
             started = runs - found["not started"]
             shares = [proportion(found[what], started) for what in ("kept", "swapped", "lost")]
             rows.append([name, _said(features), str(started), *(f"{one:.2f}" for one in shares)])
     header = ("two ships", "plot_features", "runs", "kept", "swapped", "lost")
     report("Tracks held through an encounter", header, rows)
 
+
+def zone_table(runs: int, processes: int) -> None:
+    """A track held through a clutter zone."""
     rows = []
     for features in WITHOUT_AND_WITH:
         work = jobs(zone(), runs, clutter_density="estimated", plot_features=features)
-        started, lost, false = map(np.array, zip(*results(zone_run, work), strict=True))
+        found = results(zone_run, work, processes)
+        started, lost, false = map(np.array, zip(*found, strict=True))
         share = proportion(int(lost.sum()), int(started.sum()))
         rows.append([_said(features), str(started.sum()), f"{share:.2f}", f"{mean(false):.1f}"])
     header = ("plot_features", "runs", "lost", "false tracks held")
     report("A track held through a clutter zone", header, rows)
 
+
+def start_table(runs: int, processes: int) -> None:
+    """Starts in a clutter zone."""
     rows = []
+    scenario = replace(zone(5900.0), scans=40)
     for method in STARTERS:
         for features in WITHOUT_AND_WITH:
-            work = jobs(replace(zone(5900.0), scans=40), runs, method, plot_features=features)
-            found, false = zip(*results(start_run, work), strict=True)
-            rows.append(
-                [
-                    method,
-                    _said(features),
-                    f"{proportion(sum(found), runs):.2f}",
-                    f"{mean_count(false):.1f}",
-                ]
-            )
+            work = jobs(scenario, runs, method, plot_features=features)
+            found, false = zip(*results(start_run, work, processes), strict=True)
+            share = proportion(sum(found), runs)
+            rows.append([method, _said(features), f"{share:.2f}", f"{mean_count(false):.1f}"])
     header = ("method", "plot_features", "ship started", "false starts per run")
     report("Starts in a clutter zone", header, rows)
+
+
+def main() -> int:
+    """Run the scenes and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    given = parser.parse_args()
+    for table in (encounter_table, zone_table, start_table):
+        table(given.runs, given.processes)
     return 0
 
 
