@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from tsepm_ros import filtering
 from tsepm_ros.conversion import major_sigma
@@ -86,7 +87,14 @@ def meeting(
     one, two : (p,) ndarray of int
         Rows, the first below the second.
     """
-    one, two = np.triu_indices(len(state), 1)
+    if len(state) < 2:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    # No pair farther apart can meet in time: far fewer are left than all.
+    deviation = major_sigma(covariance[:, 0::2, 0::2])
+    deviation = deviation + within * major_sigma(covariance[:, 1::2, 1::2])
+    farthest = gate * np.hypot(deviation, error) + within * np.hypot(state[:, 1], state[:, 3])
+    near = cKDTree(state[:, 0::2]).query_pairs(2.0 * farthest.max(), output_type="ndarray")
+    one, two = near[np.lexsort((near[:, 1], near[:, 0]))].T
     time, _ = closest_approach(state[one], state[two])
     time = np.clip(time, -within, within)
 
@@ -94,5 +102,5 @@ def meeting(
         spread = filtering.position_covariance_after(covariance[rows], time)
         return gate * np.hypot(major_sigma(spread), error[rows])
 
-    near = distance_at(state[one], state[two], time) <= reach(one) + reach(two)
-    return one[near], two[near]
+    met = distance_at(state[one], state[two], time) <= reach(one) + reach(two)
+    return one[met], two[met]
