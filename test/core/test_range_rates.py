@@ -446,7 +446,7 @@ def test_an_unknown_spread_of_the_clutter_s_range_rates_is_learned(true):
     wish, scans = 100.0, 120
     scene = Scenario(name="clutter", scans=scans + 10, sensor=sensor)
     given = replace(sensor, clutter_range_rate=3.0)
-    options = {"false_tracks_per_hour": wish, "clutter": "estimated"}
+    options = {"false_tracks_per_hour": wish, "clutter_density": "estimated"}
     initiator = make_initiator("score", sensor=given, **options)
     confirmed = [len(initiator.process(one.scan)) for one in Simulator(scene, 7)]
     rate = sum(confirmed[10:]) / (scans * 12.0 / 3600.0)
