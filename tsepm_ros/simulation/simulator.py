@@ -65,7 +65,7 @@ class Simulator:
             state for area in scenario.areas for state in area.draw(self._rng, scenario.duration)
         ]
         self.targets = [*scenario.targets, *drawn]
-        # Beside the other draws: the same seed gives the same positions with range rates or features.
+        # Beside the other draws: a seed gives the same positions with range rates or features.
         streams = np.random.SeedSequence(seed).spawn(2)
         self._rate_rng, self._feature_rng = map(np.random.default_rng, streams)
         drawn_features = [area.features for area in scenario.areas for _ in range(area.count)]
