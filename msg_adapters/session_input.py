@@ -8,7 +8,7 @@ from msg_adapters.detections import DetectionMessage
 from msg_adapters.own_ship_odometry import OwnShipSample
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.track_cloud import read_track_cloud, track_arrays
-from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.own_ship import PoseSample, known_rates
 from tsepm_ros.placing import SensorScan
 from tsepm_ros.scan import Scan
 from tsepm_ros.tracked import TrackerReport
@@ -39,14 +39,14 @@ def sensor_scan(detections: DetectionMessage) -> SensorScan:
 
 
 def pose_sample(sample: OwnShipSample) -> PoseSample:
-    """An own-ship message as a pose."""
+    """An own-ship message as a pose; a velocity or yaw rate of exactly 0 counts as not given."""
     return PoseSample(
         stamp=ns_to_seconds(sample.stamp_ns),
         x=sample.x,
         y=sample.y,
         yaw=sample.yaw,
         covariance=sample.pose_covariance,
-        rates=(sample.vx, sample.vy, sample.yaw_rate),
+        rates=known_rates(sample.vx, sample.vy, sample.yaw_rate),
         roll=sample.roll,
         pitch=sample.pitch,
     )

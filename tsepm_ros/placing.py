@@ -71,7 +71,9 @@ def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
     Returns
     -------
     Scan
-        Without the detections that lie straight above or below the tilted sensor.
+        Without the detections that lie straight above or below the tilted sensor. Range rates are
+        nan where the sensor's velocity is not known, or beyond what `LARGEST` allows (poses that
+        jump): measured against that, they say nothing.
 
     Raises
     ------
@@ -81,8 +83,15 @@ def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
     arrived = _levelled(arrived, poses, mounting)
     scan = arrived.scan
     heading = not arrived.north_referenced
+    velocity, features = np.zeros(2), scan.features
+    if "range_rate" in features:
+        velocity = _sensor_velocity(arrived, poses, mounting)
+        known = np.asarray((np.abs(velocity) <= LARGEST["sensor_velocity"]).all(axis=-1))
+        velocity = np.where(known[..., None], velocity, 0.0)
+        features = {**features, "range_rate": np.where(known, features["range_rate"], np.nan)}
     return dataclasses.replace(
         scan,
+        features=features,
         sensor_pose=echo_poses(
             lambda times: _sensor_poses(times, poses, mounting),
             scan.stamp,
@@ -92,7 +101,7 @@ def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
             heading=heading,
         ),
         sensor_pose_covariance=_sensor_covariance(scan.stamp, poses, mounting, heading),
-        sensor_velocity=_sensor_velocity(scan, poses, mounting),
+        sensor_velocity=velocity,
     )
 
 
@@ -154,12 +163,11 @@ def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArra
     return _sensor_poses(times, poses, mounting)[:, :2] - poses.poses(times)[:, :2]
 
 
-def _sensor_velocity(scan: Scan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+def _sensor_velocity(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """Velocity of the sensor when each echo was reflected, m/s, (n, 2), or (2,) for all."""
-    if "range_rate" not in scan.features:
-        return np.zeros(2)
+    scan = arrived.scan
     times = scan.stamp + (np.zeros(1) if scan.time_offset is None else scan.time_offset)
-    rates = poses.rates(times)
+    rates = poses.rates(times, echo_span(arrived)[1])
     velocity = rates[:, :2]
     if mounting.offset:
         arm = _arm(times, poses, mounting)

@@ -9,7 +9,14 @@ import pytest
 from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 
-from msg_adapters import MessageError, OwnShipSample, odometry_message, read_own_ship
+from msg_adapters import (
+    MessageError,
+    OwnShipSample,
+    odometry_message,
+    pose_sample,
+    read_own_ship,
+)
+from tsepm_ros.own_ship import PoseHistory
 
 
 def _message(rotation=None, *, linear=(0.0, 0.0, 0.0), angular=(0.0, 0.0, 0.0)):
@@ -61,6 +68,35 @@ def test_roll_and_pitch_are_read_and_used_on_the_twist():
     sample = read_own_ship(_message(rotation, linear=linear))
     assert (sample.yaw, sample.pitch, sample.roll) == pytest.approx((yaw, pitch, roll), rel=1e-14)
     np.testing.assert_allclose([sample.vx, sample.vy], rotation.apply(linear)[:2], rtol=1e-14)
+
+
+TURN = math.radians(3.0)
+SPEED = 5.0
+
+
+def _carried(linear, angular, *, turn=TURN, speed=SPEED):
+    """Pose half a second after the newest of two messages at 10 Hz, heading east at first."""
+    history = PoseHistory(max_extrapolation=0.5)
+    for time in (-0.1, 0.0):
+        message = _message(Rotation.from_euler("z", turn * time), linear=linear, angular=angular)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
+            round((100.0 + time) * 1e9), 10**9
+        )
+        message.pose.pose.position.x = speed * time
+        history.add(pose_sample(read_own_ship(message)))
+    x, _, yaw = history.poses(np.array([100.5]))[0]
+    return x, yaw
+
+
+@pytest.mark.parametrize("speed", [0.0, 4.0], ids=["speed-not-given", "speed-given"])
+@pytest.mark.parametrize("turn", [0.0, 0.04], ids=["turn-not-given", "turn-given"])
+def test_a_twist_left_at_zero_does_not_hold_the_ship(speed, turn):
+    found = _carried((speed, 0.0, 0.0), (0.0, 0.0, turn))
+    assert found == pytest.approx((0.5 * (speed or SPEED), 0.5 * (turn or TURN)), rel=1e-6)
+
+
+def test_a_ship_at_rest_stays():
+    assert _carried((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), turn=0.0, speed=0.0) == (0.0, 0.0)
 
 
 def test_yaw_rate_is_the_derivative_of_the_yaw():

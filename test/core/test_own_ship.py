@@ -11,11 +11,13 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation, Slerp
 
 from tsepm_ros.own_ship import (
+    SHORTEST_PERIOD,
     Coverage,
     Mounting,
     PoseHistory,
     PoseSample,
     echo_poses,
+    known_rates,
     sensor_covariance,
 )
 
@@ -44,38 +46,106 @@ def test_poses_in_between_are_interpolated(time, expected):
     np.testing.assert_allclose(history(*TWO).poses([time]), [expected])
 
 
-def test_rates_are_those_of_the_poses_whatever_the_samples_say():
-    # A circle of 100 m at 0.05 rad/s, sampled at 10 Hz: the chord of 2 s is 0.04 % short.
-    poses = PoseHistory(max_extrapolation=3.0)
-    for stamp in np.arange(0.0, 60.0, 0.1):
-        turn = 0.05 * stamp
-        poses.add(
-            PoseSample(stamp, 100 * math.sin(turn), -100 * math.cos(turn), turn, rates=(0, 0, 0))
-        )
+def circling(times, **options) -> PoseHistory:
+    """A circle of 100 m at 0.05 rad/s, 5 m/s, from samples that know no rates."""
+    turn = 0.05 * np.asarray(times)
+    path = (times, 100 * np.sin(turn), -100 * np.cos(turn), turn)
+    return history(*np.transpose(path).tolist(), **options)
+
+
+def circle_rates(times):
+    turn = 0.05 * np.asarray(times)
+    return np.transpose([5.0 * np.cos(turn), 5.0 * np.sin(turn), np.full(len(turn), 0.05)])
+
+
+def test_rates_that_the_samples_do_not_know_are_differences_of_the_poses():
+    # Sampled at 10 Hz; the chord of 2 s is 0.04 % short.
+    poses = circling(np.arange(0.0, 60.0, 0.1), max_extrapolation=3.0)
     times = np.array([5.0, 20.0, 33.3, 58.0])
-    around = [5.0 * np.cos(0.05 * times), 5.0 * np.sin(0.05 * times), np.full(4, 0.05)]
-    np.testing.assert_allclose(poses.rates(times), np.transpose(around), atol=0.005)
-    # Where the history ends, of the last second there is: half a second old.
-    for time, at in ((0.0, 0.5), (59.9, 59.4), (62.0, 59.4)):
-        expected = [[5.0 * math.cos(0.05 * at), 5.0 * math.sin(0.05 * at), 0.05]]
-        np.testing.assert_allclose(poses.rates(np.array([time])), expected, atol=0.005)
+    np.testing.assert_allclose(poses.rates(times, 59.0), circle_rates(times), atol=0.005)
+    # Where the history begins, of the next second there is; what is beyond the last echo is not
+    # used, and what is beyond the history is not there.
+    for time, last, at in (
+        (0.0, 59.0, 0.5),
+        (20.0, 20.0, 19.0),
+        (59.9, 59.9, 58.9),
+        (62, 62, 58.9),
+    ):
+        found = poses.rates(np.array([time]), last)
+        np.testing.assert_allclose(found, circle_rates([at]), atol=0.005)
 
 
 def test_rates_of_sparse_samples_are_those_between_them():
     poses = history((0.0, 0, 0, 0), (10.0, 30, 0, 0), (20.0, 30, -40, 0))
-    found = poses.rates(np.array([5.0, 10.0, 15.0]))
+    found = poses.rates(np.array([5.0, 10.0, 15.0]), 20.0)
     np.testing.assert_allclose(found, [[3, 0, 0], [1.5, -2, 0], [0, -4, 0]], atol=1e-12)
 
 
-def test_a_single_sample_has_its_own_rates_and_none_has_none():
+def test_rates_that_the_samples_know_are_interpolated_whatever_the_poses():
+    poses = PoseHistory(max_extrapolation=5.0)
+    for stamp, rates in ((0.0, (1.0, 2.0, 0.1)), (10.0, (3.0, -2.0, 0.3)), (20.0, None)):
+        poses.add(PoseSample(stamp, 100.0 * stamp, 0.0, 0.0, rates=rates))
+    found = poses.rates(np.array([0.0, 2.5, 10.0, 15.0, 22.0]), 22.0)
+    drawn = [100.0, 0.0, 0.0]
+    expected = [[1.0, 2.0, 0.1], [1.5, 1.0, 0.15], [3.0, -2.0, 0.3], drawn, drawn]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_velocity_and_yaw_rate_are_known_each_by_itself():
+    poses = PoseHistory(max_extrapolation=1.0)
+    for stamp in (0.0, 1.0):
+        rates = known_rates(3.0, 4.0, 0.0)
+        poses.add(PoseSample(stamp, 100.0 * stamp, 0.0, 0.2 * stamp, rates=rates))
+    np.testing.assert_allclose(poses.rates(np.array([0.5]), 1.0), [[3.0, 4.0, 0.2]])
+    np.testing.assert_allclose(poses.poses(np.array([1.5])), [[101.5, 2.0, 0.3]])
+    np.testing.assert_array_equal(known_rates(0.0, 0.0, 0.1), [math.nan, math.nan, 0.1])
+    assert known_rates(0.0, -1.0, 0.1) == (0.0, -1.0, 0.1)
+
+
+def test_rates_are_not_taken_across_a_gap():
+    samples = ((0.0, 0, 0, 0), (100.0, 5000, 0, 0), (100.5, 5001, 0, 0), (102.0, 5004, 0, 0))
+    poses = history(*samples, max_gap=10.0)
+    found = poses.rates(np.array([100.0, 100.2, 102.0]), 102.0)
+    np.testing.assert_allclose(found, [[2, 0, 0]] * 3, atol=1e-9)
+
+
+def test_rates_of_which_nothing_is_known_are_nan():
     poses = PoseHistory()
-    assert poses.rates(np.array([3.0])).tolist() == [[0.0, 0.0, 0.0]]
-    assert poses.rates(np.zeros(0)).shape == (0, 3)
+    assert np.isnan(poses.rates(np.array([3.0]), 3.0)).all()
+    assert poses.rates(np.zeros(0), 0.0).shape == (0, 3)
     poses.add(PoseSample(1.0, 5.0, 6.0, 0.0))
-    assert poses.rates(np.array([1.0])).tolist() == [[0.0, 0.0, 0.0]]
+    assert np.isnan(poses.rates(np.array([1.0]), 1.0)).all()
     poses.clear()
     poses.add(PoseSample(1.0, 5.0, 6.0, 0.0, rates=(1.5, -2.0, 0.1)))
-    assert poses.rates(np.array([1.0, 2.0])).tolist() == [[1.5, -2.0, 0.1]] * 2
+    assert poses.rates(np.array([1.0, 2.0]), 2.0).tolist() == [[1.5, -2.0, 0.1]] * 2
+
+
+@pytest.mark.parametrize("rate", [3.0, 10.0, 150.0, 1000.0])
+@pytest.mark.parametrize("known", [True, False], ids=["rates known", "not known"])
+def test_what_is_covered_is_answered_to_the_bit_as_with_all_later_samples(rate, known):
+    rng = np.random.default_rng([8, int(rate), known])
+    stamps = 1.7e9 + np.cumsum(rng.uniform(0.2, 1.8, int(40 * rate)) / rate)
+    noisy = rng.normal(0.0, 3.0, (len(stamps), 6)).tolist()
+    samples = [
+        PoseSample(stamp, *values[:3], rates=tuple(values[3:]) if known else None)
+        for stamp, values in zip(stamps.tolist(), noisy, strict=True)
+    ]
+    growing, whole = PoseHistory(max_extrapolation=0.1), PoseHistory(max_extrapolation=0.1)
+    for sample in samples:
+        whole.add(sample)
+    spans = [(stamps[0] - 0.05, stamps[0] - 0.01), (stamps[0], stamps[1])]
+    for last in rng.choice(stamps[len(stamps) // 2 : -4], 20).tolist():
+        spans += [(last - 12.0, last), (last - 0.4 / rate, last - 0.3 / rate)]
+    for first, last in sorted(spans, key=lambda span: span[1]):
+        while growing.coverage(first, last) is NOT_YET and samples:
+            growing.add(samples.pop(0))
+        inside = stamps[(stamps >= first) & (stamps <= last)]
+        times = np.concatenate([rng.uniform(first, last, 20), [first, last], inside])
+        for find in ("poses_with_attitude", "rates"):
+            more = (last,) if find == "rates" else ()
+            found, expected = (getattr(one, find)(times, *more) for one in (growing, whole))
+            np.testing.assert_array_equal(found, expected, err_msg=find)
+    assert samples, "the last spans end before the samples do"
 
 
 def test_each_time_uses_the_samples_around_it():
@@ -165,10 +235,59 @@ def test_samples_that_are_not_later_are_not_taken():
 
 
 def test_the_oldest_samples_give_way():
-    poses = history(*((float(k), float(k), 0.0, 0.0) for k in range(20)), max_samples=5)
+    poses = history(
+        *((float(k), float(k), 0.0, 0.0) for k in range(20)), min_samples=5, min_span=3.0
+    )
     assert len(poses) == 5
     assert poses.coverage(14.9, 16.0) is NEVER
     assert poses.coverage(15.0, 19.0) is YES
+    poses = history(*((float(k), float(k), 0.0, 0.0) for k in range(20)), min_samples=5, min_span=7)
+    assert len(poses) == 8, "not while they are young"
+
+
+def kilohertz(last: float, **options) -> PoseHistory:
+    poses = PoseHistory(**options)
+    for k in range(round(1000 * last) + 1):
+        assert poses.add(PoseSample(k / 1000, k / 1000, 0.0, 0.0))
+    return poses
+
+
+def test_a_ping_of_12_s_is_covered_by_odometry_at_1_khz():
+    poses = kilohertz(30.0)
+    assert poses.coverage(17.0, 29.0) is YES
+    np.testing.assert_allclose(poses.poses([17.0, 29.0])[:, 0], [17.0, 29.0])
+    assert len(poses) < 30.0 / SHORTEST_PERIOD
+
+
+def test_the_newest_of_thinned_samples_is_the_newest_given():
+    poses = kilohertz(5.004, max_extrapolation=1.0)
+    assert poses.last_stamp == 5.004
+    assert poses.can_extrapolate(6.004)
+    assert not poses.can_extrapolate(6.005)
+    np.testing.assert_allclose(poses.poses([5.003, 5.004, 6.0])[:, 0], [5.003, 5.004, 6.0])
+
+
+def test_the_number_of_samples_is_bounded_at_any_rate():
+    assert len(kilohertz(30.0, min_samples=10, min_span=2.0)) < 2.0 / SHORTEST_PERIOD + 2
+
+
+def test_a_second_run_is_as_long_as_it_is_at_any_rate():
+    poses = history((100.0, 0, 0, 0), min_samples=10, min_span=2.0)
+    for k in range(20_000):
+        assert not poses.add(PoseSample(k / 1000, 5.0, 0.0, 0.0))
+    assert poses.late_span == pytest.approx(19.999)
+    poses.start_over()
+    assert poses.last_stamp == 19.999
+    assert poses.late_span == 0.0
+    assert poses.coverage(18.5, 19.5) is YES
+
+
+def test_poses_before_the_first_sample_wait_for_the_second():
+    poses = history((10.0, 0.0, 0.0, 0.0), max_extrapolation=1.0)
+    assert poses.coverage(9.5, 9.6) is NOT_YET
+    assert poses.coverage(10.0, 10.0) is YES
+    poses.add(PoseSample(11.0, 2.0, 0.0, 0.0))
+    assert poses.coverage(9.5, 9.6) is YES
 
 
 def test_a_gap_longer_than_allowed_is_not_interpolated_across():
@@ -206,6 +325,9 @@ def test_a_gap_beside_the_asked_for_span_does_no_harm(first, last):
         ({"x": math.inf}, "pose must be finite"),
         ({"y": -1e12}, "pose must be finite and on earth"),
         ({"yaw": math.nan}, "pose must be finite"),
+        ({"rates": (2e6, 0.0, 0.0)}, "rates must be at most 1e\\+06"),
+        ({"rates": (0.0, -math.inf, 0.0)}, "rates must be at most"),
+        ({"rates": (0.0, 0.0, 1e7)}, "rates must be at most"),
         ({"covariance": -np.eye(3)}, "covariance must be symmetric and positive"),
         ({"covariance": np.eye(2)}, "covariance must have the shape"),
     ],
@@ -375,6 +497,9 @@ def test_beyond_the_newest_sample_its_own_rates_count():
     history.add(PoseSample(0.0, 5.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
     history.add(PoseSample(0.01, 0.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
     np.testing.assert_allclose(history.poses(np.array([0.51])), [[1.0, 0.5, 0.05]])
+    history.clear()
+    history.add(PoseSample(1.0, 5.0, 0.0, 0.0, rates=(2.0, math.nan, 0.1)))
+    np.testing.assert_allclose(history.poses(np.array([1.5])), [[6.0, 0.0, 0.05]])
 
 
 def tilted(*samples, **options) -> PoseHistory:

@@ -318,6 +318,53 @@ def test_range_rates_are_taken_against_the_velocity_of_the_sensor_not_of_the_ves
     )
 
 
+RATED = {"range": [300.0, 6000.0], "azimuth": [0.0, 0.0], "features": {"range_rate": [1.0, 2.0]}}
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.0, 100.0])
+def test_the_velocity_of_the_sensor_does_not_depend_on_when_odometry_arrives(delay):
+    # White errors of 1 m in the positions: any other samples would give another velocity.
+    x, y = noise = np.random.default_rng(9).normal(0.0, 1.0, (2, 1200))
+    one, found = session(), []
+    one.add_scan(SensorScan(Scan(5.03, time_offset=[0.2, 0.4], **RATED), "sonar"), 0.0)
+    for k, (east, north) in enumerate(noise.T.tolist()):
+        one.add_own_ship(PoseSample(0.1 * k, east, north, 0.0), "odom")
+        if 0.1 * k >= 5.83 + delay:
+            found += [result.scan.sensor_velocity for result in one.process(0.0)]
+    # The last echo came at 5.83 s: of what the samples say up to 5.9 s.
+    expected = [(x[59] - x[39]) / 2.0, (y[59] - y[39]) / 2.0]
+    np.testing.assert_allclose(found, [[expected, expected]], rtol=1e-9)
+
+
+def test_a_velocity_that_the_odometry_gives_is_the_sensor_s():
+    rng = np.random.default_rng(10)
+    one = session()
+    for stamp, error in enumerate(rng.normal(0.0, 1.0, 20).tolist()):
+        rates = (4.0 + 0.1 * stamp, -1.0, 0.0)
+        one.add_own_ship(PoseSample(float(stamp), 4.0 * stamp + error, 0.0, 0.0, rates=rates), "o")
+    found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED)).sensor_velocity
+    np.testing.assert_allclose(found, [[4.52, -1.0], [4.9, -1.0]])
+
+
+def test_range_rates_are_not_used_where_poses_jump_impossibly():
+    one = session()
+    for stamp in np.arange(0.0, 20.0, 0.1):
+        x = 0.0 if stamp < 9.0 else 1e8
+        one.add_own_ship(PoseSample(stamp, x, 0.0, 0.0), "odom")
+    found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED))
+    np.testing.assert_array_equal(found.features["range_rate"], [1.0, np.nan])
+    np.testing.assert_allclose(found.sensor_velocity, np.zeros((2, 2)), atol=1e-12)
+    assert len(found) == 2
+
+
+def test_range_rates_are_not_used_where_the_sensor_s_velocity_is_unknown():
+    one = session()
+    one.add_own_ship(PoseSample(5.0, 1.0, 2.0, 0.0), "odom")
+    found = place(one, Scan(5.0, **RATED))
+    assert np.isnan(found.features["range_rate"]).all()
+    assert found.sensor_velocity.tolist() == [0.0, 0.0]
+
+
 SENSOR_VELOCITY = np.array([3.0, -2.0, 0.0])
 
 
