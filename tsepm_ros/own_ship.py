@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import itertools
 import math
 from bisect import bisect_left
 from collections.abc import Callable
@@ -283,12 +282,10 @@ class PoseHistory:
             return Coverage.NOT_YET
         if first < self._samples[0].stamp and settled < 2:
             return Coverage.NOT_YET
-        stamps = [sample.stamp for sample in self._bracket(first, last)]
-        begin = max((i for i, stamp in enumerate(stamps) if stamp <= first), default=0)
-        stamps = stamps[begin : bisect_left(stamps, last) + 1]
-        if any(b - a > self.max_gap for a, b in itertools.pairwise(stamps)):
-            return Coverage.NEVER
-        return Coverage.YES
+        stamps = np.array([sample.stamp for sample in self._bracket(first, last)])
+        begin = max(int(np.searchsorted(stamps, first, side="right")) - 1, 0)
+        inside = stamps[begin : int(np.searchsorted(stamps, last)) + 1]
+        return Coverage.NEVER if (np.diff(inside) > self.max_gap).any() else Coverage.YES
 
     def can_extrapolate(self, last: float) -> bool:
         """Whether `last` (s) is beyond the newest sample by no more than what is allowed."""
@@ -377,7 +374,10 @@ class PoseHistory:
         step = stamps[right] - stamps[left]
         share = np.divide(times - stamps[left], step, out=np.ones(len(times)), where=step > 0)
         own = given[left] + share.clip(0.0, 1.0)[:, None] * (given[right] - given[left])
-        return np.where(np.isnan(own), self._differences(samples, stamps, times, last), own)
+        unknown = np.isnan(own)
+        if not unknown.any():
+            return own
+        return np.where(unknown, self._differences(samples, stamps, times, last), own)
 
     def _differences(
         self, samples: list[PoseSample], stamps: FloatArray, times: FloatArray, last: float

@@ -160,7 +160,8 @@ def _sensor_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> 
 
 def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """From the vessel's origin to the sensor in the fixed frame's axes, m, (n, 2)."""
-    return _sensor_poses(times, poses, mounting)[:, :2] - poses.poses(times)[:, :2]
+    vessel = poses.poses_with_attitude(times)
+    return mounting.sensor_poses(vessel)[:, :2] - vessel[:, :2]
 
 
 def _sensor_velocity(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
