@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from msg_adapters import MessageError, read_recorded_scan, sensor_scan, with_echo_times
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
 from tsepm_ros.message_input import MessageInput
-from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.own_ship import SHORTEST_PERIOD, PoseSample, known_rates
 from tsepm_ros.recording import RecordedMotion, Recording
 from tsepm_ros.session import ScanResult, Session
 from tsepm_ros.settings import Settings
@@ -57,7 +57,8 @@ def recording_results(
             read_recorded_scan(recorded, FRAME, bearing_reference=bearing_reference), sound_speed
         )
         # As live: what the scan's echoes need has arrived, not what comes long after.
-        until = recorded.time + _longest_echo(detections.time_offset)
+        # Samples that are not thinned out reach to the last echo.
+        until = recorded.time + _longest_echo(detections.time_offset) + SHORTEST_PERIOD
         last = session.own_ship_stamp
         while motions and (last is None or last < until):
             last = motions[0].time
@@ -123,8 +124,11 @@ def _longest_echo(time_offset: NDArray[np.float64] | None) -> float:
 
 
 def _pose(motion: RecordedMotion) -> PoseSample:
-    x, _, y, _ = motion.state.tolist()
+    x, vx, y, vy = motion.state.tolist()
     yaw, covariance = motion.yaw, None
     if yaw is None:
         yaw, covariance = 0.0, np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
-    return PoseSample(motion.time, x, y, yaw, covariance, roll=motion.roll, pitch=motion.pitch)
+    rates = known_rates(vx, vy, 0.0)
+    return PoseSample(
+        motion.time, x, y, yaw, covariance, rates, roll=motion.roll, pitch=motion.pitch
+    )

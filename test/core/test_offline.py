@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from tsepm_ros.offline import process_recording
+from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.placing import SensorScan
 from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
+from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
@@ -78,6 +81,37 @@ def test_recorded_echoes_without_times_are_of_range_over_sound_speed():
     np.testing.assert_allclose(result.scan.time_offset, [2000.0 / 1500.0])
     assert result.scan.sensor_pose.shape == (1, 3)
     assert not dropped
+
+
+def rated(stamp: float) -> RecordedScan:
+    values = {"range": [2000.0], "azimuth": [0.0], "range_rate": [1.0], "time_offset": [1.3]}
+    return RecordedScan(stamp, {name: np.array(value) for name, value in values.items()})
+
+
+def test_a_recorded_velocity_of_the_own_ship_is_the_sensor_s():
+    noise = np.random.default_rng(1).normal(0.0, 1.0, 30)
+    ship = [
+        RecordedMotion(float(k), np.array([x, 3.0 + k, 0.0, -1.0]), 0.0)
+        for k, x in enumerate(noise.tolist())
+    ]
+    (result,), _ = process_recording(Recording([rated(10.5)], ship), MOVING, "bow")
+    np.testing.assert_allclose(result.scan.sensor_velocity, [[3.0 + 11.8, -1.0]])
+
+
+@pytest.mark.parametrize("period", [0.001, 0.005, 0.1])
+def test_a_scan_is_placed_as_by_a_session_that_has_all_of_the_odometry(period):
+    noise = np.random.default_rng(2).normal(0.0, 1.0, round(20.0 / period)).tolist()
+    ship = [
+        RecordedMotion(period * k, np.array([x, 0.0, -x, 0.0]), 0.0) for k, x in enumerate(noise)
+    ]
+    (found,), _ = process_recording(Recording([rated(4.0004)], ship), MOVING, "bow")
+    one = Session(MOVING)
+    for k, x in enumerate(noise):
+        one.add_own_ship(PoseSample(period * k, x, -x, 0.0), "odom")
+    one.add_scan(SensorScan(found.scan, "sonar"), 0.0)
+    (expected,) = one.process()
+    for name in ("sensor_pose", "sensor_velocity"):
+        np.testing.assert_array_equal(getattr(found.scan, name), getattr(expected.scan, name))
 
 
 def test_a_fixed_frame_names_the_recordings_own():
