@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 RATE_SPAN = 2.0
 """Time over which poses are compared for the sensor's velocity, s."""
+SHORTEST_RATE_SPAN = 0.5
+"""Where there are poses for less than this, s, their errors drown their difference."""
 SHORTEST_PERIOD = 0.009
 """Least time between two samples that are kept, s: below that of 100 Hz, far below a roll's."""
 
@@ -360,7 +362,8 @@ class PoseHistory:
         Returns
         -------
         (n, 3) ndarray
-            vx, vy in m/s and rad/s; nan where nothing is known.
+            vx, vy in m/s and rad/s; nan where they are unknown and there are poses for less than
+            `SHORTEST_RATE_SPAN`.
         """
         times = np.asarray(times, float)
         if not self._samples or not times.size:
@@ -382,7 +385,7 @@ class PoseHistory:
     def _differences(
         self, samples: list[PoseSample], stamps: FloatArray, times: FloatArray, last: float
     ) -> FloatArray:
-        """Rates by the poses at the ends of a span around each time; nan where it has no length."""
+        """Rates by the poses at the ends of a span around each time; nan where it is too short."""
         final = min(int(np.searchsorted(stamps, last)), len(stamps) - 1)
         after_gap = np.diff(stamps, prepend=stamps[0]) > self.max_gap
         since = np.maximum.accumulate(np.where(after_gap, stamps, stamps[0]))
@@ -394,7 +397,8 @@ class PoseHistory:
             np.interp(end, stamps, along) - np.interp(begin, stamps, along)
             for along in ([sample.x for sample in samples], [sample.y for sample in samples], yaws)
         ]
-        span = np.where(end > begin, end - begin, np.nan)
+        span = end - begin
+        span[span < SHORTEST_RATE_SPAN] = np.nan
         return np.stack(changes, axis=-1) / span[:, None]
 
     def covariance(self, time: float) -> FloatArray | None:

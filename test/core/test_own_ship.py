@@ -109,6 +109,14 @@ def test_rates_are_not_taken_across_a_gap():
     np.testing.assert_allclose(found, [[2, 0, 0]] * 3, atol=1e-9)
 
 
+def test_poses_of_a_moment_tell_no_rates():
+    poses = history(*((0.1 * k, 0.3 * k, 0.0, 0.0) for k in range(20)))
+    found = poses.rates(np.array([0.2, 0.35]), 0.35)
+    assert np.isnan(found).all(), "of 0.4 s"
+    found = poses.rates(np.array([0.2, 0.35]), 0.55)
+    np.testing.assert_allclose(found, [[3.0, 0.0, 0.0]] * 2, atol=1e-12)
+
+
 def test_rates_of_which_nothing_is_known_are_nan():
     poses = PoseHistory()
     assert np.isnan(poses.rates(np.array([3.0]), 3.0)).all()
