@@ -214,8 +214,8 @@ _SINGLE = {
     "internal_error": DropReason(
         INITIATION,
         "scan",
-        "processing it failed, and the potential tracks and tracks were forgotten",
-        "This is a fault of the node: report it with the warning's text",
+        "it could not be placed or processed; where the algorithm failed, all tracks are forgotten",
+        "Does the own-ship data jump? Else it is a fault of the node: report the warning's text",
     ),
 }
 

@@ -94,7 +94,7 @@ def bag_results(
     for message in bag.messages(roles):
         now = 1e-9 * message.log_ns
         if session.waiting:  # what has waited too long by now, did so before this message came
-            yield from _processed(session, now)
+            yield from session.process(now)
         try:
             content = bag.read(message)
         except MessageError as error:
@@ -105,17 +105,8 @@ def bag_results(
             given.take_detections(content, now)
         else:
             takes[role](content)
-        yield from _processed(session, now)
-    yield from _processed(session)
-
-
-def _processed(session: Session, *now: float) -> Iterator[ScanResult]:
-    """Process what can be; a scan at which the algorithm fails is lost, as in the node."""
-    try:
-        yield from session.process(*now)
-    except (ArithmeticError, LookupError, MemoryError, ValueError) as error:
-        session.drop("internal_error", f"a scan could not be processed: {error!r}")
-        session.initiator.reset()
+        yield from session.process(now)
+    yield from session.process()
 
 
 def _longest_echo(time_offset: NDArray[np.float64] | None) -> float:

@@ -28,11 +28,17 @@ from tsepm_ros.settings import Settings
 from tsepm_ros.track import TrackArrays
 from tsepm_ros.tracked import TrackerReport, usable
 
+UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE
+"""Arrivals of scans that are dropped."""
+
 QUEUE_LENGTH = 1000
 """Scans that may wait for own-ship data at once."""
 
 MAX_YAW_VARIANCE = math.pi**2
 """Variance of the heading above which there is none, rad^2."""
+
+FAILURES = (ArithmeticError, LookupError, MemoryError, ValueError)
+"""What a scan may bring about; it is lost then, and the next one is processed."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +132,7 @@ class Session:
             max_extrapolation=options.own_ship_max_extrapolation,
             max_gap=options.own_ship_max_gap,
         )
-        self._moves = options.own_ship_source != "none"
+        self._source = options.own_ship_source
         self._fixed_frame: str | None = None
         self._sensor_frame: str | None = None
         self._own_ship_frame = ""
@@ -141,6 +147,10 @@ class Session:
     def settings(self) -> Settings:
         """The settings in use."""
         return self._settings
+
+    @property
+    def _moves(self) -> bool:
+        return self._source != "none"
 
     @property
     def waiting(self) -> int:
@@ -209,7 +219,6 @@ class Session:
         except ValueError as error:
             self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
             return
-        self._own_ship_frame = child_frame_id
         if self._fixed_frame is None:
             self._fixed_frame = frame_id
         if frame_id != self._fixed_frame:
@@ -218,6 +227,7 @@ class Session:
                 f"own-ship data is in frame {frame_id!r}, the fixed frame is {self._fixed_frame!r}",
             )
             return
+        self._own_ship_frame = child_frame_id
         if self._poses_are_ahead(sample.stamp):
             self._restart_poses(sample.stamp)
         if self._poses.add(sample):
@@ -238,7 +248,8 @@ class Session:
             self._fixed_frame = arrived.frame_id
         self._waiting.append((now, arrived))
         if len(self._waiting) > QUEUE_LENGTH:
-            self._take_first()
+            self._waiting.popleft()
+            self._arrival = None
             self.drop("queue_full", f"more than {QUEUE_LENGTH} scans wait for own-ship data")
 
     def add_tracked(self, report: TrackerReport) -> None:
@@ -272,28 +283,19 @@ class Session:
         ScanResult
         """
         while self._waiting:
-            since, arrived = self._waiting[0]
-            scan = arrived.scan
+            since, arrived = self._waiting.popleft()
             waiting = waited(since, now)
-            if self._arrival is None:
-                self._arrival = self._judged(scan.stamp)
-            arrival = self._arrival
-            placed: Scan | bool | None = False
-            if arrival in (Arrival.SAME_STAMP, Arrival.LATE):
-                self.drop(
-                    f"scan_{arrival.value}",
-                    f"the scan of {scan.stamp:.3f} s is not later than the last one",
-                )
-            else:
-                placed = self._placed(arrived, waiting)
-            if placed is None:
-                return
-            self._take_first()
-            if isinstance(placed, Scan):
-                self._order.accept(scan.stamp, arrival)
-                self._poses_restarted = False
-                self._start_over(arrival, scan.stamp)
-                yield self._run(placed, arrival, arrived.stamp_ns, waiting)
+            result = None
+            try:
+                if self._must_wait(arrived, waiting):
+                    self._waiting.appendleft((since, arrived))
+                    return
+                result = self._result(arrived, waiting)
+            except FAILURES as error:
+                self.drop("internal_error", f"a scan could not be processed: {error!r}")
+            self._arrival = None
+            if result is not None:
+                yield result
 
     def figures(self) -> Figures:
         """State of the session, by which its health is judged."""
@@ -309,7 +311,7 @@ class Session:
             detection_probability_estimated=initiator.estimated_detection_probability,
             clutter_density=initiator.clutter_density,
             coverage_area=initiator.sensor.coverage_area,
-            own_ship_source=self._settings.session.own_ship_source,
+            own_ship_source=self._source,
             own_ship_stamp=self.own_ship_stamp,
             scan_stamp=newest,
             tracker=initiator.hold.tracker.value,
@@ -352,32 +354,59 @@ class Session:
                 return False
         return True
 
-    def _placed(self, arrived: SensorScan, waiting: float) -> Scan | bool | None:
-        """Place a scan in the fixed frame; None: wait; False: dropped."""
-        scan = arrived.scan
-        if self._is_too_large(scan):
+    def _must_wait(self, arrived: SensorScan, waiting: float) -> bool:
+        """Whether the first scan needs own-ship data that may still come."""
+        if self._arrival is None:
+            self._arrival = self._order.judge(arrived.scan.stamp)
+            if self._arrival is Arrival.RESTART and not self._poses_restarted:
+                self._restart_poses(arrived.scan.stamp)  # those of before place nothing after it
+        if not self._moves or self._arrival in UNUSABLE:
             return False
-        if not self._moves:
-            return self._with_usable_rates(scan, placing.at_rest(arrived))
         first, last = placing.echo_span(arrived)
         if self.look_up is not None:
             self.look_up(arrived.frame_id, first, last, arrived.axes)
-        coverage = self._poses.coverage(first, last)
         timed_out = waiting >= self._settings.session.own_ship_timeout
-        if coverage is Coverage.NOT_YET and not timed_out:
+        return self._poses.coverage(first, last) is Coverage.NOT_YET and not timed_out
+
+    def _result(self, arrived: SensorScan, waiting: float) -> ScanResult | None:
+        """Process the first scan, which need not wait; None where it is dropped."""
+        arrival, stamp = self._arrival, arrived.scan.stamp
+        assert arrival is not None
+        if arrival in UNUSABLE:
+            self.drop(
+                f"scan_{arrival.value}",
+                f"the scan of {stamp:.3f} s is not later than the last one",
+            )
             return None
+        if self._is_too_large(arrived.scan):
+            return None
+        placed = self._placed(arrived)
+        if placed is None:
+            return None
+        self._order.accept(stamp, arrival)
+        self._poses_restarted = False
+        self._start_over(arrival, stamp)
+        return self._run(placed, arrival, arrived.stamp_ns, waiting)
+
+    def _placed(self, arrived: SensorScan) -> Scan | None:
+        """The scan in the fixed frame; None where it cannot be placed, which is reported."""
+        scan = arrived.scan
+        if not self._moves:
+            return self._with_usable_rates(scan, placing.at_rest(arrived))
+        first, last = placing.echo_span(arrived)
+        coverage = self._poses.coverage(first, last)
         if coverage is Coverage.NEVER or not (
             coverage is Coverage.YES or self._poses.can_extrapolate(last)
         ):
             reason = "own_ship_stale" if len(self._poses) else "own_ship_missing"
             self.drop(reason, f"no own-ship data for the scan of {scan.stamp:.3f} s")
-            return False
+            return None
         self._say_of_mounting(arrived.frame_id)
         covariance = self._poses.covariance(scan.stamp)
         needed = not arrived.north_referenced or self._settings.mounting.offset
         if needed and covariance is not None and covariance[2, 2] > MAX_YAW_VARIANCE:
             self.drop("heading_unknown", "the own-ship data has no heading, but it is needed")
-            return False
+            return None
         found = placing.placed(arrived, self._poses, self._settings.mounting)
         lost = len(scan) - len(found)
         if lost:
@@ -409,17 +438,6 @@ class Session:
                 f"own-ship data is of frame {self._own_ship_frame!r}, detections are in "
                 f"{frame_id!r}: taken to be the same place and direction",
             )
-
-    def _take_first(self) -> None:
-        self._waiting.popleft()
-        self._arrival = None
-
-    def _judged(self, stamp: float) -> Arrival:
-        """What a stamp means; own-ship poses of before a restart place nothing after it."""
-        arrival = self._order.judge(stamp)
-        if arrival is Arrival.RESTART and not self._poses_restarted:
-            self._restart_poses(stamp)
-        return arrival
 
     def _poses_are_ahead(self, stamp: float) -> bool:
         last = self._poses.last_stamp
@@ -482,9 +500,13 @@ class Session:
         if self._live:
             self.initiator.max_scan_time = self._settings.session.max_scan_time
         tracker = self.initiator.hold.tracker
-        self._follow_tracker(scan.stamp)
-        begin = time.perf_counter()
-        new = self.initiator.process(scan)
+        try:
+            self._follow_tracker(scan.stamp)
+            begin = time.perf_counter()
+            new = self.initiator.process(scan)
+        except FAILURES:
+            self.initiator.reset()  # what it holds is in no known state
+            raise
         core_seconds = time.perf_counter() - begin
         self._say_of_tracker(tracker)
         statistics = self.initiator.statistics

@@ -233,6 +233,55 @@ def test_a_scan_whose_echoes_are_sent_later_waits_for_and_uses_the_poses_of_then
     np.testing.assert_allclose(result.scan.sensor_pose, expected, atol=1e-9)
 
 
+def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
+    one = moving(common=CommonOptions(hold_time=1e6), own_ship_max_gap=60.0)
+    sail(one, 0.0, 36.0)
+    confirmed = play(one, [0, 12, 24], now=0.0)[2].new
+    # The vessel is set 5000 km away within 0.1 s: faster than any velocity that a scan may have.
+    for stamp in (36.1, 37.0, 50.0):
+        one.add_own_ship(PoseSample(stamp, 5e5, 5e6, 0.5), "odom")
+    rated = Scan(36.05, [1500.0], [0.0], features={"range_rate": [1.0]})
+    one.add_scan(arrived(rated), 0.0)
+    assert list(one.process(0.0)) == []
+    assert (one.dropped, one.waiting) == ({"internal_error": 1}, 0)
+    (result,) = play(one, [48], now=0.0)
+    assert held(result) == [track.track_id for track in confirmed]
+
+
+def test_a_look_up_that_fails_costs_one_scan():
+    one = moving()
+    sail(one, 0.0, 100.0)
+
+    def fail(*span):
+        raise LookupError("no transform")
+
+    one.look_up = fail
+    assert play(one, [12], now=0.0) == []
+    one.look_up = None
+    assert len(play(one, [24], now=0.0)) == 1
+    assert one.dropped == {"internal_error": 1}
+
+
+def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks(monkeypatch):
+    one = session()
+    (track,) = play(one, [0, 12, 24])[2].new
+    with monkeypatch.context() as patch:
+        patch.setattr(one.initiator.hold, "add", lambda *_: 1 / 0)
+        assert play(one, [36]) == []
+    assert one.dropped == {"internal_error": 1}
+    results = play(one, [48, 60, 72])
+    assert (held(results[0]), results[0].ended) == ([], [track.track_id])
+    assert len(results[2].new) == 1
+
+
+def test_own_ship_data_that_is_refused_does_not_change_the_mounting():
+    one = moving(fixed_frame="odom")
+    sail(one, 1.0, 100.0)
+    one.add_own_ship(PoseSample(101.0, 0.0, 0.0, 0.0), "map", "base_link")
+    play(one, [12], now=0.0)
+    assert one._report == ["own_ship_frame"]
+
+
 def test_the_pose_covariance_goes_with_the_scan():
     one = moving()
     covariance = np.diag([4.0, 9.0, 0.01])

@@ -95,13 +95,8 @@ class TrackInitiator(Node):
 
     def _process(self, entered: float | None = None) -> None:
         entered = time.perf_counter() if entered is None else entered
-        try:
-            for result in self._session.process(self._now()):
-                self._publish(result, entered)
-        except (ArithmeticError, LookupError, MemoryError, ValueError) as error:
-            # The node must outlive whatever a message brings; the scan is lost, not the watch.
-            self._session.drop("internal_error", f"a scan could not be processed: {error!r}")
-            self._session.initiator.reset()
+        for result in self._session.process(self._now()):
+            self._publish(result, entered)
 
     def _publish(self, result: ScanResult, entered: float) -> None:
         begin = time.perf_counter()
