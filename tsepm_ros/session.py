@@ -124,6 +124,7 @@ class Session:
         self._live = live
         self._settings = settings
         self.initiator = settings.make_initiator()
+        self._totals_before = ScanStatistics()  # of initiators, and runs, that are over
         self.dropped: Counter[str] = Counter()
         self.look_up: Callable[[str, float, float, str], None] | None = None
         options = settings.session
@@ -158,6 +159,11 @@ class Session:
         return len(self._waiting)
 
     @property
+    def totals(self) -> ScanStatistics:
+        """Sums over the scans since the start or the last `reset`, whatever started over since."""
+        return self._totals_before + self.initiator.totals
+
+    @property
     def own_ship_stamp(self) -> float | None:
         """Stamp of the newest own-ship pose, s."""
         return self._poses.last_stamp
@@ -180,6 +186,7 @@ class Session:
         if settings.window != old.window:
             self._order.resize(settings.window)
         if options.method != old.session.method:
+            self._totals_before = self.totals
             before, self.initiator = self.initiator, settings.make_initiator()
             self.initiator.next_track_id = before.next_track_id
             self.initiator.stamp = before.stamp
@@ -192,6 +199,7 @@ class Session:
     def reset(self) -> list[int]:
         """Forget scans, tracks, poses and counts; returns the ids of the tracks that end."""
         self.initiator.reset()
+        self._totals_before = ScanStatistics()
         self.dropped.clear()
         self._order.reset()
         self._poses.clear()
@@ -300,9 +308,11 @@ class Session:
     def figures(self) -> Figures:
         """State of the session, by which its health is judged."""
         initiator = self.initiator
-        newest = self._waiting[-1][1].scan.stamp if self._waiting else initiator.stamp
+        newest = None if self._poses_restarted else initiator.stamp
+        if self._waiting:
+            newest = self._waiting[-1][1].scan.stamp
         return Figures(
-            totals=initiator.totals,
+            totals=self.totals,
             potential_tracks=initiator.statistics.potential_tracks,
             tracks=len(initiator.hold.current),
             dropped=dict(self.dropped),
@@ -453,11 +463,15 @@ class Session:
         """Drop what cannot continue across a restart or a long gap."""
         if arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {stamp:.3f} s: starting over")
-            self.initiator.reset()
+            self._reset_initiator()
             self._forget_tracker()
         elif arrival is Arrival.GAP:
             self._report("gap", f"long gap before {stamp:.3f} s: potential tracks dropped")
             self.initiator.forget_potential_tracks()
+
+    def _reset_initiator(self) -> None:
+        self._totals_before = self.totals
+        self.initiator.reset()
 
     def _is_in_fixed_frame(self, report: TrackerReport) -> bool:
         inside = report.frame_id == self._fixed_frame
@@ -505,7 +519,7 @@ class Session:
             begin = time.perf_counter()
             new = self.initiator.process(scan)
         except FAILURES:
-            self.initiator.reset()  # what it holds is in no known state
+            self._reset_initiator()  # what it holds is in no known state
             raise
         core_seconds = time.perf_counter() - begin
         self._say_of_tracker(tracker)

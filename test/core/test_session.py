@@ -12,7 +12,7 @@ import pytest
 from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 
 from tsepm_ros import ConfirmedTrack, Scan, make_initiator
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiator import CommonOptions, ScanStatistics
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship import PoseSample
 from tsepm_ros.placing import SensorScan
@@ -650,6 +650,32 @@ def test_figures_tell_the_state():
     assert figures.clutter_density == FIXED_RANGE_ERROR.clutter_density
     play(one, [24, 20])
     assert one.figures().dropped == {"scan_late": 1, "scan_same_stamp": 1}
+
+
+def test_figures_count_on_through_restarts_failures_and_another_method(monkeypatch):
+    one = session()
+    play(one, [1000, 1012, 1024])
+    play(one, [0, 12, 24])
+    with monkeypatch.context() as patch:
+        patch.setattr(one.initiator.hold, "add", lambda *_: 1 / 0)
+        play(one, [36])
+    play(one, [48])
+    one.configure(settings(method="score"))
+    play(one, [60])
+    totals = one.figures().totals
+    assert (totals.scans, totals.detections, totals.confirmed) == (8, 8, 2)
+    one.reset()
+    assert one.figures().totals == ScanStatistics()
+
+
+def test_the_newest_scan_is_not_one_of_before_the_poses_restarted():
+    one = moving()
+    sail(one, 900.0, 1020.0)
+    play(one, [1000, 1012], now=0.0)
+    sail(one, 0.0, 12.0)
+    assert (one.figures().scan_stamp, one.figures().own_ship_stamp) == (None, 12.0)
+    play(one, [5], now=0.0)
+    assert one.figures().scan_stamp == 5.0
 
 
 def test_figures_tell_how_far_own_ship_data_is_behind_the_newest_scan():
