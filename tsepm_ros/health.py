@@ -213,12 +213,19 @@ class Connections:
 
 @dataclass(frozen=True)
 class _ScanRecord:
-    """One processed scan: when, by the first clock (s), its stamp (s), detections and latency."""
+    """One processed scan: when, by the first clock (s), its detections and latency."""
+
+    time: float
+    detections: int
+    latency: Latency
+
+
+@dataclass(frozen=True)
+class _Arrival:
+    """One scan, processed or not: when it arrived, by the first clock (s), and its stamp (s)."""
 
     time: float
     stamp: float
-    detections: int
-    latency: Latency
 
 
 Finding = tuple[Level, str]
@@ -234,6 +241,7 @@ class _Picture:
     recent: Counter[str]
     """Drops of the window by reason; and `_scans`, `_detections` and `_cut`."""
     scans: Sequence[_ScanRecord]
+    arrivals: Sequence[_Arrival]
     since_scan: float
     since_own_ship: float
     since_start: float
@@ -247,7 +255,7 @@ class _Picture:
     @property
     def interval(self) -> float:
         """Median of the stamps' intervals, s; nan while unknown."""
-        steps = [b.stamp - a.stamp for a, b in pairwise(self.scans) if b.stamp > a.stamp]
+        steps = [b.stamp - a.stamp for a, b in pairwise(self.arrivals) if b.stamp > a.stamp]
         return statistics.median(steps) if steps else math.nan
 
     @property
@@ -300,6 +308,7 @@ class Health:
         """Forget everything."""
         self.latency = Latency()
         self._scans: deque[_ScanRecord] = deque(maxlen=SCANS)
+        self._arrivals: deque[_Arrival] = deque(maxlen=SCANS)
         self._heard: dict[str, Now] = {}
         self._start: Now | None = None
         self._counts: deque[tuple[float, Counter[str]]] = deque()
@@ -308,10 +317,14 @@ class Health:
         """Note that data for a task, `DETECTIONS` or `OWN_SHIP`, arrived at a time."""
         self._heard[task] = now
 
-    def processed(self, stamp: float, detections: int, latency: Latency, now: Now) -> None:
+    def arrived(self, stamp: float, now: Now) -> None:
+        """Note the stamp (s) of a scan that arrived, whether it will be processed or not."""
+        self._arrivals.append(_Arrival(_first(now), stamp))
+
+    def processed(self, detections: int, latency: Latency, now: Now) -> None:
         """Note a processed scan."""
         self.latency = latency
-        self._scans.append(_ScanRecord(_first(now), stamp, detections, latency))
+        self._scans.append(_ScanRecord(_first(now), detections, latency))
 
     def report(
         self, figures: Figures, now: Now, connections: Connections = Connections()
@@ -337,6 +350,7 @@ class Health:
             connections,
             self._recent(figures, _first(now)),
             tuple(self._scans),
+            tuple(self._arrivals),
             self._since(DETECTIONS, now),
             self._since(OWN_SHIP, now),
             waited(self._start, now),
@@ -454,10 +468,15 @@ def _rate(picture: _Picture) -> list[Finding]:
     if interval > factor * period or interval * factor < period:
         return [(Level.WARN, f"a scan every {interval:.3g} s, expected is {period:.3g} s")]
     begin = picture.time - picture.options.window
-    steps = [b.stamp - a.stamp for a, b in pairwise(picture.scans) if b.time >= begin]
-    long = sum(step > factor * period for step in steps)
+    long, before = 0, 0.0
+    for a, b in pairwise(picture.arrivals):
+        step = b.stamp - a.stamp
+        # A rise after a fall is the way back from a single bad stamp.
+        long += b.time >= begin and before >= 0 and step > factor * period
+        before = step
     if long:
-        return [(Level.WARN, f"{long} gaps between scans longer than {factor * period:.3g} s")]
+        gaps = "1 gap" if long == 1 else f"{long} gaps"
+        return [(Level.WARN, f"{gaps} between scans longer than {factor * period:.3g} s")]
     return []
 
 

@@ -107,6 +107,8 @@ class Session:
     ----------
     dropped : Counter
         Drops by reason since the start or the last reset.
+    arrived_stamp : float or None
+        Stamp of the scan that arrived last, whatever becomes of it, s.
     look_up : callable or None
         Called as ``look_up(sensor frame, first, last, axes)`` for the span of time (s) of a scan
         that is to be placed, to give its poses and attitudes by `add_own_ship`; None where they
@@ -138,6 +140,7 @@ class Session:
         self._sensor_frame: str | None = None
         self._own_ship_frame = ""
         self._forget_frames()
+        self.arrived_stamp: float | None = None
         self._tracked: TrackerReport | None = None
         self._tracked_stamp = -math.inf
         self._waiting: deque[tuple[Now, SensorScan]] = deque()
@@ -205,6 +208,7 @@ class Session:
         self._poses.clear()
         self._poses_restarted = False
         self._waiting.clear()
+        self.arrived_stamp = None
         self._arrival = None
         self._forget_frames()
         self._forget_tracker()
@@ -249,6 +253,7 @@ class Session:
 
     def add_scan(self, arrived: SensorScan, now: Now) -> None:
         """Take a scan that arrived at the time `now`."""
+        self.arrived_stamp = arrived.scan.stamp
         if not self._frame_is_known(arrived) or self._is_too_large(arrived.scan):
             return
         self._sensor_frame = arrived.frame_id

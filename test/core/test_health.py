@@ -53,8 +53,8 @@ class Run:
         self.health.heard(DETECTIONS, time)
         one = ScanStatistics(scans=1, detections=detections)
         self.figures = dataclasses.replace(self.figures, totals=self.figures.totals + one)
-        stamp = time if stamp is None else stamp
-        self.health.processed(stamp, detections, Latency(**latency), time)
+        self.health.arrived(time if stamp is None else stamp, time)
+        self.health.processed(detections, Latency(**latency), time)
 
     def scans(self, *times: float) -> None:
         for time in times:
@@ -135,10 +135,31 @@ def test_a_rate_other_than_the_expected_is_a_warning(interval, level):
 def test_a_gap_between_scans_is_a_warning_for_the_window():
     run = Run(window=60.0)
     run.scans(0.0, 12.0, 24.0, 60.0, 72.0)
-    said = (Level.WARN, "1 gaps between scans longer than 24 s")
+    said = (Level.WARN, "1 gap between scans longer than 24 s")
     assert run.said("detections", 72.0) == said
     run.scans(84.0, 96.0, 108.0, 120.0)
     assert run.status("detections", 121.0).level == Level.OK
+    run.scans(132.0, 168.0, 180.0, 216.0, 228.0)
+    said = (Level.WARN, "2 gaps between scans longer than 24 s")
+    assert run.said("detections", 228.0) == said
+
+
+def test_scans_that_arrive_but_are_not_processed_leave_no_gap():
+    run = Run()
+    run.scans(0.0, 12.0, 24.0)
+    for time in (36.0, 48.0, 60.0):  # dropped for lack of own-ship data
+        run.health.heard(DETECTIONS, time)
+        run.health.arrived(time, time)
+    run.scans(72.0, 84.0)
+    assert run.said("detections", 84.0) == (Level.OK, "500 detections, a scan every 12 s")
+
+
+def test_the_way_back_from_a_single_bad_stamp_is_no_gap():
+    run = Run()
+    for time, stamp in [(0.0, 1000.0), (12.0, 1012.0), (24.0, 0.0), (36.0, 1036.0)]:
+        run.scan(time, stamp=stamp)
+    run.scan(48.0, stamp=1048.0)
+    assert run.said("detections", 48.0)[0] == Level.OK
 
 
 def test_a_burst_of_recorded_scans_has_the_rate_of_its_stamps():

@@ -84,8 +84,11 @@ class TrackInitiator(Node):
 
     def _on_detections(self, message: Any) -> None:
         entered = time.perf_counter()
-        self._health.heard(DETECTIONS, self._now())
-        self._input.take_detections(message, self._now())
+        now = self._now()
+        self._health.heard(DETECTIONS, now)
+        self._input.take_detections(message, now)
+        if self._session.arrived_stamp is not None:
+            self._health.arrived(self._session.arrived_stamp, now)
         self._process(entered)
 
     def _on_own_ship(self, message: Odometry) -> None:
@@ -113,7 +116,7 @@ class TrackInitiator(Node):
             core=result.core_seconds,
             publishing=end - begin,
         )
-        self._health.processed(result.stamp, len(result.scan), latency, self._now())
+        self._health.processed(len(result.scan), latency, self._now())
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         now = time_to_ns(self.get_clock().now().to_msg())
