@@ -171,6 +171,8 @@ class Figures:
     coverage_area : float
         m^2.
     own_ship_source : str
+    mounting : str
+        Of the sensor on the vessel: given, assumed, not needed or unknown.
     own_ship_stamp, scan_stamp : float or None
         Newest stamps, s.
     tracker : str
@@ -187,6 +189,7 @@ class Figures:
     clutter_density: float
     coverage_area: float
     own_ship_source: str
+    mounting: str
     own_ship_stamp: float | None
     scan_stamp: float | None
     tracker: str
@@ -204,11 +207,14 @@ class Connections:
         Events of qualities of service that do not fit, by topic.
     mismatches : sequence of str
         The topics on which there is such an endpoint now.
+    unused_own_ship : str
+        Topic on which own-ship data is published that is not listened to.
     """
 
     subscribed: bool = True
     mismatches_heard: Mapping[str, int] = field(default_factory=dict)
     mismatches: Sequence[str] = ()
+    unused_own_ship: str = ""
 
 
 @dataclass(frozen=True)
@@ -480,11 +486,22 @@ def _rate(picture: _Picture) -> list[Finding]:
     return []
 
 
+def unused_own_ship(topic: str) -> str:
+    """What is said where own-ship data is published on a topic and not used."""
+    return (
+        f"odometry is published on {topic}, but own_ship_source is none: the sensor is taken not "
+        "to move"
+    )
+
+
 def _own_ship(picture: _Picture) -> Status:
     figures = picture.figures
     values: dict[str, object] = {"source": figures.own_ship_source}
     if figures.own_ship_source == "none":
-        return Status(OWN_SHIP, Level.OK, "not needed: the sensor does not move", values)
+        topic = picture.connections.unused_own_ship
+        unused = [(Level.WARN, unused_own_ship(topic))] if topic else []
+        return _status(OWN_SHIP, unused, "not needed: the sensor does not move", values)
+    values["mounting"] = figures.mounting
     behind = math.nan
     if figures.scan_stamp is not None and figures.own_ship_stamp is not None:
         behind = figures.scan_stamp - figures.own_ship_stamp

@@ -109,6 +109,8 @@ class Session:
         Drops by reason since the start or the last reset.
     arrived_stamp : float or None
         Stamp of the scan that arrived last, whatever becomes of it, s.
+    source : str
+        Where own-ship data comes from: as at the start, whatever settings say later.
     look_up : callable or None
         Called as ``look_up(sensor frame, first, last, axes)`` for the span of time (s) of a scan
         that is to be placed, to give its poses and attitudes by `add_own_ship`; None where they
@@ -135,10 +137,11 @@ class Session:
             max_extrapolation=options.own_ship_max_extrapolation,
             max_gap=options.own_ship_max_gap,
         )
-        self._source = options.own_ship_source
+        self.source = options.own_ship_source
         self._fixed_frame: str | None = None
         self._sensor_frame: str | None = None
         self._own_ship_frame = ""
+        self._said_of_mounting: set[tuple[str, str]] = set()
         self._forget_frames()
         self.arrived_stamp: float | None = None
         self._tracked: TrackerReport | None = None
@@ -154,7 +157,7 @@ class Session:
 
     @property
     def _moves(self) -> bool:
-        return self._source != "none"
+        return self.source != "none"
 
     @property
     def waiting(self) -> int:
@@ -326,7 +329,8 @@ class Session:
             detection_probability_estimated=initiator.estimated_detection_probability,
             clutter_density=initiator.clutter_density,
             coverage_area=initiator.sensor.coverage_area,
-            own_ship_source=self._source,
+            own_ship_source=self.source,
+            mounting=self.mounting,
             own_ship_stamp=self.own_ship_stamp,
             scan_stamp=newest,
             tracker=initiator.hold.tracker.value,
@@ -445,13 +449,28 @@ class Session:
             )
         return placed
 
+    @property
+    def mounting(self) -> str:
+        """Whether the sensor's place on the vessel is given, assumed, not needed or unknown yet."""
+        if self.source != "odometry":
+            return "not needed"
+        if self._settings.mounting.given:
+            return "given"
+        if self._sensor_frame is None or self.own_ship_stamp is None:
+            return "unknown"
+        return "not needed" if self._own_ship_frame == self._sensor_frame else "assumed"
+
     def _say_of_mounting(self, frame_id: str) -> None:
-        """Report where nobody says where the sensor is on the vessel."""
-        if self._own_ship_frame not in ("", frame_id) and not self._settings.mounting.given:
+        """Report, once for each pair of frames, that nobody says where the sensor is."""
+        frames = self._own_ship_frame, frame_id
+        if frames[0] in ("", frame_id) or self._settings.mounting.given:
+            return
+        if frames not in self._said_of_mounting:
+            self._said_of_mounting.add(frames)
             self._report(
                 "mounting",
-                f"own-ship data is of frame {self._own_ship_frame!r}, detections are in "
-                f"{frame_id!r}: taken to be the same place and direction",
+                f"own-ship data is of frame {frames[0]!r}, detections are in {frames[1]!r}: taken "
+                "to be the same place and direction, as no mounting is given",
             )
 
     def _poses_are_ahead(self, stamp: float) -> bool:

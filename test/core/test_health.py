@@ -34,6 +34,7 @@ GOOD = Figures(
     clutter_density=1e-6,
     coverage_area=1e8,
     own_ship_source="none",
+    mounting="not needed",
     own_ship_stamp=None,
     scan_stamp=None,
     tracker="none",
@@ -239,6 +240,22 @@ def test_a_limit_that_cut_is_a_warning_for_the_window():
 def test_own_ship_data_is_not_needed_where_the_sensor_does_not_move():
     run = Run()
     assert run.said("own ship", 0.0) == (Level.OK, "not needed: the sensor does not move")
+
+
+def test_own_ship_data_that_is_published_and_not_used_is_a_warning_while_it_is():
+    run = Run()
+    run.connections = Connections(unused_own_ship="/boat/own_ship/odometry")
+    level, message = run.said("own ship", 0.0)
+    assert level == Level.WARN
+    assert "/boat/own_ship/odometry, but own_ship_source is none" in message
+    run.set(own_ship_source="tf")
+    assert run.said("own ship", 0.0)[0] == Level.OK
+
+
+def test_the_mounting_is_told_where_there_is_a_vessel():
+    run = Run()
+    run.set(own_ship_source="odometry", mounting="assumed")
+    assert run.status("own ship", 0.0).values["mounting"] == "assumed"
 
 
 def test_the_age_of_own_ship_data_is_judged_now_and_at_the_newest_scan():

@@ -233,8 +233,25 @@ def test_without_a_mounting_a_vessel_s_frame_is_said_to_be_taken_for_the_sensor_
     one = session()
     for time in (0.0, 10.0):
         one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0), "odom", "base_link")
+    assert one.figures().mounting == "unknown"
+    for time in (4.0, 5.0):
+        place(one, Scan(time, [1000.0], [0.0]))
+        assert one.figures().mounting == "assumed"
+    assert one._report == ["mounting"], "once"
+    one.reset()
+    for time in (0.0, 10.0):
+        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0), "odom", "hull")
+    place(one, Scan(6.0, [1000.0], [0.0]))
+    assert one._report == ["mounting"] * 2, "once for each pair of frames"
+
+
+def test_the_mounting_is_given_or_not_needed():
+    assert session(Mounting(x=1.0)).figures().mounting == "given"
+    assert session(own_ship_source="none").figures().mounting == "not needed"
+    one = session()
+    one.add_own_ship(PoseSample(5.0, 0.0, 0.0, 0.0), "odom", "sonar")
     place(one, Scan(5.0, [1000.0], [0.0]))
-    assert one._report == ["mounting"]
+    assert (one.figures().mounting, one._report) == ("not needed", [])
 
 
 @pytest.mark.parametrize("source", ["none", "tf"])

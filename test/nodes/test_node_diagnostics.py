@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 
 from boat import Boat
+from ros_world import WARN as LOG_WARN
+from sensor_msgs.msg import PointCloud2
 from sonar_driver import START_NS, pings
 
 SECOND = 10**9
@@ -59,3 +61,25 @@ def test_own_ship_data_behind_the_newest_scan_is_a_warning(world):
     boat.driver.ping(pings(1)[0])
     said = "own-ship data is 5 s older than the newest scan"
     world.until(lambda: world.status("own ship").message == said, "the warning")
+
+
+def test_odometry_that_is_not_listened_to_is_said_once(world):
+    boat = Boat(world)
+    world.until_logged("the sensor is taken not to move, tracks are in the frame of the detections")
+    world.until(lambda: world.status("own ship").level == WARN, "the warning")
+    said = "odometry is published on /own_ship/odometry, but own_ship_source is none"
+    assert said in world.status("own ship").message
+    world.until_logged(said, level=LOG_WARN)
+    assert len([one for one in world.logged() if said in one]) == 1
+
+    boat.driver.destroy_publisher(boat.driver.odometry)
+    world.until(lambda: world.status("own ship").level == OK, "that it is over")
+    world.observer.create_publisher(PointCloud2, "own_ship/odometry", 1)
+    world.until(lambda: "sensor_msgs/msg/PointCloud2" in types(boat), "the topic to be known")
+    assert world.status("own ship").level == OK, "no odometry"
+
+
+def types(boat: Boat) -> set[str]:
+    """Of what is published as odometry, as the node sees it."""
+    found = boat.node.get_publishers_info_by_topic("own_ship/odometry")
+    return {one.topic_type for one in found}

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, make_header, time_to_ns
 from tsepm_ros.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.health import Connections, DiagnosticsOptions, Health, Latency
+from tsepm_ros.health import Connections, DiagnosticsOptions, Health, Latency, unused_own_ship
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
@@ -32,6 +32,7 @@ WAIT_PERIOD = 0.05
 """Time between looks at the scans that wait for own-ship data, s."""
 WARNING_PERIOD = 10.0
 """Least time between warnings of the same kind, s."""
+OWN_SHIP_TOPIC = "own_ship/odometry"
 OWN_SHIP_DEPTH = 1000
 TRACKED_DEPTH = 10
 
@@ -46,6 +47,7 @@ class TrackInitiator(Node):
         source = self._given.made[SessionOptions].own_ship_source
         self._session = Session(settings_from(self._given.made), self._report, live=True)
         self._warned: dict[str, float] = {}
+        self._said_unused = False
         self._input = MessageInput(self._session, options, self.get_logger().warning)
         self._health = Health(self._given.made[DiagnosticsOptions])
         self._qos = QosWatch(self)
@@ -57,9 +59,15 @@ class TrackInitiator(Node):
             self._session.look_up = TfOwnShip(self, self._session).look_up
         if source == "odometry":
             self._own_ship = OfferedSubscription(
-                self, Odometry, "own_ship/odometry", OWN_SHIP_DEPTH, self._on_own_ship, self._qos
+                self, Odometry, OWN_SHIP_TOPIC, OWN_SHIP_DEPTH, self._on_own_ship, self._qos
             )
-        if source != "none":
+        if source == "none":
+            frame = self._given.made[SessionOptions].fixed_frame or "of the detections"
+            self.get_logger().info(
+                "own_ship_source is none: the sensor is taken not to move, tracks are in the frame "
+                + frame
+            )
+        else:
             self.create_timer(WAIT_PERIOD, self._process, clock=steady)
         self._tracked = OfferedSubscription(
             self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, self._qos
@@ -150,11 +158,27 @@ class TrackInitiator(Node):
 
     def _publish_diagnostics(self) -> None:
         connections = Connections(
-            self._detections.connected, dict(self._qos.heard), self._qos.standing()
+            self._detections.connected,
+            dict(self._qos.heard),
+            self._qos.standing(),
+            self._unused_own_ship(),
         )
         statuses = self._health.report(self._session.figures(), self._now(), connections)
         stamp = time_to_ns(self.get_clock().now().to_msg())
         self._diagnostics.publish(diagnostics(stamp, self.get_name(), statuses))
+
+    def _unused_own_ship(self) -> str:
+        """The topic of odometry where it is published and not listened to; a warning says so."""
+        if self._session.source != "none":
+            return ""
+        topic = self.resolve_topic_name(OWN_SHIP_TOPIC)
+        types = {one.topic_type for one in self.get_publishers_info_by_topic(topic)}
+        if "nav_msgs/msg/Odometry" not in types:
+            return ""
+        if not self._said_unused:
+            self._said_unused = True
+            self.get_logger().warning(unused_own_ship(topic))
+        return topic
 
     def _now(self) -> tuple[float, float]:
         """Times by which waiting is judged: the wall's, and the node's, which may be simulated."""
