@@ -96,6 +96,13 @@ _SINGLE = {
         "its frame is not that of the scans before, or of `sensor_frame`",
         "One node for each sonar; after a change of the frame call `~/reset`",
     ),
+    "empty_frame": DropReason(
+        DETECTIONS,
+        "scan",
+        "its `frame_id` is empty",
+        "Let the driver name one, or give `sensor_frame`; a sensor that does not move may be given "
+        "`fixed_frame`",
+    ),
     "scan_same_stamp": DropReason(
         DETECTIONS,
         "scan",
@@ -181,6 +188,12 @@ _SINGLE = {
         "the odometry is in another frame than the fixed one",
         "Give `fixed_frame`, or publish in it",
     ),
+    "own_ship_empty_frame": DropReason(
+        OWN_SHIP,
+        "pose",
+        "the odometry's `frame_id` is empty",
+        "Let the source name one, or give `fixed_frame`",
+    ),
     "own_ship_late": DropReason(
         OWN_SHIP,
         "pose",
@@ -214,7 +227,8 @@ _SINGLE = {
     "internal_error": DropReason(
         INITIATION,
         "scan",
-        "it could not be placed or processed; where the algorithm failed, all tracks are forgotten",
+        "it could not be placed, processed or published; where the algorithm failed, all tracks "
+        "are forgotten",
         "Does the own-ship data jump? Else it is a fault of the node: report the warning's text",
     ),
 }

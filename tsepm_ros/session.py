@@ -227,12 +227,16 @@ class Session:
 
         The mounting says where on the vessel the sensor is. Where it says nothing and the frames
         have different names, the sensor is taken to be at the vessel's origin, and that is
-        reported.
+        reported. The pose is in `frame_id`, or, where that is empty, in the `fixed_frame` given.
         """
         try:
             sample.check()
         except ValueError as error:
             self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
+            return
+        frame_id = frame_id or self._settings.session.fixed_frame
+        if not frame_id:
+            self.drop("own_ship_empty_frame", "own-ship data names no frame, nor does fixed_frame")
             return
         if self._fixed_frame is None:
             self._fixed_frame = frame_id
@@ -257,6 +261,7 @@ class Session:
     def add_scan(self, arrived: SensorScan, now: Now) -> None:
         """Take a scan that arrived at the time `now`."""
         self.arrived_stamp = arrived.scan.stamp
+        arrived = self._with_frame(arrived)
         if not self._frame_is_known(arrived) or self._is_too_large(arrived.scan):
             return
         self._sensor_frame = arrived.frame_id
@@ -360,7 +365,16 @@ class Session:
         """Frame of the tracks; empty while it is not known."""
         return self._fixed_frame or ""
 
+    def _with_frame(self, arrived: SensorScan) -> SensorScan:
+        """A scan that names no frame is in the one given, if there is one."""
+        options = self._settings.session
+        given = options.sensor_frame or ("" if self._moves else options.fixed_frame)
+        return dataclasses.replace(arrived, frame_id=arrived.frame_id or given)
+
     def _frame_is_known(self, arrived: SensorScan) -> bool:
+        if not arrived.frame_id:
+            self.drop("empty_frame", "detections name no frame, nor does sensor_frame")
+            return False
         frames = [self._sensor_frame]
         if not self._moves and not arrived.north_referenced:
             frames.append(self._fixed_frame)  # nothing tells where else the sensor might be

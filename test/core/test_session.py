@@ -499,6 +499,33 @@ def test_detections_in_an_unknown_frame_are_dropped(options, first, good, bad):
     assert one.dropped["unknown_frame"] == 4 - expected
 
 
+@pytest.mark.parametrize(
+    ("options", "frame"),
+    [
+        pytest.param({}, None, id="nothing given"),
+        pytest.param({"sensor_frame": "sonar"}, "sonar", id="sensor"),
+        pytest.param({"fixed_frame": "map"}, "map", id="fixed"),
+        pytest.param({"own_ship_source": "odometry", "sensor_frame": "sonar"}, "odom", id="moving"),
+        pytest.param({"own_ship_source": "odometry", "fixed_frame": "odom"}, None, id="moves"),
+    ],
+)
+def test_a_scan_that_names_no_frame_needs_one_that_is_given(options, frame):
+    one = session(**options)
+    if "own_ship_source" in options:
+        sail(one, 0.0, 10.0)
+    one.add_scan(dataclasses.replace(ping(5.0), frame_id=""), 0.0)
+    assert [result.frame_id for result in one.process()] == ([] if frame is None else [frame])
+    assert one.dropped == ({"empty_frame": 1} if frame is None else {})
+
+
+@pytest.mark.parametrize("given", ["", "odom"])
+def test_own_ship_data_that_names_no_frame_needs_one_that_is_given(given):
+    one = moving(fixed_frame=given)
+    sail(one, 0.0, frame_id="")
+    assert one.dropped == ({} if given else {"own_ship_empty_frame": 1})
+    assert (one.fixed_frame, one.own_ship_stamp) == (given, 0.0 if given else None)
+
+
 def test_a_restart_resets_the_state_and_is_said_once():
     one = session()
     before = play(one, [1000, 1012, 1024])

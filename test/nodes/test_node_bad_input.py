@@ -158,7 +158,9 @@ UNUSABLE = {
     "other_frame": Unusable(
         lambda bad: setattr(bad.header, "frame_id", "elsewhere"), "unknown_frame", "'elsewhere'"
     ),
-    "no_frame": Unusable(lambda bad: setattr(bad.header, "frame_id", ""), "unknown_frame", "''"),
+    "no_frame": Unusable(
+        lambda bad: setattr(bad.header, "frame_id", ""), "empty_frame", "no frame"
+    ),
 }
 
 

@@ -25,7 +25,7 @@ from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_outputs import TrackOutputs
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, InitiatorNodeOptions, settings_from
-from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.session import FAILURES, ScanResult, Session
 from tsepm_ros.settings import SessionOptions
 
 WAIT_PERIOD = 0.05
@@ -107,7 +107,10 @@ class TrackInitiator(Node):
     def _process(self, entered: float | None = None) -> None:
         entered = time.perf_counter() if entered is None else entered
         for result in self._session.process(self._now()):
-            self._publish(result, entered)
+            try:
+                self._publish(result, entered)
+            except FAILURES as error:  # such as a stamp that no message can hold
+                self._session.drop("internal_error", f"a scan was not published: {error!r}")
 
     def _publish(self, result: ScanResult, entered: float) -> None:
         begin = time.perf_counter()
