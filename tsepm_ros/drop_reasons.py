@@ -115,6 +115,19 @@ _SINGLE = {
         "its stamp is before that of the last scan, by less than `restart_jump`",
         "Look for scans that overtake each other; a clock set back ends by itself after three",
     ),
+    "scan_far_back": DropReason(
+        DETECTIONS,
+        "scan",
+        "its stamp is before that of the last scan by more than `restart_jump`, and the next one's "
+        "does not follow on it",
+        _DRIVER + ": a restart has rising stamps",
+    ),
+    "stamp_not_set": DropReason(
+        DETECTIONS,
+        "scan",
+        "its stamp is 0 between others that are not, or again and again",
+        _DRIVER + ": it does not fill `header.stamp`",
+    ),
     "elevation_not_finite": DropReason(
         DETECTIONS, "detection", "its elevation is nan or infinite", _DRIVER
     ),

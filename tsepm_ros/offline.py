@@ -66,6 +66,7 @@ def recording_results(
         session.dropped.update(detections.dropped)
         session.add_scan(sensor_scan(detections), now=0.0)
         yield from session.process()
+    yield from session.process(last=True)
 
 
 def bag_results(
@@ -106,7 +107,7 @@ def bag_results(
         else:
             takes[role](content)
         yield from session.process(now)
-    yield from session.process()
+    yield from session.process(last=True)
 
 
 def _longest_echo(time_offset: NDArray[np.float64] | None) -> float:

@@ -24,6 +24,7 @@ class Arrival(enum.Enum):
     NEXT = "next"
     SAME_STAMP = "same_stamp"
     LATE = "late"
+    FAR_BACK = "far_back"
     RESTART = "restart"
     GAP = "gap"
 
@@ -36,8 +37,8 @@ class ScanOrder:
     window : int
         Scans of the confirmation window.
     restart_jump : float
-        A stamp farther back than this, s, is a restart (a looping bag, a reset clock); nearer it
-        is a late scan.
+        A stamp farther back than this, s, is a restart (a looping bag, a reset clock) if the next
+        one confirms it; nearer it is a late scan.
     max_gap : float
         A stamp farther ahead than this, s, leaves nothing to continue; 0: `window` times the
         median interval of the last scans.
@@ -56,6 +57,19 @@ class ScanOrder:
         if arrival is Arrival.LATE or (arrival is Arrival.SAME_STAMP and self._late_stamps):
             return self._late(stamp)
         return arrival
+
+    def is_far_back(self, stamp: float) -> bool:
+        """Whether a stamp (s) is a restart only if the one after it says so too."""
+        return self._compare(stamp) is Arrival.RESTART
+
+    def is_confirmed(self, stamp: float, following: float) -> bool:
+        """Whether the stamp `following` (s) is of the run that one far back (s) would begin.
+
+        It is if it is later, but still before the last one accepted, and near.
+        """
+        assert self._stamp is not None
+        near = following - stamp <= max(self.gap_limit, LONGEST_INTERVAL)
+        return stamp < following < self._stamp and near
 
     def accept(self, stamp: float, arrival: Arrival) -> None:
         """Go on from a scan that is processed; one that is dropped leaves no trace in the order."""

@@ -28,7 +28,7 @@ from tsepm_ros.settings import Settings
 from tsepm_ros.track import TrackArrays
 from tsepm_ros.tracked import TrackerReport, usable
 
-UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE
+UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
 """Arrivals of scans that are dropped."""
 
 QUEUE_LENGTH = 1000
@@ -289,8 +289,10 @@ class Session:
         self._tracked = dataclasses.replace(report, tracks=tracks)
         self._tracked_stamp = report.stamp
 
-    def process(self, now: Now = math.inf) -> Iterator[ScanResult]:
+    def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
         """Process the scans that can be, in order.
+
+        One whose stamp is far back waits for the next: only that tells a restart from a bad stamp.
 
         Parameters
         ----------
@@ -298,12 +300,14 @@ class Session:
             Time on the clock of `add_scan`, s; of several clocks the one counts by which a scan
             has waited least. Scans that waited too long for own-ship data are dropped; by default
             none waits any longer.
+        last : bool, optional
+            Whether no scan follows any more.
 
         Yields
         ------
         ScanResult
         """
-        while self._waiting:
+        while self._waiting and self._judge_first(last):
             since, arrived = self._waiting.popleft()
             waiting = waited(since, now)
             result = None
@@ -387,12 +391,29 @@ class Session:
                 return False
         return True
 
+    def _judge_first(self, last: bool) -> bool:
+        """Judge the stamp of the first scan that waits; False where only the next one tells."""
+        if self._arrival is not None:
+            return True
+        arrived = self._waiting[0][1]
+        stamp = arrived.scan.stamp
+        arrival = self._order.judge(stamp)
+        if self._order.is_far_back(stamp):
+            if len(self._waiting) == 1 and not last:
+                return False
+            arrival = Arrival.FAR_BACK
+            if len(self._waiting) > 1:
+                since, following = self._waiting[1]
+                if self._order.is_confirmed(stamp, following.scan.stamp):
+                    arrival = Arrival.RESTART
+                    self._waiting[0] = since, arrived  # until now it did not wait for own-ship data
+        if arrival is Arrival.RESTART and not self._poses_restarted:
+            self._restart_poses(stamp)  # those of before place nothing after it
+        self._arrival = arrival
+        return True
+
     def _must_wait(self, arrived: SensorScan, waiting: float) -> bool:
         """Whether the first scan needs own-ship data that may still come."""
-        if self._arrival is None:
-            self._arrival = self._order.judge(arrived.scan.stamp)
-            if self._arrival is Arrival.RESTART and not self._poses_restarted:
-                self._restart_poses(arrived.scan.stamp)  # those of before place nothing after it
         if not self._moves or self._arrival in UNUSABLE:
             return False
         first, last = placing.echo_span(arrived)
@@ -406,10 +427,8 @@ class Session:
         arrival, stamp = self._arrival, arrived.scan.stamp
         assert arrival is not None
         if arrival in UNUSABLE:
-            self.drop(
-                f"scan_{arrival.value}",
-                f"the scan of {stamp:.3f} s is not later than the last one",
-            )
+            reason = "stamp_not_set" if stamp == 0.0 else f"scan_{arrival.value}"
+            self.drop(reason, f"the scan of {stamp:.3f} s is not later than the last one")
             return None
         if self._is_too_large(arrived.scan):
             return None

@@ -62,7 +62,7 @@ def counted() -> set[str]:
     found -= parts
     layouts = {name for name in found if f"tracked_{name}" in DROP_REASONS}
     of_layouts = {f"tracked_{name}" for name in layouts}
-    of_stamps = {"scan_late", "scan_same_stamp"}
+    of_stamps = {"scan_late", "scan_same_stamp", "scan_far_back"}
     return (found - NOT_COUNTED) | of_layouts | of_stamps | faults_of_numbers()
 
 

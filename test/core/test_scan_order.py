@@ -50,6 +50,32 @@ def test_a_late_scan_is_forgotten():
     assert judged([40.0, 20.0, 30.0, 41.0]) == [NEXT, LATE, LATE, NEXT]
 
 
+@pytest.mark.parametrize(
+    ("following", "confirmed"),
+    [
+        (10.0, False),  # the same again
+        (9.0, False),
+        (10.001, True),
+        (22.0, True),
+        (10.0 + LONGEST_INTERVAL, True),
+        (10.1 + LONGEST_INTERVAL, False),
+        (100_000.0, False),
+        (100_012.0, False),  # of the run before
+    ],
+)
+def test_a_stamp_far_back_is_confirmed_by_one_that_follows_it_before_the_last(following, confirmed):
+    one = Order()
+    one.judge(100_000.0)
+    assert one.is_far_back(10.0) and not one.is_far_back(99_940.0)
+    assert one.is_confirmed(10.0, following) is confirmed
+
+
+def test_a_gap_that_is_allowed_is_near():
+    one = Order(max_gap=2 * LONGEST_INTERVAL)
+    one.judge(100_000.0)
+    assert one.is_confirmed(10.0, 10.0 + 2 * LONGEST_INTERVAL)
+
+
 def test_after_a_restart_stamps_count_from_there():
     assert judged([1000.0, 10.0, 22.0, 9.0]) == [NEXT, RESTART, NEXT, LATE]
 

@@ -545,6 +545,50 @@ def test_hits_from_before_a_restart_are_not_used():
     assert [len(result.new) for result in play(one, [0, 12])] == [0, 0]
 
 
+FAR_BACK = [
+    pytest.param([0.0], "stamp_not_set", id="not set"),
+    pytest.param([0.0, 0.0], "stamp_not_set", id="not set twice"),
+    pytest.param([500.0], "scan_far_back", id="far back"),
+    pytest.param([500.0, 400.0], "scan_far_back", id="not rising"),
+]
+
+
+@pytest.mark.parametrize(("stamps", "reason"), FAR_BACK)
+@pytest.mark.parametrize("source", ["none", "odometry"])
+def test_stamps_far_back_that_none_follows_cost_only_themselves(source, stamps, reason):
+    one = session(own_ship_source=source, own_ship_max_gap=3600.0)
+    if source == "odometry":
+        sail(one, 900.0, 2000.0)
+    results = play(one, [1000, 1012, *stamps, 1024, 1036], now=0.0)
+    assert [result.arrival for result in results] == [Arrival.NEXT] * 4
+    assert [len(result.new) for result in results] == [0, 0, 1, 0]
+    assert one.dropped == {reason: len(stamps)}
+
+
+def test_a_driver_that_never_sets_stamps_is_told_so():
+    one = session()
+    play(one, [0, 0, 0])
+    assert one.dropped == {"stamp_not_set": 2}
+
+
+def test_of_a_restart_that_is_confirmed_nothing_is_lost_and_the_wait_is_not_counted():
+    one = session()
+    play(one, [1000])
+    one.add_scan(ping(0.0), 10.0)
+    assert list(one.process(20.0)) == []
+    one.add_scan(ping(12.0), 22.0)
+    results = list(one.process(22.5))
+    assert [(one.stamp, one.waiting) for one in results] == [(0.0, 0.5), (12.0, 0.5)]
+    assert one.dropped == Counter()
+
+
+def test_the_last_scan_of_all_if_far_back_is_dropped_and_counted():
+    one = session()
+    play(one, [1000, 5])
+    assert (list(one.process(last=True)), one.waiting) == ([], 0)
+    assert one.dropped == {"scan_far_back": 1}
+
+
 def test_a_restart_before_the_own_ship_follows_is_still_a_restart():
     one = moving()
     sail(one, 1000.0, 1100.0)
@@ -563,9 +607,10 @@ def test_poses_of_the_run_before_a_restart_do_not_place_scans():
         one.add_own_ship(PoseSample(float(stamp), 5e5, 5e5, 0.0), "odom")
     play(one, [1000], now=0.0)
     one.add_scan(ping(50.0), 0.0)
+    one.add_scan(ping(62.0), 0.0)
     assert list(one.process(0.0)) == []
     sail(one, 0.0, 100.0)
-    (result,) = one.process(0.1)
+    result, _ = one.process(0.1)
     np.testing.assert_allclose(result.scan.sensor_pose, [100.0, 10.0, 0.5])
 
 
@@ -628,7 +673,11 @@ def test_changed_times_and_limits_count_at_the_next_scan():
     one.configure(settings(CommonOptions(hold_time=5.0), restart_jump=10.0, max_gap=20.0))
     (result,) = play_empty(one, [36])
     assert result.ended == [0]
-    assert [result.arrival for result in play(one, [57, 40])] == [Arrival.GAP, Arrival.RESTART]
+    assert [result.arrival for result in play(one, [57, 40, 41])] == [
+        Arrival.GAP,
+        Arrival.RESTART,
+        Arrival.NEXT,
+    ]
 
 
 def test_the_own_ship_source_stays_as_it_is_when_settings_change():
@@ -854,14 +903,14 @@ def test_a_restart_forgets_what_is_tracked():
     tell(one, 1000.0, 70)
     play(one, [1000])
     tell(one, 1001.0, 70, 71)
-    (result,) = play(one, [0])
+    result, _ = play_empty(one, [0, 12])
     assert (result.arrival, held(result), result.ended) == (Arrival.RESTART, [], [70])
     assert one.figures().tracker == "none"
     tell(one, 1013.0, 71)  # still of the run before
-    (result,) = play_empty(one, [12])
-    assert (held(result), one.dropped) == ([], {"tracked_stale": 1})
-    tell(one, 13.0, 72)
     (result,) = play_empty(one, [24])
+    assert (held(result), one.dropped) == ([], {"tracked_stale": 1})
+    tell(one, 25.0, 72)
+    (result,) = play_empty(one, [36])
     assert held(result) == [72]
 
 

@@ -290,10 +290,22 @@ def test_a_jump_far_back_ends_the_tracks_held(world):
     current = world.listen(PointCloud2, "tracks/current")
     world.until_connected()
     boat.send(SENT)
-    boat.send(pings(1, start_ns=START_NS - 5000 * SECOND))
-    world.until(lambda: len(current) == len(SENT) + 1, "the current tracks")
-    assert current[-2].width > 0
-    assert current[-1].width == 0
+    boat.send(pings(2, start_ns=START_NS - 5000 * SECOND))
+    world.until(lambda: len(current) == len(SENT) + 2, "the current tracks")
+    assert current[-3].width > 0
+    assert current[-2].width == 0
+
+
+@pytest.mark.parametrize(
+    ("stamp", "reason"), [(0, "stamp_not_set"), (START_NS - 5000 * SECOND, "scan_far_back")]
+)
+def test_a_single_stamp_far_back_costs_only_its_own_ping(world, stamp, reason):
+    boat = Boat(world)
+    received = boat.send(SENT[:WHEN])
+    boat.driver.ping(replace(SENT[0], stamp_ns=stamp))
+    received += boat.send(SENT[WHEN:])
+    assert_same(received, confirmed(SENT))
+    assert world.dropped() == {reason: 1}
 
 
 def test_a_gap_longer_than_the_window_drops_potential_tracks(world):
