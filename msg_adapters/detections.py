@@ -429,8 +429,8 @@ def good_detections(
     frame_id : str
         Its frame.
     range, azimuth, height, range_std, azimuth_std, time_offset, transmit_offset, features
-        As in :class:`DetectionMessage`, (n,) each, with any values. A height that is not finite,
-        though the place in the plane is, counts as 0: as one that is not measured.
+        As in :class:`DetectionMessage`, (n,) each, with any values. A height that is not finite or
+        too large, though the place in the plane is not, counts as 0: as one that is not measured.
     north_referenced, axes, assumptions
         As in :class:`DetectionMessage`.
     faults : mapping of str to (n,) ndarray of bool, optional
@@ -452,6 +452,8 @@ def good_detections(
             kept &= ~bad
 
     whole = bool(kept.all())
+    if height is not None:
+        height = np.where(np.abs(height) <= LARGEST["range"], height, 0.0)[kept]
 
     def good(values: FloatArray) -> FloatArray:
         return values if whole else values[kept]
@@ -464,7 +466,7 @@ def good_detections(
         frame_id=frame_id,
         range=good(range),
         azimuth=good(azimuth),
-        height=None if height is None else np.where(np.isfinite(height), height, 0.0)[kept],
+        height=height,
         range_std=good_or_none(range_std),
         azimuth_std=good_or_none(azimuth_std),
         time_offset=good_or_none(time_offset),

@@ -1,8 +1,9 @@
 """Detections in sensor_msgs/LaserScan: at most one for each ray of a fan.
 
 Ray i looks at `angle_min` + i * `angle_increment`, counter-clockwise from the frame's x axis, and
-is measured i * `time_increment` after the stamp. As REP-117 has it, a range of +inf is a ray on
-which nothing was detected, -inf one whose object was too near to measure, nan an erroneous one.
+leaves i * `time_increment` after the stamp. As REP-117 has it, a range of +inf is a ray on which
+nothing was detected, -inf one whose object was too near to measure, nan an erroneous one. Exactly
+0, where no detection can be, is what drivers older than that fill in for nothing.
 """
 
 from __future__ import annotations
@@ -28,6 +29,15 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+NO_TIMES = (
+    "the scan has no time_increment and sound_speed is 0: all rays are taken to be of the stamp, "
+    "but an echo is of range / sound speed later"
+)
+RAYS_AT_ONCE = (
+    "sound_speed is 0: every ray is taken to arrive as it leaves, as light does, but an echo is of "
+    "range / sound speed later"
+)
+
 RAYS = 36_000
 """Rays all round in a written scan: far finer than a sonar's bearings."""
 
@@ -52,19 +62,22 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> DetectionMessag
     range = np.asarray(scan.ranges, np.float64)
     rays = np.arange(len(range))
     features, assumptions = intensity_feature(scan.intensities, len(range))
-    with np.errstate(invalid="ignore"):  # 0 * inf ends as azimuth_not_finite
+    with np.errstate(invalid="ignore"):  # 0 * inf ends as azimuth_ or time_offset_not_finite
         azimuth = scan.angle_min + rays * scan.angle_increment
-        times = rays * scan.time_increment if scan.time_increment else None
+        leaving = echo = rays * scan.time_increment if scan.time_increment else None
+        if leaving is not None and options.sound_speed > 0.0:
+            echo = leaving + range / options.sound_speed
+    if options.sound_speed == 0.0:
+        assumptions += (NO_TIMES if leaving is None else RAYS_AT_ONCE,)
     return good_detections(
         time_to_ns(scan.header.stamp),
         scan.header.frame_id,
         range=range,
         azimuth=azimuth,
-        # Light needs no time: a ray leaves when it arrives.
-        time_offset=times,
-        transmit_offset=times,
+        time_offset=echo,  # None: `read_detections` has what all types have in common
+        transmit_offset=leaving,
         features=features,
-        nothing=range == np.inf,
+        nothing=(range == np.inf) | (range == 0.0),
         faults={
             "range_below_min": range < scan.range_min,
             "range_above_max": range > scan.range_max,

@@ -9,6 +9,7 @@ import pytest
 from sensor_msgs.msg import LaserScan
 
 from msg_adapters import read_detections
+from msg_adapters.laser_scan_detections import NO_TIMES, RAYS_AT_ONCE
 
 NAN, INF = math.nan, math.inf
 
@@ -42,8 +43,9 @@ def test_the_angle_does_not_drift_along_the_rays():
     assert found.azimuth[-1] == scan.angle_min + 3599 * scan.angle_increment
 
 
-def test_a_ray_on_which_nothing_is_detected_is_no_drop():
-    found = read_detections(fan([INF, 20.0, INF]))
+@pytest.mark.parametrize("nothing", [INF, 0.0, -0.0], ids=["rep_117", "older", "signed"])
+def test_a_ray_on_which_nothing_is_detected_is_no_drop(nothing):
+    found = read_detections(fan([nothing, 20.0, nothing]), sound_speed=1500.0)
     assert found.dropped == {}
     np.testing.assert_array_equal(found.range, [20.0])
     np.testing.assert_array_equal(found.azimuth, [-0.5])
@@ -56,7 +58,7 @@ def test_a_ray_on_which_nothing_is_detected_is_no_drop():
         pytest.param(NAN, "range_not_finite", id="erroneous"),
         pytest.param(-INF, "range_below_min", id="too_near"),
         pytest.param(9.5, "range_below_min", id="below"),
-        pytest.param(0.0, "range_below_min", id="zero"),
+        pytest.param(1e-3, "range_below_min", id="next_to_zero"),
         pytest.param(100.5, "range_above_max", id="above"),
     ],
 )
@@ -79,11 +81,41 @@ def test_every_ray_has_its_own_time():
     np.testing.assert_array_equal(found.transmit_offset, found.time_offset)
 
 
+def test_an_echo_is_of_its_ray_s_time_and_its_travel():
+    # By hand: ray 2 leaves at 0.25 s, and 3000 m at 1500 m/s are 2 s on the way there.
+    found = read_detections(
+        fan([1500.0, INF, 3000.0], range_max=9e3, time_increment=0.125), sound_speed=1500.0
+    )
+    np.testing.assert_array_equal(found.transmit_offset, [0.0, 0.25])
+    np.testing.assert_array_equal(found.time_offset, [1.0, 2.25])
+
+
+def test_echoes_of_one_ping_are_of_their_travel():
+    found = read_detections(fan([1500.0, 3000.0], range_max=9e3), sound_speed=1500.0)
+    assert found.transmit_offset is None
+    np.testing.assert_array_equal(found.time_offset, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("time_increment", "sound_speed", "said"),
+    [
+        (0.0, 0.0, (NO_TIMES,)),
+        (0.125, 0.0, (RAYS_AT_ONCE,)),
+        (0.0, 1500.0, ()),
+        (0.125, 1500.0, ()),
+    ],
+)
+def test_echoes_without_a_travel_time_are_said(time_increment, sound_speed, said):
+    scan = fan([20.0], time_increment=time_increment)
+    assert read_detections(scan, sound_speed=sound_speed).assumptions == said
+
+
 def test_intensities_of_another_number_are_not_used_and_said():
     found = read_detections(fan([20.0, 30.0, 40.0], intensities=[1.0, 2.0]))
     assert len(found) == 3
     assert found.features == {}
-    assert found.assumptions == ("intensities are not as many as detections: they are not used",)
+    said = "intensities are not as many as detections: they are not used"
+    assert found.assumptions == (said, NO_TIMES)
 
 
 @pytest.mark.parametrize(

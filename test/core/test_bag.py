@@ -300,7 +300,7 @@ def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_pa
 
 
 def test_what_the_detections_do_not_say_is_noted():
-    made = make_groups(TRACK_INITIATOR, {})
+    made = make_groups(TRACK_INITIATOR, {"sound_speed": 1500.0})
     given = MessageInput(Session(settings_from(made)), made[InitiatorNodeOptions])
     scan = STORE.types["sensor_msgs/msg/LaserScan"](
         header=cloud(1.0, "laser", range=[]).header,
