@@ -8,13 +8,15 @@ from expectation import assert_same, confirmed
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image, LaserScan, PointCloud2
 from sonar_driver import Driver, cloud, pings
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from tsepm_ros.nodes import detections_subscription
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 SENT = pings()
 
@@ -81,6 +83,26 @@ def test_a_driver_of_another_type_is_named_where_type_and_reliability_are_given(
         world.make(TrackInitiator, named(given))
         world.until_logged("sensor_msgs/msg/Image", POINT_CLOUD, level=ERROR)
         assert publisher.topic_name == "/detections"
+
+
+def test_a_driver_that_comes_back_as_another_type_is_named_once(world, monkeypatch):
+    monkeypatch.setattr(detections_subscription, "WATCH_PERIOD", 0.05)
+    boat = Boat(world)
+    detections = boat.node._detections
+    assert detections.subscribed == POINT_CLOUD
+    world.until(lambda: detections.found == (POINT_CLOUD,), "the driver on the graph")
+    assert world.logged(WARN) == []
+    world.end(boat.driver)
+    with World(world.domain) as elsewhere:  # one process cannot publish two types on one topic
+        lidar = elsewhere.add(Node("lidar", context=elsewhere.context))
+        publisher = lidar.create_publisher(LaserScan, "detections", 10)
+        world.until_logged(f"as {LASER_SCAN}, but", f"as {POINT_CLOUD}:", level=WARN)
+        assert publisher.topic_name == "/detections"
+        assert detections.found == (LASER_SCAN,)
+        world.until(lambda: len(world.diagnostics) > 10, "more looks at the graph")
+        assert len(world.logged(WARN)) == 1
+    assert detections.subscribed == POINT_CLOUD
+    world.until(lambda: detections.found == (), "the end of that driver")
 
 
 def test_type_and_reliability_given_subscribe_before_there_is_a_driver(world):

@@ -8,7 +8,6 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from msg_adapters import MessageError, message_class, supported_types
 from tsepm_ros.nodes.node_parameters import ParameterError
@@ -18,6 +17,8 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 TOPIC = "detections"
 LOOK_PERIOD = 0.1
 """Time between looks at the graph while no driver is known, s."""
+WATCH_PERIOD = 2.0
+"""Time between looks once one is: a driver may come back as another type, s."""
 
 _RELIABILITY = {
     "reliable": ReliabilityPolicy.RELIABLE,
@@ -64,7 +65,8 @@ class DetectionsSubscription:
         self._subscription: OfferedSubscription | None = None
         self._refused_types: set[str] = set()
         self._type_name = type_name
-        self._look: Any = None
+        self._found: tuple[str, ...] = ()
+        self._subscribed = ""
         if type_name != "auto":
             try:
                 message_class(type_name)
@@ -83,24 +85,45 @@ class DetectionsSubscription:
         """Whether the subscription exists."""
         return self._subscription is not None
 
-    def _look_for_publisher(self) -> None:
-        for publisher in self._node.get_publishers_info_by_topic(TOPIC):
-            if self._is_wanted(publisher):
-                self._node.destroy_timer(self._look)
-                if self.connected:
-                    return
-                reliability = _RELIABILITY.get(self._reliability, publisher.qos_profile.reliability)
-                self._subscribe(publisher.topic_type, reliability)
-                return
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Types as which the topic was published at the last look at the graph, sorted.
 
-    def _is_wanted(self, publisher: TopicEndpointInfo) -> bool:
-        found = publisher.topic_type
+        Of these only `subscribed` is read, even if the node could read others.
+        """
+        return self._found
+
+    @property
+    def subscribed(self) -> str:
+        """Type of the subscription; empty where there is none yet."""
+        return self._subscribed
+
+    def _look_for_publisher(self) -> None:
+        publishers = self._node.get_publishers_info_by_topic(TOPIC)
+        self._found = tuple(sorted({publisher.topic_type for publisher in publishers}))
+        readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
+        if readable and not self.connected:
+            offered = readable[0].qos_profile.reliability
+            reliability = _RELIABILITY.get(self._reliability, offered)
+            self._subscribe(readable[0].topic_type, reliability)
+        for name in self._found:
+            if name != self._subscribed and name not in self._refused_types:
+                self._refused_types.add(name)
+                self._say_unread(name)
+        if readable:
+            self._look.timer_period_ns = int(WATCH_PERIOD * 1e9)
+
+    def _say_unread(self, found: str) -> None:
+        """Say why nothing that is published as this type is read."""
+        published = f"{self._node.resolve_topic_name(TOPIC)} is published as {found}"
         fault = self._fault(found)
-        if fault and found not in self._refused_types:
-            self._refused_types.add(found)
-            topic = self._node.resolve_topic_name(TOPIC)
-            self._node.get_logger().error(f"{topic} is published as {found}, {fault}")
-        return not fault
+        if fault:
+            self._node.get_logger().error(f"{published}, {fault}")
+            return
+        self._node.get_logger().warning(
+            f"{published}, but this node has subscribed to it as {self._subscribed}: what comes as "
+            "the other type is not read; start the node again to read it"
+        )
 
     def _fault(self, found: str) -> str:
         """Why a type is not read; empty if it is."""
@@ -117,6 +140,7 @@ class DetectionsSubscription:
     def _subscribe(self, type_name: str, reliability: ReliabilityPolicy) -> None:
         if reliability != ReliabilityPolicy.BEST_EFFORT:
             reliability = ReliabilityPolicy.RELIABLE
+        self._subscribed = type_name
         self._subscription = OfferedSubscription(
             self._node,
             message_class(type_name),
