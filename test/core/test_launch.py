@@ -1,0 +1,154 @@
+"""What the launch file starts, read by the rules of `launch`, which does not come as a wheel."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from tsepm_ros.parameter_groups import NODES, make_groups
+
+ROOT = Path(__file__).parents[2]
+FILE = ROOT / "launch" / "tsepm.launch.xml"
+DRIVER = {"detections": "/my_sonar/detections", "odometry": "/my_navigation/odometry"}
+
+pytestmark = pytest.mark.skipif(not FILE.exists(), reason="only in the source tree")
+
+
+class Started(NamedTuple):
+    parameters: dict[str, object]
+    remaps: dict[str, str]
+    arguments: str
+
+
+def started(**given: str) -> dict[str, Started]:
+    """The nodes that start with some arguments, by executable."""
+    values: dict[str, str] = {}
+
+    def resolved(text: str) -> str:
+        text = re.sub(r"\$\(var (\w+)\)", lambda found: values[found[1]], text)
+        text = text.replace("$(find-pkg-share tsepm_ros)", str(ROOT))
+        expression = re.fullmatch(r"\$\(eval '(.*)'\)", text)
+        return str(eval(expression[1].replace("\\'", "'"))) if expression else text
+
+    def holds(element: ElementTree.Element) -> bool:
+        wanted = resolved(element.get("if", "true")).lower() == "true"
+        return wanted and resolved(element.get("unless", "false")).lower() == "false"
+
+    nodes: dict[str, Started] = {}
+    for element in ElementTree.parse(FILE).getroot():
+        name = element.get("name", "")
+        if element.tag == "arg":
+            values[name] = given.get(name, resolved(element.get("default", "")))
+        elif element.tag == "let" and holds(element):
+            values[name] = resolved(element.get("value", ""))
+        elif element.tag == "node" and holds(element):
+            executable = element.get("exec", "")
+            assert executable not in nodes, "each starts once"
+            nodes[executable] = Started(
+                _parameters(element, executable, resolved),
+                {r.get("from", ""): resolved(r.get("to", "")) for r in element.iter("remap")},
+                resolved(element.get("args", "")),
+            )
+    assert set(given) <= set(values)
+    return nodes
+
+
+def _parameters(element, executable, resolved):
+    """Parameters as launch passes them: the files in their order, then those by name."""
+    parameters: dict[str, object] = {}
+    for one in element.iter("param"):
+        if one.get("from"):
+            text = Path(resolved(one.get("from"))).read_text(encoding="utf-8")
+            parameters |= yaml.safe_load(text)[executable]["ros__parameters"]
+    for one in element.iter("param"):
+        if one.get("name"):
+            value = resolved(one.get("value"))
+            parameters[one.get("name")] = value if one.get("type") else yaml.safe_load(value)
+    return parameters
+
+
+@pytest.fixture
+def own_file(tmp_path):
+    path = tmp_path / "mine.yaml"
+    mine = {"own_ship_source": "tf", "fixed_frame": "map", "publish_potential_tracks": True}
+    path.write_text(yaml.safe_dump({"track_initiator": {"ros__parameters": mine}}))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"rviz": "true"},
+        {"simulate": "true", "rate_factor": "20.0"},
+        {**DRIVER, "own_ship_source": "odometry", "rviz": "true"},
+        {"own_ship_source": "tf", "fixed_frame": "map"},
+    ],
+)
+def test_every_node_takes_the_parameters_that_it_is_given(given):
+    for executable, node in started(**given).items():
+        if executable in NODES:
+            parameters = {k: v for k, v in node.parameters.items() if k != "use_sim_time"}
+            make_groups(NODES[executable], parameters)
+
+
+def test_the_driver_s_topics_and_the_own_ship_are_given_to_the_initiator():
+    [node] = started(**DRIVER, own_ship_source="odometry", fixed_frame="map").values()
+    assert node.remaps == {
+        "detections": DRIVER["detections"],
+        "own_ship/odometry": DRIVER["odometry"],
+    }
+    assert (node.parameters["own_ship_source"], node.parameters["fixed_frame"]) == (
+        "odometry",
+        "map",
+    )
+
+
+def test_what_is_not_given_is_as_in_the_file_of_parameters(own_file):
+    [node] = started(params_file=own_file).values()
+    assert node.parameters == {
+        "own_ship_source": "tf",
+        "fixed_frame": "map",
+        "publish_potential_tracks": True,
+        "use_sim_time": False,
+    }
+
+
+def test_what_is_given_comes_before_the_file_of_parameters(own_file):
+    [node] = started(params_file=own_file, own_ship_source="odometry", fixed_frame="odom").values()
+    assert (node.parameters["own_ship_source"], node.parameters["fixed_frame"]) == (
+        "odometry",
+        "odom",
+    )
+
+
+def test_a_frame_without_a_source_is_refused():
+    [node] = started(fixed_frame="map").values()
+    with pytest.raises(ValueError, match="own_ship_source must be one of"):
+        make_groups(
+            NODES["track_initiator"], {"own_ship_source": node.parameters["own_ship_source"]}
+        )
+
+
+@pytest.mark.parametrize("source", [{}, {"own_ship_source": "odometry"}, {"simulate": "true"}])
+def test_potential_tracks_are_published_where_rviz_shows_them(source):
+    nodes = started(rviz="true", **source)
+    assert nodes["track_initiator"].parameters["publish_potential_tracks"] is True
+    assert nodes["rviz2"].arguments.endswith("-f odom")
+    assert not started(**source)["track_initiator"].parameters["publish_potential_tracks"]
+
+
+def test_rviz_shows_the_frame_of_the_tracks():
+    nodes = started(rviz="true", own_ship_source="tf", fixed_frame="map")
+    assert nodes["rviz2"].arguments.endswith("-f map")
+
+
+def test_simulator_and_initiator_have_the_same_topics():
+    nodes = started(simulate="true", **DRIVER)
+    assert nodes["sonar_simulator"].remaps == nodes["track_initiator"].remaps
+    assert nodes["track_initiator"].parameters["own_ship_source"] == "odometry"
