@@ -13,7 +13,14 @@ from tsepm_ros.health import DiagnosticsOptions
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import METHODS
 from tsepm_ros.own_ship import Mounting
-from tsepm_ros.parameters import Parameter, Value, check_group, parameter, table
+from tsepm_ros.parameters import (
+    Parameter,
+    Value,
+    check_group,
+    parameter,
+    table,
+    unknown_parameter,
+)
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.settings import SessionOptions, Settings
 
@@ -229,7 +236,7 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
     known = {row.name for row in full_table(groups)}
     for name in values:
         if name not in known:
-            raise ValueError(f"{name} is not a parameter")
+            raise ValueError(unknown_parameter(name, known))
     made = {}
     for prefix, group in groups:
         given = {

@@ -8,8 +8,9 @@ validation and documentation need.
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,6 +119,12 @@ def parameter(default: Value, description: str, **details: Any) -> Any:
     return dataclasses.field(
         default=default, metadata={"description": description, "details": details}
     )
+
+
+def unknown_parameter(name: str, known: Collection[str]) -> str:
+    """Return the sentence that refuses a name, with the one of `known` that is nearest to it."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"{name} is not a parameter{f'; did you mean {near[0]}?' if near else ''}"
 
 
 def table(group: type | object) -> Iterator[Parameter]:

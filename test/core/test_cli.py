@@ -237,7 +237,9 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["run", "/nowhere"], "detections.csv"),
+        (["run", "/nowhere"], "/nowhere is not there"),
+        (["run", "/nowhere.mcap"], "/nowhere.mcap is not there"),
+        (["run", "four_target"], "four_targets"),
         (["run", "nowhere.yaml"], "nowhere.yaml"),
         (["run", "box", "--animation", "a.mp4"], "a.mp4"),
         (["run", "box", "-p", "own_ship_source:=tf"], "own_ship_source tf"),
@@ -256,7 +258,7 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
         (["evaluate", "--scene", "sensor.azimuth_std:=wide"], "sensor.azimuth_std"),
         (["evaluate", "box", "box"], "box is there twice"),
         (["study", "box", "-p", "min_hits=4"], "min_hits=4"),
-        (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "detections.csv"),
+        (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "/nowhere is not there"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_a_sentence(

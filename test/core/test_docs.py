@@ -30,6 +30,8 @@ GROUPED = re.compile(rf"((?:{GROUPS})\.(?!md\b|py\b)\w+)(:=\S*)?")
 ASSIGNED = re.compile(r"([a-z_.]+):=\S*")
 GIVEN = re.compile(r"(?:-p|--parameter) '?([\w.]+):=")
 LINK = re.compile(r"\]\(([^)\s#]+)")
+ANCHOR = re.compile(r"\]\(([^)\s#]*)#([^)\s]+)\)")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 
 EVERY_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="only in the source tree")
@@ -102,6 +104,21 @@ def test_links_lead_to_files(page):
     for target in LINK.findall(text):
         if "://" not in target:
             assert (page.parent / target).exists(), target
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as a code host and MkDocs make them of plain words."""
+    headings = HEADING.findall(CODE.sub("", page.read_text(encoding="utf-8")))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@EVERY_PAGE
+def test_links_lead_to_headings(page):
+    # MkDocs warns of those within docs/ only: for those out of it, its hook names the file.
+    text = CODE.sub("", page.read_text(encoding="utf-8"))
+    for target, anchor in ANCHOR.findall(text):
+        if "://" not in target:
+            assert anchor in anchors((page.parent / target) if target else page), (target, anchor)
 
 
 @EVERY_PAGE

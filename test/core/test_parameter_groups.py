@@ -106,6 +106,7 @@ def test_groups_are_made_from_full_names():
         ({"bearing_reference": "stern"}, "bearing_reference must be one of bow, north"),
         ({"sensor.min_range": 1e4}, "sensor.min_range must be below max_range"),
         ({"min_hits": 5}, "min_hits is not a parameter"),
+        ({"maxspeed": 5.0}, "maxspeed is not a parameter; did you mean max_speed?"),
         ({"sensor": 5}, "sensor is not a parameter"),
         ({"sensor.": 5}, "sensor. is not a parameter"),
     ],

@@ -55,6 +55,14 @@ def assert_clean_end(process: RosProcess) -> None:
         assert word not in process.said
 
 
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_a_node_also_runs_as_a_module(start, name):
+    script = f"import runpy; runpy.run_module('tsepm_ros.nodes.{name}', run_name='__main__')"
+    process = start(name, {"nonsense": 1}, script=script)
+    assert process.exit_code() == 2
+    assert "nonsense is not a parameter" in process.said
+
+
 WHILE_IT_IS_MADE = """
 import os, signal, sys, time
 from rclpy.node import Node

@@ -62,7 +62,11 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="of a simulated scenario")
     for role, name in TOPIC_OPTIONS.items():
         parser.add_argument(
-            f"--{name}", dest=f"topic_{role}", default="", help=f"topic of a bag to read as {role}"
+            f"--{name}",
+            dest=f"topic_{role}",
+            default="",
+            metavar="TOPIC",
+            help=f"topic of a bag to read as {role}",
         )
 
 
@@ -132,6 +136,9 @@ def _open(options: argparse.Namespace, stack: ExitStack) -> Run:
         name in shipped_scenarios() and not Path(name).exists()
     ):
         return _simulation(load_scenario(name), options)
+    if not Path(name).exists():
+        scenarios = ", ".join(shipped_scenarios())
+        raise ValueError(f"{name} is not there, and no scenario that is shipped: {scenarios}")
     if is_bag(name):
         return _bag(stack.enter_context(Bag(name)), options)
     return _recording(options)

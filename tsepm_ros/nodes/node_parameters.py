@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -18,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from tsepm_ros.parameter_groups import Groups, full_table, make_groups
-from tsepm_ros.parameters import Parameter, Value
+from tsepm_ros.parameters import Parameter, Value, unknown_parameter
 
 _INT64 = 2**63 - 1
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -86,9 +85,7 @@ class NodeParameters:
         given = self._node.get_parameters_by_prefix("")
         for name in given:
             if name not in self._rows and not name.startswith(_OF_ROS):
-                near = difflib.get_close_matches(name, self._rows, n=1)
-                hint = f"; did you mean {near[0]}?" if near else ""
-                raise ParameterError(f"{name} is not a parameter of this node{hint}")
+                raise ParameterError(unknown_parameter(name, self._rows))
 
     def _declare(self, row: Parameter) -> None:
         given: Any = row.default

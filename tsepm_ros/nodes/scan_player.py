@@ -48,3 +48,7 @@ class ScanPlayer(Node):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run(ScanPlayer, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

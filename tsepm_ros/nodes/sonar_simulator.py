@@ -128,3 +128,7 @@ class SonarSimulator(Node):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run(SonarSimulator, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

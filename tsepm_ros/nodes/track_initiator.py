@@ -191,3 +191,7 @@ class TrackInitiator(Node):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run(TrackInitiator, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
