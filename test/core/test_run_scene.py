@@ -14,6 +14,7 @@ from tsepm_ros.analysis.run_scene import (
 )
 from tsepm_ros.conversion import convert
 from tsepm_ros.offline import recording_results
+from tsepm_ros.own_ship import Mounting
 from tsepm_ros.recording import RecordedMotion
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
@@ -65,7 +66,9 @@ def test_no_scan_of_it_is_dropped_and_each_is_seen_where_it_was_placed(simulated
         np.testing.assert_array_equal(view.detections, expected)
         time = result.stamp - 50.0 + float(result.scan.time_offset.min())
         there = simulated[0].scenario.own_ship.pose(time)[:2]
-        assert np.hypot(*(view.sensor - there)) < 5.0 * 1.0, "within a second's way"
+        assert view.sensor[2] == pytest.approx(np.radians(40.0))
+        assert np.isnan(ScanView.of(result, MOVING.sensor, None).sensor[2])
+        assert np.hypot(*(view.sensor[:2] - there)) < 5.0 * 1.0, "within a second's way"
 
 
 def test_truth_is_interpolated_and_unknown_outside_its_time():
@@ -95,6 +98,72 @@ def test_a_tracks_velocity_is_drawn_as_a_25th_of_the_scene():
     scene = RunScene("run", [ScanView(0.0, corners, None, one, one)])
     assert velocity_seconds(scene) == 40.0
     assert velocity_seconds(RunScene("nothing")) > 0
+
+
+def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
+    _, recording, _ = simulated
+    mounting = Mounting(yaw=np.pi / 2)
+    session = Session(Settings(session=MOVING.session, mounting=mounting))
+    result = next(iter(recording_results(recording, session, "bow")))
+    assert result.scan.sensor_pose[0, 2] == pytest.approx(np.radians(130.0))
+    view = ScanView.of(result, MOVING.sensor, mounting.yaw)
+    assert view.sensor[2] == pytest.approx(np.radians(40.0))
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "bow"), [(0.0, (1.0, 0.0)), (90.0, (0.0, 1.0)), (210.0, (-0.866, -0.5))]
+)
+def test_the_ship_points_to_its_heading(heading_deg, bow):
+    pytest.importorskip("matplotlib")
+    from tsepm_ros.analysis.plan_position import ship
+
+    np.testing.assert_allclose(ship(np.radians(heading_deg)).vertices[0], bow, atol=1e-3)
+
+
+@pytest.mark.parametrize("velocity", [(6.0, 8.0), (-6.0, 8.0), (0.0, -9.0), (9.0, 0.0), (0.0, 0.0)])
+def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
+    pytest.importorskip("matplotlib")
+    from tsepm_ros.analysis.plan_position import Picture, draw
+
+    track = ConfirmedTrack(
+        track_id=1234,
+        stamp=0.0,
+        state=np.array([100.0, velocity[0], 50.0, velocity[1]]),
+        covariance=np.diag([400.0, 1.0, 1600.0, 1.0]),
+        hits=(),
+        evaluation=0.0,
+        score=0.0,
+        scan_count=1,
+        age=0.0,
+    )
+    corners = np.array([[-1000.0, -1000.0], [1000.0, 1000.0]])
+    figure = draw(Picture("one", detections=[corners], on_target=[track]))
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    (text,) = axes.texts
+    box = text.get_window_extent()
+    (ellipse,) = axes.patches
+    assert text.get_text() == "1234"
+    assert not box.overlaps(ellipse.get_window_extent())
+    end = axes.transData.transform(track.position + 120.0 * track.velocity)
+    here = axes.transData.transform(track.position)
+    line = here + np.linspace(0.0, 1.0, 500)[:, np.newaxis] * (end - here)
+    assert not box.count_contains(line)
+    assert np.hypot(*(box.get_points().mean(axis=0) - here)) < 60.0
+
+
+def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():
+    pytest.importorskip("matplotlib")
+    from matplotlib.colors import rgb_to_hsv, to_rgb
+
+    from tsepm_ros.analysis import plan_animation
+
+    scene = RunScene("run", truth=[np.zeros((2, 3))])
+    for entry in plan_animation._legend(scene, 60.0):
+        drawn = entry.get_linestyle() != "None" or entry.get_marker() not in ("", "None", None)
+        assert drawn, entry.get_label()
+    held, new = (rgb_to_hsv(to_rgb(one))[0] for one in (plan_animation.GOOD, plan_animation.NEW))
+    assert min(abs(held - new), 1 - abs(held - new)) > 0.15, "a sixth of the circle of hues"
 
 
 def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):

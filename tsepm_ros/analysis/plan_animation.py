@@ -17,9 +17,11 @@ from tsepm_ros.analysis.plan_position import (
     GOOD,
     INK,
     TRUTH,
+    draw_own_ship,
     draw_track,
     dress,
     legend_dots,
+    legend_own_ship,
 )
 from tsepm_ros.analysis.run_scene import (
     RunScene,
@@ -31,7 +33,7 @@ from tsepm_ros.analysis.run_scene import (
 
 FloatArray = NDArray[np.float64]
 
-NEW = "#c53030"
+NEW = "#b5179e"
 FADING = 8
 """Scans for which a detection is seen."""
 FRAMES_PER_SECOND = 2
@@ -100,9 +102,7 @@ def _draw(
         axes.scatter(x, y, s=6, color=INK, alpha=alpha, linewidths=0)
     x, y = view.detections.T
     axes.scatter(x, y, s=10, color=INK, alpha=0.75, linewidths=0)
-    own_ship = own_ship_path(scene.scans[: index + 1])
-    axes.plot(*own_ship.T, color=INK, linewidth=1.2)
-    axes.plot(*own_ship[-1:].T, marker="^", color=INK, markersize=8)
+    draw_own_ship(axes, own_ship_path(scene.scans[: index + 1]))
     for path in scene.truth:
         axes.plot(*path[:, 1:].T, color=TRUTH, linewidth=1.4, alpha=0.5)
         here = position_at(path, view.stamp)
@@ -115,7 +115,6 @@ def _draw(
         if new:
             axes.scatter([x], [y], s=900, color=NEW, alpha=0.25, linewidths=0)
         draw_track(axes, track, seconds, NEW if new else GOOD, 1.0, 2.0)
-        axes.annotate(str(track.track_id), (x, y), (9, 9), textcoords="offset points", fontsize=11)
     axes.set_title(
         f"{scene.title}\n{_time(view.stamp)}, scan {index + 1} of {len(scene.scans)}; "
         f"tracks held: {len(view.held)}, new: {len(new_ids)}",
@@ -138,7 +137,7 @@ def _limits(scene: RunScene) -> FloatArray:
     """A square around everything, (2, 2): from and to of x and of y, m."""
     points = [view.detections for view in scene.scans] + [path[:, 1:] for path in scene.truth]
     points += [np.reshape(view.held.state[:, 0::2], (-1, 2)) for view in scene.scans]
-    every = np.concatenate([*points, scene.own_ship])
+    every = np.concatenate([*points, scene.own_ship[:, :2]])
     if not len(every):
         return np.array([[-1.0, 1.0], [-1.0, 1.0]])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -150,10 +149,14 @@ def _limits(scene: RunScene) -> FloatArray:
 def _legend(scene: RunScene, seconds: float) -> list[Line2D]:
     handles = [
         legend_dots(INK, f"detections, fading over {FADING} scans", markersize=4),
-        Line2D([], [], color=INK, marker="^", label="own ship"),
-        Line2D([], [], color=GOOD, marker="o", markersize=4, linewidth=2.0, label="track held"),
-        Line2D([], [], color=NEW, marker="o", markersize=4, linewidth=2.0, label="new track"),
-        Line2D([], [], linestyle="", label=f"velocity over {seconds:g} s, 95 % ellipse"),
+        legend_own_ship(),
+        *(
+            Line2D([], [], color=colour, marker="o", markersize=4, linewidth=2.0, label=label)
+            for colour, label in (
+                (GOOD, f"track held (id, velocity over {seconds:g} s, 95 % ellipse)"),
+                (NEW, "new track, the same"),
+            )
+        ),
     ]
     if scene.truth:
         truth = legend_dots(TRUTH, "truth", markersize=6, markerfacecolor="none")

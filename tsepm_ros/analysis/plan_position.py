@@ -17,6 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
+from matplotlib.path import Path as MarkerPath
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from tsepm_ros.analysis.run_scene import RunScene, velocity_seconds
@@ -26,6 +28,9 @@ FloatArray = NDArray[np.float64]
 
 CHI_95 = 2.447746830680816
 """Axis factor of the ellipse that holds a bivariate Gaussian with 95 %."""
+
+SHIP = np.array([[0.0, 1.0], [0.6, -0.8], [0.0, -0.4], [-0.6, -0.8], [0.0, 1.0]])
+"""Outline of the own ship's symbol, its bow up."""
 
 SEA, INK, TRUTH, GOOD, BAD = "#f7fafc", "#1a202c", "#2b6cb0", "#c05621", "#718096"
 
@@ -43,8 +48,8 @@ class Picture:
         A path per target.
     on_target, off_target : list of ConfirmedTrack
         Tracks drawn in full, and those drawn faintly.
-    own_ship : (m, 2) ndarray, optional
-        Path of the sensor.
+    own_ship : (m, 3) ndarray, optional
+        Path of the sensor, with headings, rad, nan where not known.
     velocity_seconds : float
         Length of the velocity lines, s of travel.
     on_target_label, off_target_label : str
@@ -58,7 +63,7 @@ class Picture:
     off_target: list[ConfirmedTrack] = field(default_factory=list)
     own_ship: FloatArray | None = None
     velocity_seconds: float = 120.0
-    on_target_label: str = "true starts (velocity, 95 % ellipse)"
+    on_target_label: str = "true starts (id, velocity, 95 % ellipse)"
     off_target_label: str = "false starts"
 
 
@@ -75,7 +80,7 @@ def picture_of(scene: RunScene) -> Picture:
         own_ship=scene.own_ship,
         velocity_seconds=seconds,
         on_target_label=f"{'true starts' if judged else 'new tracks'} "
-        f"(velocity over {seconds:g} s, 95 % ellipse)",
+        f"(id, velocity over {seconds:g} s, 95 % ellipse)",
         off_target_label="false, misplaced and redundant starts" if judged else "",
     )
 
@@ -125,21 +130,32 @@ def _scene(axes: Axes, picture: Picture, inset: bool = False) -> None:
     ages = np.linspace(0.12, 0.6, max(len(picture.detections), 1))
     for alpha, points in zip(ages, picture.detections, strict=False):
         axes.scatter(points[:, 0], points[:, 1], s=5, color=INK, alpha=alpha, linewidths=0)
-    if picture.own_ship is not None and len(picture.own_ship):
-        axes.plot(*picture.own_ship.T, color=INK, linewidth=1.2)
-        axes.plot(*picture.own_ship[-1], marker="^", color=INK, markersize=8)
+    if picture.own_ship is not None:
+        draw_own_ship(axes, picture.own_ship)
     for track in picture.off_target:
         draw_track(axes, track, picture.velocity_seconds, BAD, 0.55, 0.7)
     for number, path in enumerate(picture.truth):
         axes.plot(*path.T, color=TRUTH, linewidth=2.2)
         axes.plot(*path[0], marker="o", color=TRUTH, markersize=4)
-        if not inset:
-            axes.annotate(
-                str(number), path[-1], (6, 6), textcoords="offset points", color=TRUTH, fontsize=11
-            )
+        if not inset:  # behind its beginning, where no track is yet
+            _label(axes, f"target {number}", path[0], _direction(path[0] - path[-1]), TRUTH)
     for track in picture.on_target:
         draw_track(axes, track, picture.velocity_seconds, GOOD, 1.0, 1.6)
     dress(axes, "box" if inset else "datalim")
+
+
+def draw_own_ship(axes: Axes, path: FloatArray) -> None:
+    """Draw the own ship's path, (m, 3), and at its end the ship: a dot without a heading."""
+    axes.plot(*path[:, :2].T, color=INK, linewidth=1.2)
+    for x, y, heading in path[-1:].tolist():
+        known = np.isfinite(heading)
+        axes.plot(x, y, marker=ship(heading) if known else "o", color=INK, markersize=11)
+
+
+def ship(heading: float) -> MarkerPath:
+    """Return a marker that points to a heading, rad counter-clockwise from the x axis."""
+    sine, cosine = np.sin(heading - np.pi / 2), np.cos(heading - np.pi / 2)
+    return MarkerPath(SHIP @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
 def dress(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
@@ -160,7 +176,7 @@ def draw_track(
     alpha: float,
     width: float,
 ) -> None:
-    """Draw a track: its position, its velocity over some seconds, and its 95 % ellipse."""
+    """Draw a track: position, id, velocity over some seconds, and 95 % ellipse."""
     start = track.position
     end = start + track.velocity * velocity_seconds
     axes.plot([start[0], end[0]], [start[1], end[1]], color=colour, alpha=alpha, linewidth=width)
@@ -177,13 +193,43 @@ def draw_track(
             linewidth=width,
         )
     )
+    # Abeam of its way, where neither its velocity nor its target's path is, and off its ellipse.
+    ahead = _direction(track.velocity)
+    abeam = np.array([ahead[1], -ahead[0]]) * (1.0 if ahead[1] > 0 else -1.0)
+    half = CHI_95 * float(np.sqrt(abeam @ track.position_covariance @ abeam))
+    _label(axes, str(track.track_id), start + half * abeam, abeam, colour, alpha)
+
+
+def _direction(vector: FloatArray) -> FloatArray:
+    """The unit vector; up for none."""
+    length = float(np.hypot(*vector))
+    return vector / length if length > 0 else np.array([0.0, 1.0])
+
+
+def _label(
+    axes: Axes, text: str, at: FloatArray, away: FloatArray, colour: str, alpha: float = 1.0
+) -> None:
+    """Write a text beside a point, in the direction of a unit vector from it."""
+    side = "left" if away[0] > 0.3 else "right" if away[0] < -0.3 else "center"
+    axes.annotate(
+        text,
+        (float(at[0]), float(at[1])),
+        tuple((7.0 * away).tolist()),
+        textcoords="offset points",
+        ha=side,
+        va="center" if side != "center" else "bottom" if away[1] > 0 else "top",
+        color=colour,
+        alpha=alpha,
+        fontsize=10,
+        path_effects=[withStroke(linewidth=2.5, foreground=SEA)],
+    )
 
 
 def _legend(picture: Picture) -> list[Line2D]:
     number = sum(len(points) for points in picture.detections)
     handles = [legend_dots(INK, f"detections, fading with age ({number})", markersize=3, alpha=0.6)]
     if picture.own_ship is not None and len(picture.own_ship):
-        handles.append(Line2D([], [], color=INK, marker="^", label="own ship"))
+        handles.append(legend_own_ship())
     if picture.truth:
         handles.append(Line2D([], [], color=TRUTH, linewidth=2.2, label="truth"))
     tracks = Line2D([], [], color=GOOD, marker="o", markersize=4)
@@ -194,6 +240,13 @@ def _legend(picture: Picture) -> list[Line2D]:
         tracks.set_label(f"{picture.off_target_label}: {len(picture.off_target)}")
         handles.append(tracks)
     return handles
+
+
+def legend_own_ship() -> Line2D:
+    """Return a legend's entry for the own ship."""
+    entry = legend_dots(INK, "own ship", markersize=11)
+    entry.set_marker(ship(np.pi / 2))
+    return entry
 
 
 def legend_dots(colour: str, label: str, **style: Any) -> Line2D:

@@ -87,6 +87,8 @@ class Run:
         What was said and not counted, the first sentence of a kind.
     duration : float
         Time that was recorded, s.
+    mounting_yaw : float or None
+        As in `ScanView.of`.
     """
 
     title: str
@@ -96,6 +98,7 @@ class Run:
     judge: Callable[[RunScene], None] = lambda scene: None
     notes: dict[str, str] = field(default_factory=dict)
     duration: float = 0.0
+    mounting_yaw: float | None = 0.0
 
 
 def run_recording(options: argparse.Namespace) -> None:
@@ -160,6 +163,10 @@ def _session(
     return session, made[InitiatorNodeOptions], notes
 
 
+def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
+    return None if node.bearing_reference == "north" else session.settings.mounting.yaw
+
+
 def _recording(options: argparse.Namespace) -> Run:
     recording = read_recording(options.recording)
     defaults: dict[str, Value] = {"own_ship_source": "odometry"} if recording.own_ship else {}
@@ -172,6 +179,7 @@ def _recording(options: argparse.Namespace) -> Run:
         truth=truth_paths(recording.targets),
         notes=notes,
         duration=last - first,
+        mounting_yaw=_mounting_yaw(session, node),
     )
 
 
@@ -193,6 +201,7 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         truth=_bag_truth(bag, topics) if _wants_scene(options) else [],
         notes=notes,
         duration=bag.duration,
+        mounting_yaw=_mounting_yaw(session, node),
     )
 
 
@@ -278,7 +287,9 @@ def _process(run: Run, options: argparse.Namespace) -> RunScene:
             if bag is not None:
                 bag.write(result)
             if wanted:
-                scene.scans.append(ScanView.of(result, run.session.settings.sensor))
+                scene.scans.append(
+                    ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)
+                )
     run.judge(scene)
     return scene
 

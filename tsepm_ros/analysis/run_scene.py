@@ -28,8 +28,9 @@ class ScanView:
         s.
     detections : (n, 2) ndarray
         Positions, m.
-    sensor : (2,) ndarray or None
-        Position of the sensor at the nearest echo, m; None where the scan does not say.
+    sensor : (3,) ndarray or None
+        Position of the sensor at the nearest echo, m, and the heading of the vessel, rad, nan where
+        it is not known; None where the scan does not say.
     new, held : TrackArrays
         Tracks confirmed in this scan, and all that are held after it.
     """
@@ -41,17 +42,24 @@ class ScanView:
     held: TrackArrays
 
     @classmethod
-    def of(cls, result: ScanResult, sensor: SensorModel) -> ScanView:
-        """What is seen of a processed scan."""
+    def of(
+        cls, result: ScanResult, sensor: SensorModel, mounting_yaw: float | None = 0.0
+    ) -> ScanView:
+        """What is seen of a processed scan.
+
+        `mounting_yaw`, rad, is that of the sensor's azimuth 0 from the bow; None where its
+        detections do not need a heading, and their poses do not have it.
+        """
         scan = result.scan
         poses = np.reshape(scan.sensor_pose, (-1, 3))
         nearest = 0
         if len(poses) > 1 and scan.time_offset is not None:
             nearest = int(np.argmin(scan.time_offset))
+        turn = np.nan if mounting_yaw is None else mounting_yaw
         return cls(
             stamp=result.stamp,
             detections=convert(scan, sensor, 0)["position"],
-            sensor=poses[nearest, :2] if len(poses) else None,
+            sensor=poses[nearest] - [0.0, 0.0, turn] if len(poses) else None,
             new=result.new,
             held=result.current,
         )
@@ -97,13 +105,13 @@ class RunScene:
 
     @property
     def own_ship(self) -> FloatArray:
-        """Path of the sensor, (m, 2)."""
+        """Path of the sensor, (m, 3): x, y (m) and heading (rad, nan where it is not known)."""
         return own_ship_path(self.scans)
 
 
 def own_ship_path(scans: Iterable[ScanView]) -> FloatArray:
-    """Positions of the sensor in some scans, (m, 2)."""
-    return np.array([view.sensor for view in scans if view.sensor is not None]).reshape(-1, 2)
+    """Positions of the sensor in some scans, with headings, (m, 3)."""
+    return np.array([view.sensor for view in scans if view.sensor is not None]).reshape(-1, 3)
 
 
 def truth_paths(targets: Mapping[int, Sequence[RecordedMotion]]) -> list[FloatArray]:

@@ -154,7 +154,12 @@ def review_recording(
     ]
     header = ["scan", "time [s]", "distance [m]", "sigma [m]", "speed [m/s]"]
     paths = [np.array([m.state[0::2] for m in path]) for path in recording.targets.values()]
-    own_ship = np.array([motion.state[0::2] for motion in recording.own_ship]).reshape(-1, 2)
+    own_ship = np.array(
+        [
+            (*motion.state[0::2], math.nan if motion.yaw is None else motion.yaw)
+            for motion in recording.own_ship
+        ]
+    ).reshape(-1, 3)
     review = Review(
         table=f"starts within {tolerance:g} m of a target\n" + text_table(header, rows),
         picture=Picture(
