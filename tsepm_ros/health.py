@@ -203,6 +203,8 @@ class Connections:
     ----------
     subscribed : bool
         Whether a publisher of detections was found.
+    unread : sequence of str
+        Types other than that subscribed to as which the detections are published.
     mismatches_heard : mapping of str to int
         Events of qualities of service that do not fit, by topic.
     mismatches : sequence of str
@@ -212,6 +214,7 @@ class Connections:
     """
 
     subscribed: bool = True
+    unread: Sequence[str] = ()
     mismatches_heard: Mapping[str, int] = field(default_factory=dict)
     mismatches: Sequence[str] = ()
     unused_own_ship: str = ""
@@ -454,6 +457,9 @@ def _detections(picture: _Picture) -> Status:
 
 def _silence(picture: _Picture) -> list[Finding]:
     """Whether scans come at all."""
+    unread = ", ".join(picture.connections.unread)
+    if unread:
+        return [(Level.ERROR, f"detections are published as {unread}, which is not read")]
     if not picture.connections.subscribed:
         return [(Level.WARN, "no publisher of detections yet")]
     silent, options = picture.since_scan, picture.options

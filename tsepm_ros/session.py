@@ -476,9 +476,9 @@ class Session:
         )
         if after < before and self._settings.sensor.range_rate_std:
             self._report(
-                "steep_range_rate",
+                "range_rate_unused",
                 f"{before - after} range rates not used: measured too steeply above or below the "
-                "horizontal",
+                "horizontal, or the sensor's velocity is not known",
             )
         return placed
 

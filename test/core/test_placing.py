@@ -456,5 +456,5 @@ def test_range_rates_measured_steeply_are_left_out_and_that_is_said_where_they_c
     )
     rates = place(one, scan, height=height).features["range_rate"]
     np.testing.assert_array_equal(np.isfinite(rates), [True, True, False, False])
-    assert one._report == (["steep_range_rate"] if used else [])
+    assert one._report == (["range_rate_unused"] if used else [])
     assert one.dropped == {}

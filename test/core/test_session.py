@@ -233,16 +233,17 @@ def test_a_scan_whose_echoes_are_sent_later_waits_for_and_uses_the_poses_of_then
     np.testing.assert_allclose(result.scan.sensor_pose, expected, atol=1e-9)
 
 
-def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
+def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track(monkeypatch):
     one = moving(common=CommonOptions(hold_time=1e6), own_ship_max_gap=60.0)
-    sail(one, 0.0, 36.0)
+    sail(one, 0.0, 60.0)
     confirmed = play(one, [0, 12, 24], now=0.0)[2].new
-    # The vessel is set 5000 km away within 0.1 s: faster than any velocity that a scan may have.
-    for stamp in (36.1, 37.0, 50.0):
-        one.add_own_ship(PoseSample(stamp, 5e5, 5e6, 0.5), "odom")
-    rated = Scan(36.05, [1500.0], [0.0], features={"range_rate": [1.0]})
-    one.add_scan(arrived(rated), 0.0)
-    assert list(one.process(0.0)) == []
+
+    def fail(*given):
+        raise ValueError("sensor_pose must be at most 1e9")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("tsepm_ros.placing.placed", fail)
+        assert play(one, [36], now=0.0) == []
     assert (one.dropped, one.waiting) == ({"internal_error": 1}, 0)
     (result,) = play(one, [48], now=0.0)
     assert held(result) == [track.track_id for track in confirmed]

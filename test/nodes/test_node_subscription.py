@@ -90,7 +90,7 @@ def test_a_driver_that_comes_back_as_another_type_is_named_once(world, monkeypat
     boat = Boat(world)
     detections = boat.node._detections
     assert detections.subscribed == POINT_CLOUD
-    world.until(lambda: detections.found == (POINT_CLOUD,), "the driver on the graph")
+    world.until(lambda: detections.unread == (), "the driver on the graph")
     assert world.logged(WARN) == []
     world.end(boat.driver)
     with World(world.domain) as elsewhere:  # one process cannot publish two types on one topic
@@ -98,11 +98,15 @@ def test_a_driver_that_comes_back_as_another_type_is_named_once(world, monkeypat
         publisher = lidar.create_publisher(LaserScan, "detections", 10)
         world.until_logged(f"as {LASER_SCAN}, but", f"as {POINT_CLOUD}:", level=WARN)
         assert publisher.topic_name == "/detections"
-        assert detections.found == (LASER_SCAN,)
+        assert detections.unread == (LASER_SCAN,)
+        world.until(
+            lambda: world.status("detections").message.endswith(f"{LASER_SCAN}, which is not read"),
+            "diagnostics to say so",
+        )
         world.until(lambda: len(world.diagnostics) > 10, "more looks at the graph")
         assert len(world.logged(WARN)) == 1
     assert detections.subscribed == POINT_CLOUD
-    world.until(lambda: detections.found == (), "the end of that driver")
+    world.until(lambda: detections.unread == (), "the end of that driver")
 
 
 def test_type_and_reliability_given_subscribe_before_there_is_a_driver(world):

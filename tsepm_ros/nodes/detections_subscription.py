@@ -86,12 +86,9 @@ class DetectionsSubscription:
         return self._subscription is not None
 
     @property
-    def found(self) -> tuple[str, ...]:
-        """Types as which the topic was published at the last look at the graph, sorted.
-
-        Of these only `subscribed` is read, even if the node could read others.
-        """
-        return self._found
+    def unread(self) -> tuple[str, ...]:
+        """Types as which the topic was published at the last look but is not read, sorted."""
+        return tuple(name for name in self._found if name != self._subscribed)
 
     @property
     def subscribed(self) -> str:

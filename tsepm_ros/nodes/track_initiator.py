@@ -162,6 +162,7 @@ class TrackInitiator(Node):
     def _publish_diagnostics(self) -> None:
         connections = Connections(
             self._detections.connected,
+            self._detections.unread,
             dict(self._qos.heard),
             self._qos.standing(),
             self._unused_own_ship(),
