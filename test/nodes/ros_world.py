@@ -143,6 +143,10 @@ class World:
         """What the nodes have said, from a level of rcl_interfaces/Log on."""
         return [entry.msg for entry in self.log if entry.level >= level]
 
+    def warned(self) -> list[str]:
+        """Warnings and worse, but of odometry that is not used: every driver here advertises it."""
+        return [line for line in self.logged(WARN) if "odometry is published" not in line]
+
     def until_logged(self, *parts: str, level: int = 0) -> str:
         """Spin until a sentence with all these parts is logged; returns it."""
 

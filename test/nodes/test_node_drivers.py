@@ -105,7 +105,7 @@ def test_a_sound_speed_that_is_not_given_is_the_parameter_s_and_said_once(world)
     world.until(lambda: len(tracks) == PINGS, "tracks")
     assert_same(tracks, expected)
     world.until_logged("does not give the sound speed", "1450 m/s", level=WARN)
-    assert len(world.logged(WARN)) == 1
+    assert len(world.warned()) == 1
     assert world.dropped() == {}
 
 

@@ -100,14 +100,14 @@ def test_a_sonar_that_gives_no_times_gets_them_from_the_sound_speed(world):
     scans = [as_scan(ping) for ping in sent]
     timed = [replace(scan, time_offset=scan.range / 1480.0) for scan in scans]
     assert_same(boat.send(sent), [expected.process(scan) for scan in timed])
-    assert world.logged(WARN) == []
+    assert world.warned() == []
 
 
 def test_a_sonar_that_gives_no_times_is_said_once(world):
     boat = Boat(world)
     boat.send(pings())
     world.until_logged("no time_offset", level=WARN)
-    assert len(world.logged(WARN)) == 1
+    assert len(world.warned()) == 1
 
 
 def test_every_scan_gives_one_message_even_without_tracks_or_detections(world):
