@@ -31,6 +31,7 @@ ASSIGNED = re.compile(r"([a-z_.]+):=\S*")
 GIVEN = re.compile(r"(?:-p|--parameter) '?([\w.]+):=")
 LINK = re.compile(r"\]\(([^)\s#]+)")
 ANCHOR = re.compile(r"\]\(([^)\s#]*)#([^)\s]+)\)")
+PLACEHOLDER = re.compile(r"\b(?:FIGURES?|TODO|TBD|FIXME|XXX+|TK)\b")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 
 EVERY_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -119,6 +120,11 @@ def test_links_lead_to_headings(page):
     for target, anchor in ANCHOR.findall(text):
         if "://" not in target:
             assert anchor in anchors((page.parent / target) if target else page), (target, anchor)
+
+
+@EVERY_PAGE
+def test_nothing_is_left_to_be_filled_in(page):
+    assert not PLACEHOLDER.findall(CODE.sub("", page.read_text(encoding="utf-8")))
 
 
 @EVERY_PAGE
