@@ -77,7 +77,7 @@ def test_parameters_named_in_text_exist(page):
         if (found := pattern.fullmatch(quoted))
     }
     options = set().union(*map(option_names, available_methods()))
-    assert named <= NAMES | options | {"toy.window"}
+    assert named <= NAMES | options | launch_arguments() | {"toy.window"}
 
 
 @EVERY_PAGE

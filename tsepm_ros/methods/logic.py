@@ -26,8 +26,9 @@ Readings
   estimated from the residuals, the other reading, is undefined while the polynomial passes through
   all hits.
 - Closest is by the normalised distance, not by metres.
-- M hits within N scans confirm, so a track outlives a scan without a detection in its region;
-  `missed` "ends" terminates it, as the article's point (iv) says.
+- Point (iv) terminates a track without a detection in its region; Section 1 has methods look for M
+  hits within a window of N scans, which a track can only reach if it outlives a miss. `missed`
+  "waits", the default, is the second and not what Section 3.2 says; "ends" is point (iv).
 - The article does not say what becomes of confirmed tracks that share a detection: the best fit
   (f_1 of TSEPM 2018, Eq. 23) is put out.
 """
@@ -97,7 +98,10 @@ class Logic(PathFollower):
             f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
             for min_hits, window in ((8, 10), (6, 8), (5, 6), (5, 8), (4, 5), (3, 4))
         }
-        | {"6/8 straight": {"min_hits": 6, "window": 8, "degree": 1}}
+        | {
+            "6/8 straight": {"min_hits": 6, "window": 8, "degree": 1},
+            "4/5 ends": {"min_hits": 4, "window": 5, "missed": "ends"},
+        }
     )
 
     @property
