@@ -30,8 +30,17 @@ def false_per_hour(row: Row) -> float:
 
 
 def three_digits(text: str) -> str:
-    """A number without an exponent."""
-    return f"{float(f'{float(text):.3g}'):g}"
+    """A number without an exponent, of two decimals at most."""
+    return f"{round(float(f'{float(text):.3g}'), 2):g}"
+
+
+def with_interval(row: Row, name: str) -> str:
+    """A figure and its interval; nothing where there is none."""
+    values = [row[f"{name}{end}"] for end in ("", "_low", "_high")]
+    if "nan" in values:
+        return three_digits(values[0]).replace("nan", "")
+    value, low, high = map(three_digits, values)
+    return f"{value} ({low}-{high})"
 
 
 def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str]) -> None:
@@ -112,9 +121,8 @@ def table(rows: Sequence[Row], method: str) -> str:
             value, low, high = (
                 f"{float(row[f'detection{end}']):.2f}" for end in ("", "_low", "_high")
             )
-            cells += [f"{value} ({low}-{high})", three_digits(row["false_per_hour"])]
-        cells.append(f"{float(row['redundant_per_run']):.2g}")
-        cells.append(f"{float(row['nees']):.1f}".replace("nan", ""))
+            cells += [f"{value} ({low}-{high})", with_interval(row, "false_per_hour")]
+        cells += [with_interval(row, name) for name in ("redundant_per_run", "nees")]
         lines.append(f"| {point} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
