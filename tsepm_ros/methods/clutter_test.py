@@ -9,7 +9,8 @@ clutter density and d_k the distance of a hit from the one before, the statistic
 
     f_2 = 2 lambda sum_k pi d_k^2
 
-is chi-square distributed with 2 M - 2 degrees of freedom for nearest points of pure clutter, and
+(with `clutter_density` "estimated" lambda_k, the density at each hit, in place of one lambda) is
+chi-square distributed with 2 M - 2 degrees of freedom for nearest points of pure clutter, and
 small for a target: tracks at or below the quantile of the test's size are put out. There is no
 merging.
 

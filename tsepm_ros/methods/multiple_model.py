@@ -1,8 +1,8 @@
 """The parameterised multiple-model start: a filter for each cell of speed and heading.
 
-Mallick, La Scala, Ristic, Kirubarajan, Arulampalam, "Comparison of filtering algorithms for ground
-target tracking using space-based GMTI radar", 2015, as TSEPM 2018 describes it (Sections 1 and 5),
-in words only: "without a prior knowledge of target motion status, the parameterized multiple model
+Mallick, Bar-Shalom, Kirubarajan, Moreland, "An improved single-point track initiation using GMTI
+measurements", IEEE Trans. AES 51(4), 2015, as TSEPM 2018 describes it (Sections 1 and 5), in words
+only: "without a prior knowledge of target motion status, the parameterized multiple model
 method divides the possible speed interval [v_min, v_max] and heading interval into several
 subintervals. Then it establishes a filter for every subinterval. All the filters run concurrently,
 and the estimate output is the weighted output of all the filters." There is no splitting.

@@ -109,7 +109,7 @@ class ScoreOptions:
 
 
 class Score(Initiator):
-    """The likelihood-ratio method."""
+    """The likelihood-ratio method, the default: evidence for a target, against clutter."""
 
     Options = ScoreOptions
     options: ScoreOptions

@@ -18,8 +18,10 @@ Readings
 --------
 - The rule is "N_a <= N and N_v >= M": Step 3 has the first inequality reversed (TSEPM 2018 corrects
   it).
-- sigma_l is half the axis of the 0.9 ellipse of the position's error, as below Eq. 1 and in TSEPM
-  2018, not the eigenvalue of the polar R that Eq. 6 has, whose units are mixed.
+- sigma_l is half the major axis of the 0.9 ellipse of the position's error, as in TSEPM 2018, Eq. 4.
+  Below Eq. 1 it is "the length of the major axis", the whole one: a margin twice as wide, with 158
+  tracks after splitting in place of 27 and 26 after merging in place of 10; the paper has 13 and 8.
+  Eq. 6 has an eigenvalue of the polar R, whose units are mixed.
 - "Their states are close" is not defined: the distance of TSEPM 2018, Eq. 30, with its threshold.
 - Groups are the connected components of the pairs, and what a scan combines are the distinct
   measurements of all members.
@@ -68,7 +70,7 @@ class SplitMergeOptions:
     )
     gate_probability: float = parameter(
         0.9,
-        "Probability of the error ellipse whose axis is sigma_l (Eqs. 1 and 2)",
+        "Probability of the error ellipse whose half axis is sigma_l (Eqs. 1 and 2)",
         positive=True,
         maximum=0.999999,
     )

@@ -153,7 +153,7 @@ class Gates:
 
 
 class Tsepm(Initiator):
-    """The published method, step by step as in Section 4 of the paper."""
+    """The method of TSEPM 2018, step by step as in its Section 4."""
 
     Options = TsepmOptions
     options: TsepmOptions
