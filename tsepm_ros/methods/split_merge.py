@@ -18,7 +18,7 @@ Readings
 --------
 - The rule is "N_a <= N and N_v >= M": Step 3 has the first inequality reversed (TSEPM 2018 corrects
   it).
-- sigma_l is half the major axis of the 0.9 ellipse of the position's error, as in TSEPM 2018, Eq. 4.
+- sigma_l is half the major axis of the 0.9 ellipse of the position's error (TSEPM 2018, Eq. 4).
   Below Eq. 1 it is "the length of the major axis", the whole one: a margin twice as wide, with 158
   tracks after splitting in place of 27 and 26 after merging in place of 10; the paper has 13 and 8.
   Eq. 6 has an eigenvalue of the polar R, whose units are mixed.
