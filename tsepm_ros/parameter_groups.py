@@ -262,6 +262,11 @@ def _refuse_what_does_not_go_together(made: Mapping[type[Any], Any]) -> None:
             "fixed_frame must be given where bearing_reference is north and own_ship_source none: "
             "the tracks are then in an east-north frame, not in the sensor's"
         )
+    if from_north and session.own_ship_source == "none" and not made[SensorModel].all_round:
+        raise ValueError(
+            "own_ship_source must not be none where bearing_reference is north and "
+            "sensor.azimuth_min to sensor.azimuth_max a sector: that turns with the heading"
+        )
 
 
 def parse_values(assignments: Iterable[str]) -> dict[str, Value]:

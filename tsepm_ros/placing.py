@@ -57,7 +57,9 @@ def at_rest(arrived: SensorScan) -> Scan:
     return _chosen(arrived, arrived.scan.range, arrived.scan.azimuth).scan
 
 
-def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
+def placed(
+    arrived: SensorScan, poses: PoseHistory, mounting: Mounting, *, sector: bool = False
+) -> Scan:
     """Place a scan by the poses of its echoes.
 
     Parameters
@@ -67,6 +69,9 @@ def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
         Of the vessel; it must cover `echo_span`.
     mounting : Mounting
         Of the sensor on it.
+    sector : bool, optional
+        Whether azimuths from north are turned to the sensor's axes, by the heading at reception:
+        its coverage is a sector of them. Positions and their covariances are the same.
 
     Returns
     -------
@@ -89,7 +94,7 @@ def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
         known = np.asarray((np.abs(velocity) <= LARGEST["sensor_velocity"]).all(axis=-1))
         velocity = np.where(known[..., None], velocity, 0.0)
         features = {**features, "range_rate": np.where(known, features["range_rate"], np.nan)}
-    return dataclasses.replace(
+    found = dataclasses.replace(
         scan,
         features=features,
         sensor_pose=echo_poses(
@@ -103,6 +108,9 @@ def placed(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> Scan:
         sensor_pose_covariance=_sensor_covariance(scan.stamp, poses, mounting, heading),
         sensor_velocity=velocity,
     )
+    if heading or not sector:
+        return found
+    return _by_the_sensor(found, _received(arrived), poses, mounting)
 
 
 def echo_span(arrived: SensorScan) -> tuple[float, float]:
@@ -156,6 +164,18 @@ def _chosen(arrived: SensorScan, range: FloatArray, azimuth: FloatArray) -> Sens
 def _sensor_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """Poses of the sensor at some times (s), (n, 3)."""
     return mounting.sensor_poses(poses.poses_with_attitude(times))
+
+
+def _by_the_sensor(
+    scan: Scan, received: FloatArray, poses: PoseHistory, mounting: Mounting
+) -> Scan:
+    """A placed scan with azimuths from north as one with the sensor's azimuths and yaws."""
+    pose = np.array(scan.sensor_pose)
+    yaw = _sensor_poses(received if pose.ndim > 1 else np.array([scan.stamp]), poses, mounting)[
+        :, 2
+    ]
+    pose[..., 2] = yaw if pose.ndim > 1 else yaw[0]
+    return dataclasses.replace(scan, azimuth=scan.azimuth - yaw, sensor_pose=pose)
 
 
 def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:

@@ -101,6 +101,11 @@ class SensorModel:
         return min(self.azimuth_max - self.azimuth_min, 2 * math.pi)
 
     @property
+    def all_round(self) -> bool:
+        """Whether every azimuth is covered."""
+        return self.sector_width >= 2 * math.pi
+
+    @property
     def coverage_area(self) -> float:
         """Area covered, m^2."""
         return 0.5 * self.sector_width * (self.max_range**2 - self.min_range**2)

@@ -443,7 +443,12 @@ class Session:
     def _placed(self, arrived: SensorScan) -> Scan | None:
         """The scan in the fixed frame; None where it cannot be placed, which is reported."""
         scan = arrived.scan
+        # Azimuths from north say where in a sector they are only with the heading.
+        sector = not self._settings.sensor.all_round
         if not self._moves:
+            if sector and arrived.north_referenced:
+                self.drop("heading_unknown", "no heading: bearings from north need it in a sector")
+                return None
             return self._with_usable_rates(scan, placing.at_rest(arrived))
         first, last = placing.echo_span(arrived)
         coverage = self._poses.coverage(first, last)
@@ -455,11 +460,11 @@ class Session:
             return None
         self._say_of_mounting(arrived.frame_id)
         covariance = self._poses.covariance(scan.stamp)
-        needed = not arrived.north_referenced or self._settings.mounting.offset
+        needed = sector or not arrived.north_referenced or self._settings.mounting.offset
         if needed and covariance is not None and covariance[2, 2] > MAX_YAW_VARIANCE:
             self.drop("heading_unknown", "the own-ship data has no heading, but it is needed")
             return None
-        found = placing.placed(arrived, self._poses, self._settings.mounting)
+        found = placing.placed(arrived, self._poses, self._settings.mounting, sector=sector)
         lost = len(scan) - len(found)
         if lost:
             self.drop(

@@ -128,6 +128,13 @@ def test_bearings_from_north_at_rest_need_a_fixed_frame():
         assert made[InitiatorNodeOptions].bearing_reference == "north"
 
 
+def test_bearings_from_north_at_rest_need_a_sensor_that_looks_all_round():
+    sector = {**FROM_NORTH, "fixed_frame": "map", "sensor.azimuth_min": -1.0}
+    with pytest.raises(ValueError, match=r"own_ship_source must not be none where bearing_refere"):
+        make_groups(TRACK_INITIATOR, sector)
+    make_groups(TRACK_INITIATOR, {**sector, "own_ship_source": "odometry"})
+
+
 def test_settings_have_every_group():
     made = make_groups(
         TRACK_INITIATOR, {"method": "tsepm", "tsepm.window": 9, "sensor.max_range": 5e3}

@@ -1,0 +1,112 @@
+"""The sensor's coverage: of a sector that turns with the ship, and whatever the order of echoes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods.score import ScoreOptions
+from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.placing import SensorScan
+from tsepm_ros.session import Session
+from tsepm_ros.settings import SessionOptions, Settings
+from tsepm_ros.simulation import Simulator
+from tsepm_ros.simulation.scenario import OwnShipMotion, Scenario
+
+SECTOR = SensorModel(
+    max_range=4000.0,
+    azimuth_min=-math.pi / 3,
+    azimuth_max=math.pi / 3,
+    detection_probability=0.8,
+    clutter_density=2e-6,
+)
+WEST = OwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(0.5))
+AHEAD = np.array([-2500.0, -3.0, 300.0, 1.0])
+
+
+def scenario(**more) -> Scenario:
+    given = {"scans": 30, "period": 6.0, "sensor": SECTOR, "sound_speed": 1500.0}
+    return Scenario("sector", **{**given, "targets": (AHEAD,), "own_ship": WEST, **more})
+
+
+def session(scene: Scenario, source: str = "odometry", **more) -> Session:
+    settings = Settings(
+        SessionOptions(own_ship_source=source, own_ship_max_gap=60.0, fixed_frame="map"),
+        sensor=scene.sensor,
+        common=CommonOptions(max_speed=8.0, **more),
+        methods={"score": ScoreOptions(false_tracks_per_hour=30.0)},
+    )
+    return Session(settings)
+
+
+def sailing(scene: Scenario, covariance: np.ndarray | None = None, **more) -> Session:
+    """A session that knows the own-ship motion."""
+    one = session(scene, **more)
+    for time in np.arange(-1.0, scene.scans * scene.period + 20.0, 0.5):
+        one.add_own_ship(PoseSample(time, *scene.own_ship.pose(time), covariance), "map")
+    return one
+
+
+def from_north(scan: Scan, scene: Scenario) -> SensorScan:
+    """The scan with azimuths that count from the fixed frame's x axis."""
+    delay = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+    yaw = [scene.own_ship.pose(time)[2] for time in scan.stamp + 2.0 * delay]
+    turned = dataclasses.replace(scan, azimuth=scan.azimuth + np.array(yaw))
+    return SensorScan(turned, "sonar", north_referenced=True)
+
+
+def by_bow(scan: Scan, scene: Scenario) -> SensorScan:
+    return SensorScan(scan, "sonar")
+
+
+def run(scene: Scenario, arriving, seed: int, **more) -> list:
+    one = sailing(scene, **more)
+    for simulated in Simulator(scene, seed):
+        one.add_scan(arriving(simulated.scan, scene), 0.0)
+    return list(one.process())
+
+
+@pytest.mark.parametrize("density", ["given", "estimated"])
+def test_bearings_from_north_give_the_same_tracks_as_those_from_the_bow(density):
+    scene = scenario()
+    bow, north = (run(scene, how, 1, clutter_density=density) for how in (by_bow, from_north))
+    assert sum(len(result.new) for result in bow) > 0
+    for one, other in zip(bow, north, strict=True):
+        assert [track.hits for track in one.new] == [track.hits for track in other.new]
+        np.testing.assert_allclose(one.current.state, other.current.state, rtol=1e-6, atol=1e-6)
+        pose, expected = (result.scan.sensor_pose for result in (other, one))
+        np.testing.assert_allclose(pose, expected, rtol=0, atol=1e-9)
+
+
+def test_a_sector_of_bearings_from_north_keeps_the_wished_false_tracks():
+    scene = scenario(targets=(), scans=300, sound_speed=0.0)
+    found = sum(len(result.new) for result in run(scene, from_north, 2))
+    assert found <= 27, "15 wished for in half an hour: Poisson, 99.9 %"
+
+
+def test_the_heading_s_error_does_not_move_bearings_from_north():
+    scene = scenario()
+    one = sailing(scene, np.diag([4.0, 9.0, 0.01]))
+    one.add_scan(from_north(next(iter(Simulator(scene, 1))).scan, scene), 0.0)
+    (result,) = one.process()
+    np.testing.assert_array_equal(result.scan.sensor_pose_covariance, np.diag([4.0, 9.0, 0.0]))
+
+
+@pytest.mark.parametrize(("sensor", "dropped"), [(SECTOR, 1), (SensorModel(), 0)])
+@pytest.mark.parametrize("source", ["none", "odometry"])
+def test_a_sector_of_bearings_from_north_needs_a_heading(sensor, dropped, source):
+    scene = scenario(sensor=sensor)
+    unknown = np.diag([1.0, 1.0, 1e6])
+    one = session(scene, source) if source == "none" else sailing(scene, unknown)
+    scan = Scan(5.0, [1000.0, 2000.0], [0.0, 1.0])
+    one.add_scan(SensorScan(scan, "sonar", north_referenced=True), 0.0)
+    found = list(one.process())
+    assert len(found) == 1 - dropped
+    assert one.dropped["heading_unknown"] == dropped
+    for result in found:
+        np.testing.assert_array_equal(result.scan.azimuth, scan.azimuth)
