@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tsepm_ros import range_rates
 from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.conversion import convert
+from tsepm_ros.coverage import PosesByRange
 from tsepm_ros.environment import Surroundings
 from tsepm_ros.holding import TrackHold
 from tsepm_ros.limits import TimeLimit
@@ -288,7 +289,7 @@ class Initiator(ABC):
         self.scan_index = -1
         self.statistics = ScanStatistics()
         self.totals = ScanStatistics()
-        self._sensor_pose = np.zeros(3)
+        self._poses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._polar = np.zeros(0), np.zeros(0)
         self._explained = np.zeros(0)
         self._clutter_map = ClutterMap(self.sensor)
@@ -318,9 +319,7 @@ class Initiator(ABC):
         self._time = TimeLimit(self.max_scan_time)
         self.stamp = scan.stamp
         self.scan_index += 1
-        poses = np.reshape(scan.sensor_pose, (-1, 3))
-        if len(poses):
-            self._sensor_pose = poses[-1]
+        self._poses = PosesByRange.of(scan) or self._poses
         detections = convert(scan, self.sensor, self.scan_index)
         self._polar = scan.range, scan.azimuth
         environment = None
@@ -349,10 +348,7 @@ class Initiator(ABC):
 
     def _detectable(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
-        offset = positions - self._sensor_pose[:2]
-        range_ = np.hypot(offset[:, 0], offset[:, 1])
-        azimuth = np.arctan2(offset[:, 1], offset[:, 0]) - self._sensor_pose[2]
-        covered = self.sensor.covers(range_, azimuth)
+        covered = self.sensor.covers(*self._poses.polar(positions))
         return np.where(covered, self.detection_probability, 0.0)
 
     def _clutter_density(self, detections: NDArray[np.void]) -> FloatArray:

@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros import Scan, SensorModel
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.coverage import PosesByRange
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.score import ScoreOptions
 from tsepm_ros.own_ship import PoseSample
@@ -110,3 +111,53 @@ def test_a_sector_of_bearings_from_north_needs_a_heading(sensor, dropped, source
     assert one.dropped["heading_unknown"] == dropped
     for result in found:
         np.testing.assert_array_equal(result.scan.azimuth, scan.azimuth)
+
+
+TURNING = OwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(2.0))
+
+
+def shuffled(scan: Scan, order: np.ndarray) -> Scan:
+    return dataclasses.replace(
+        scan,
+        range=scan.range[order],
+        azimuth=scan.azimuth[order],
+        time_offset=scan.time_offset[order],
+        sensor_pose=scan.sensor_pose[order],
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_order_of_a_scan_s_detections_does_not_change_its_tracks(seed):
+    scene = scenario(own_ship=TURNING, sensor=dataclasses.replace(SECTOR, max_range=9000.0))
+    scans = [result.scan for result in run(scene, by_bow, seed)]
+    rng, orders = np.random.default_rng(seed), []
+    one, other = (make_initiator("score", sensor=scene.sensor, max_speed=8.0) for _ in range(2))
+    for scan in scans:
+        order = rng.permutation(len(scan))
+        orders.append(order)
+        new, again = one.process(scan), other.process(shuffled(scan, order))
+        as_sent = [{(k, orders[k][row]) for k, row in track.hits} for track in again]
+        assert [set(track.hits) for track in new] == as_sent
+        assert one.statistics == other.statistics
+        for a, b in ((new, again), (one.hold.current, other.hold.current)):
+            np.testing.assert_allclose(a.state, b.state, rtol=1e-6, atol=1e-6)
+
+
+def test_a_position_is_judged_by_the_pose_that_an_echo_from_there_would_have():
+    speed, turn_rate = 1500.0, math.radians(2.0)
+    range_ = np.array([8000.0, 500.0, 6000.0, 3000.0])
+    yaw = 3.1 + turn_rate * 2.0 * range_ / speed
+    pose = np.stack([0.0 * range_, 0.0 * range_, np.remainder(yaw + np.pi, 2 * np.pi) - np.pi])
+    poses = PosesByRange.of(Scan(0.0, range_, 0.0 * range_, sensor_pose=pose.T))
+    here = np.array([1000.0, 3000.0, 7000.0])
+    sight = 3.1 + turn_rate * 2.0 * here / speed + 0.2
+    found = poses.polar(here[:, None] * np.stack([np.cos(sight), np.sin(sight)], axis=1))
+    np.testing.assert_allclose(found[0], here)
+    np.testing.assert_allclose(np.remainder(found[1], 2 * np.pi), 0.2, atol=1e-12)
+
+
+def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
+    initiator = make_initiator("score", sensor=SECTOR)
+    initiator.process(Scan(0.0, [1000.0], [0.0], sensor_pose=[[500.0, 0.0, 1.0]]))
+    initiator.process(Scan(6.0, [], [], sensor_pose=np.zeros((0, 3))))
+    assert initiator._detectable(np.array([[600.0, 200.0], [500.0, -900.0]])).tolist() == [0.8, 0.0]

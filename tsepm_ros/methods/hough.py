@@ -162,7 +162,7 @@ class Hough(HitCounter):
         votes : int
         """
         detections = self._window[image]
-        cell, from_middle = self._cells(detections["position"] - self._sensor_pose[:2])
+        cell, from_middle = self._cells(detections["position"] - self._poses.middle[:2])
         scan = detections["scan"]
         found = np.unique(cell[scan == self.scan_index])
         line = np.searchsorted(found, cell)
