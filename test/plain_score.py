@@ -19,6 +19,7 @@ from plain_tsepm import (
     Parameters,
     convert_scan,
     covariance_at,
+    range_variance,
     transition_matrix,
 )
 
@@ -54,12 +55,16 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[lis
     for index, scan in enumerate(scans):
         poses = np.asarray(scan.get("sensor_pose", (0.0, 0.0, 0.0)), float).reshape(-1, 3)
         place = poses[-1, :2] if len(poses) else place
-        detections = convert_scan(scan, index, rule.settings)
+        detections = [
+            one
+            for one in convert_scan(scan, index, rule.settings)
+            if may_be_covered(float(scan["range"][one.key[1]]), one, rule)
+        ]
         elapsed = scan["stamp"] - scans[index - 1]["stamp"] if index else 0.0
         grown: list[Hypothesis] = []
         for hypothesis in alive:
             predicted = predict(hypothesis, elapsed, rule)
-            for detection in detections:
+            for detection in detections if covered(predicted, place, rule) else ():
                 child = extend(predicted, detection, scan["stamp"], rule)
                 if child is not None:
                     grown.append(child)
@@ -72,6 +77,17 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[lis
         ]
         after.append(alive)
     return after
+
+
+def may_be_covered(measured: float, detection: Detection, rule: Rule) -> bool:
+    """Whether a detection is at most three deviations of its range beyond the coverage."""
+    variance = range_variance(measured, detection.sensing, rule.settings)
+    return measured <= rule.max_range + 3.0 * math.sqrt(variance)
+
+
+def covered(predicted: Hypothesis, place: np.ndarray, rule: Rule) -> bool:
+    """Whether a target where the hypothesis expects it can be detected or missed."""
+    return math.dist(predicted.state[[0, 2]], place) <= rule.max_range
 
 
 def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
@@ -115,7 +131,7 @@ def extend(
 def missed(predicted: Hypothesis, place: np.ndarray, rule: Rule) -> Hypothesis:
     """The branch that leaves the scan out: free of charge outside the coverage."""
     charge = 0.0
-    if math.dist(predicted.state[[0, 2]], place) <= rule.max_range:
+    if covered(predicted, place, rule):
         charge = math.log(1.0 - rule.detection_probability * rule.gate_probability)
     return Hypothesis(
         predicted.keys, predicted.state, predicted.covariance, predicted.score + charge

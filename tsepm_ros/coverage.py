@@ -8,8 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.scan import Scan
+from tsepm_ros.sensor import SensorModel
 
 FloatArray = NDArray[np.float64]
+
+EDGE_DEVIATIONS = 3.0
+"""Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
+
+
+def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
+    """Which detections (n,) may be of a target in the coverage, with the errors that they have.
+
+    A sensor that covers no more detects no target elsewhere: a detection there is false.
+    """
+    range_std = scan.range_std
+    if range_std is None:
+        range_std = np.sqrt(sensor.range_variance(scan.range))
+    azimuth_std = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
+    return sensor.covers(
+        scan.range, scan.azimuth, EDGE_DEVIATIONS * range_std, EDGE_DEVIATIONS * azimuth_std
+    )
 
 
 @dataclass(frozen=True)

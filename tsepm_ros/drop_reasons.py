@@ -143,6 +143,14 @@ _SINGLE = {
     "range_above_max": DropReason(
         DETECTIONS, "detection", "it is beyond the scan's `range_max`", "None: it is right so"
     ),
+    "outside_coverage": DropReason(
+        DETECTIONS,
+        "detection",
+        "it is outside the sensor's coverage by more than three standard deviations",
+        "Compare `sensor.min_range`, `sensor.max_range`, `sensor.azimuth_min` and "
+        "`sensor.azimuth_max` with the sonar's settings; none where the coverage is limited "
+        "on purpose",
+    ),
     "no_position": DropReason(
         DETECTIONS, "detection", "it has neither a box nor a result", "Mend the detector"
     ),

@@ -23,7 +23,7 @@ LEAST_DENSITY = 1e-12
 
 
 def hit_gain(
-    log_density: FloatArray, detection_probability: float, clutter: FloatArray
+    log_density: FloatArray, detection_probability: float | FloatArray, clutter: FloatArray
 ) -> FloatArray:
     """Gain of a detection: ``ln(P_D N(z; H x, S) / lambda)``.
 
@@ -32,8 +32,8 @@ def hit_gain(
     log_density : (n,) ndarray
         ln N, the density of the detection under the hypothesis, in the coordinates of the clutter
         density.
-    detection_probability : float
-        P_D. What is there was detected, wherever the data sheet ends the coverage.
+    detection_probability : float or (n,) ndarray
+        P_D where the hypothesis expects its target; -inf is gained where it is 0.
     clutter : (n,) ndarray
         lambda at the detection: the density of all that explains it but this hypothesis, 1/m^2.
 
@@ -41,8 +41,10 @@ def hit_gain(
     -------
     (n,) ndarray
     """
-    probability = min(detection_probability, LARGEST_DETECTION_PROBABILITY)
-    gain: FloatArray = log_density + np.log(probability / np.maximum(clutter, LEAST_DENSITY))
+    probability = np.minimum(detection_probability, LARGEST_DETECTION_PROBABILITY)
+    with np.errstate(divide="ignore"):
+        ratio = np.log(probability / np.maximum(clutter, LEAST_DENSITY))
+    gain: FloatArray = log_density + ratio
     return gain
 
 

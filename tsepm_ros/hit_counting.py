@@ -258,7 +258,7 @@ class PathFollower(HitCounter):
             confirmation.tracks,
             ScanStatistics(
                 scans=1,
-                detections=len(scan),
+                detections=len(detections),
                 potential_tracks=len(self._potential),
                 started=len(started),
                 terminated=terminated,

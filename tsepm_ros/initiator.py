@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tsepm_ros import range_rates
 from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.conversion import convert
-from tsepm_ros.coverage import PosesByRange
+from tsepm_ros.coverage import PosesByRange, inside
 from tsepm_ros.environment import Surroundings
 from tsepm_ros.holding import TrackHold
 from tsepm_ros.limits import TimeLimit
@@ -114,7 +114,7 @@ class ScanStatistics:
     scans : int
         Scans counted.
     detections : int
-        Detections received.
+        Detections in the sensor's coverage.
     potential_tracks : int
         Potential tracks held after the scan (in a sum: the most held at once).
     hopeless_tracks : int
@@ -136,6 +136,8 @@ class ScanStatistics:
         Removed because a limit was reached. Potential tracks count once, when they are cut, as does
         a pair of gate and detection that was left out; the confirmations are all that would have
         come of the potential tracks cut in this and in earlier scans.
+    outside_coverage : int
+        Detections received beside those in the coverage; they are not used.
     """
 
     scans: int = 0
@@ -150,6 +152,7 @@ class ScanStatistics:
     confirmed: int = 0
     cut_potential_tracks: int = 0
     cut_confirmations: int = 0
+    outside_coverage: int = 0
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
         """Sum of the counts; of the tracks held the larger."""
@@ -291,6 +294,7 @@ class Initiator(ABC):
         self.totals = ScanStatistics()
         self._poses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._polar = np.zeros(0), np.zeros(0)
+        self._outside_coverage = 0
         self._explained = np.zeros(0)
         self._clutter_map = ClutterMap(self.sensor)
         self._clutter_rates = range_rates.ClutterRates()
@@ -306,7 +310,7 @@ class Initiator(ABC):
         """Forget the scans so far and the potential tracks, but not the tracks held nor counts."""
 
     def _receive(self, scan: Scan) -> NDArray[np.void]:
-        """Count a scan in and convert its detections (Step 1)."""
+        """Count a scan in and convert its detections in the coverage (Step 1)."""
         if self.stamp is not None and scan.stamp <= self.stamp:
             raise ValueError(
                 f"stamp must be later than the last scan's; got {scan.stamp!r} after {self.stamp!r}"
@@ -320,8 +324,10 @@ class Initiator(ABC):
         self.stamp = scan.stamp
         self.scan_index += 1
         self._poses = PosesByRange.of(scan) or self._poses
-        detections = convert(scan, self.sensor, self.scan_index)
-        self._polar = scan.range, scan.azimuth
+        covered = inside(scan, self.sensor)
+        self._outside_coverage = len(scan) - int(np.count_nonzero(covered))
+        detections = convert(scan, self.sensor, self.scan_index)[covered]
+        self._polar = scan.range[covered], scan.azimuth[covered]
         environment = None
         if self.common.plot_features:
             self._in_zone = self._clutter_map.in_zone(*self._polar)
@@ -400,6 +406,6 @@ class Initiator(ABC):
         """Hold the newly confirmed tracks and count the scan; returns the tracks."""
         histories = self._surroundings.histories(tracks) if self.common.plot_features else None
         self.hold.add(tracks, self._existence(tracks), histories)
-        self.statistics = statistics
-        self.totals = self.totals + statistics
+        self.statistics = dataclasses.replace(statistics, outside_coverage=self._outside_coverage)
+        self.totals = self.totals + self.statistics
         return tracks

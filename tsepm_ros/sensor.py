@@ -118,22 +118,32 @@ class SensorModel:
         """Derivative of the range's variance by the range, m: 2 range_std_fraction^2 range."""
         return 2.0 * self.range_std_fraction**2 * np.asarray(range, float)
 
-    def covers(self, range: ArrayLike, azimuth: ArrayLike) -> NDArray[np.bool_]:
+    def covers(
+        self,
+        range: ArrayLike,
+        azimuth: ArrayLike,
+        range_margin: ArrayLike = 0.0,
+        azimuth_margin: ArrayLike = 0.0,
+    ) -> NDArray[np.bool_]:
         """Whether positions given in the sensor frame can be detected at all.
 
         Parameters
         ----------
         range, azimuth : (n,) array_like
             m and rad.
+        range_margin, azimuth_margin : float or (n,) array_like, optional
+            How far beyond the edges it may be, m and rad.
 
         Returns
         -------
         (n,) ndarray of bool
         """
-        distance = np.asarray(range, float)
-        turned = np.remainder(np.asarray(azimuth, float) - self.azimuth_min, 2 * np.pi)
+        distance, beyond = np.asarray(range, float), np.asarray(range_margin, float)
+        aside = np.asarray(azimuth_margin, float)
+        begin = self.azimuth_min - aside
+        turned = np.remainder(np.asarray(azimuth, float) - begin, 2 * np.pi)
         return (
-            (distance >= self.min_range)
-            & (distance <= self.max_range)
-            & (turned <= self.sector_width)
+            (distance >= self.min_range - beyond)
+            & (distance <= self.max_range + beyond)
+            & (turned <= self.sector_width + 2.0 * aside)
         )

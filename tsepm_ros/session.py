@@ -586,6 +586,14 @@ class Session:
         core_seconds = time.perf_counter() - begin
         self._say_of_tracker(tracker)
         statistics = self.initiator.statistics
+        outside = statistics.outside_coverage
+        if outside:
+            self.drop(
+                "outside_coverage",
+                f"{outside} of {len(scan)} detections are not used: outside the coverage that "
+                "sensor.min_range, max_range, azimuth_min and azimuth_max give",
+                outside,
+            )
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
             self._report("limit", f"a limit cut {cut} hypotheses at {scan.stamp:.3f} s")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.coverage import PosesByRange
+from tsepm_ros.coverage import PosesByRange, inside
 from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.methods import available_methods
 from tsepm_ros.methods.score import ScoreOptions
 from tsepm_ros.own_ship import PoseSample
 from tsepm_ros.placing import SensorScan
@@ -161,3 +162,98 @@ def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
     initiator.process(Scan(0.0, [1000.0], [0.0], sensor_pose=[[500.0, 0.0, 1.0]]))
     initiator.process(Scan(6.0, [], [], sensor_pose=np.zeros((0, 3))))
     assert initiator._detectable(np.array([[600.0, 200.0], [500.0, -900.0]])).tolist() == [0.8, 0.0]
+
+
+DISC = SensorModel(max_range=4000.0, clutter_density=2e-6)
+EDGE = SensorModel(
+    range_std=10.0,
+    range_std_fraction=0.0,
+    azimuth_std=0.01,
+    min_range=500.0,
+    max_range=1000.0,
+    azimuth_min=-1.0,
+    azimuth_max=1.0,
+)
+
+
+def clutter(seed: int, scans: int):
+    """Scans of clutter over the whole of DISC."""
+    rng = np.random.default_rng(seed)
+    for k in range(scans):
+        n = rng.poisson(DISC.clutter_density * DISC.coverage_area)
+        range_ = DISC.max_range * np.sqrt(rng.uniform(1e-6, 1.0, n))
+        yield Scan(6.0 * k, range_, rng.uniform(-math.pi, math.pi, n))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{}, {"max_range": 3500.0}, {"max_range": 2800.0}, {"azimuth_min": -1.0, "azimuth_max": 1.0}],
+    ids=["right", "3500 m", "2800 m", "sector"],
+)
+def test_a_coverage_given_too_small_does_not_flood_false_tracks(given):
+    sensor = dataclasses.replace(DISC, **given)
+    initiator = make_initiator("score", sensor=sensor, false_tracks_per_hour=20.0)
+    found = sum(len(initiator.process(scan)) for scan in clutter(3, 600))
+    assert found <= 35, "20 wished for in an hour: Poisson, 99.9 %"
+
+
+@pytest.mark.parametrize(
+    ("range_", "azimuth", "own", "used"),
+    [
+        (1029.0, 0.0, {}, True),
+        (1031.0, 0.0, {}, False),
+        (1031.0, 0.0, {"range_std": [11.0]}, True),
+        (471.0, 0.0, {}, True),
+        (469.0, 0.0, {}, False),
+        (700.0, 1.029, {}, True),
+        (700.0, -1.029, {}, True),
+        (700.0, 1.031, {}, False),
+        (700.0, -1.031, {}, False),
+        (700.0, -1.031, {"azimuth_std": [0.011]}, True),
+        (700.0, math.pi, {}, False),
+    ],
+)
+def test_detections_may_be_three_deviations_beyond_the_edge(range_, azimuth, own, used):
+    assert inside(Scan(0.0, [range_], [azimuth], **own), EDGE).tolist() == [used]
+
+
+def test_errors_wider_than_a_sector_leave_no_azimuth_out():
+    scan = Scan(0.0, np.full(5, 700.0), np.linspace(-3.0, 3.0, 5), azimuth_std=np.full(5, 1.0))
+    assert inside(scan, EDGE).all()
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_no_method_starts_a_track_on_detections_outside_the_coverage(method):
+    initiator = make_initiator(method, sensor=EDGE)
+    hits = []
+    for k in range(12):
+        here = 700.0 + 4.0 * k
+        scan = Scan(4.0 * k, [here + 1000.0, here, here], [0.0, 0.0, 2.0])
+        hits += [hit for track in initiator.process(scan) for hit in track.hits]
+        assert initiator.statistics.detections == 1
+        assert initiator.statistics.outside_coverage == 2
+    assert hits
+    assert {row for _, row in hits} == {1}, "rows are those of the scan as sent"
+    assert initiator.totals.outside_coverage == 24
+
+
+def test_a_hypothesis_beyond_the_edge_pays_for_no_miss_and_gains_by_no_hit():
+    initiator = make_initiator("score", sensor=EDGE)
+    for k in range(4):
+        initiator.process(Scan(4.0 * k, [1020.0], [0.0]))
+    assert initiator.statistics.potential_tracks == 4, "each detection's own start, and no pair"
+    np.testing.assert_array_equal(initiator._hypotheses.score, 0.0)
+
+
+def test_detections_outside_the_coverage_are_counted_and_said():
+    said = []
+    settings = Settings(SessionOptions(), sensor=EDGE)
+    one = Session(settings, lambda reason, sentence: said.append((reason, sentence)))
+    one.add_scan(SensorScan(Scan(0.0, [700.0, 1100.0, 700.0], [0.0, 0.0, 2.0]), "sonar"), 0.0)
+    one.add_scan(SensorScan(Scan(4.0, [700.0], [0.0]), "sonar"), 0.0)
+    first, _ = one.process()
+    assert len(first.scan) == 3
+    assert one.dropped == {"outside_coverage": 2}
+    ((reason, sentence),) = said
+    assert reason == "outside_coverage"
+    assert sentence.startswith("2 of 3 detections are not used")

@@ -119,7 +119,7 @@ class Hough(HitCounter):
             confirmation.tracks,
             ScanStatistics(
                 scans=1,
-                detections=len(scan),
+                detections=len(ids),
                 potential_tracks=len(self._image),
                 started=len(ids),
                 terminated=int(np.count_nonzero(ended)),

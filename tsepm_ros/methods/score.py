@@ -153,15 +153,16 @@ class Score(Initiator):
         self._has_range_rates = bool(range_rates.measured(detections).any())
         density = self._clutter_density(detections)
         clutter = density + self._explained
-        self._observe(len(scan), interval)
+        self._observe(len(detections), interval)
         predicted = self._hypotheses.predicted(interval, self.options.process_noise)
-        children, cut_children = self._split(predicted, detections, ids, clutter)
+        detectable = self._detectable(predicted.state[:, 0::2])
+        children, cut_children = self._split(predicted, detectable, detections, ids, clutter)
         started = self._start(detections, ids, density / clutter)
         updated = Hypotheses.joined(children, started)
         target = self._target_share(updated, ids)
         self._clutter_map.withdraw(*self._polar, self._clutter_share * target)
         tracks, rest = self._confirm(updated, ids)
-        missed = self._miss(predicted).without(self._taken)
+        missed = self._miss(predicted, detectable).without(self._taken)
         kept = self._prune(Hypotheses.joined(rest, missed))
         self._hypotheses, cut = self._limit(kept)
         self._window.forget(self.scan_index + 2 - self.options.window)
@@ -169,7 +170,7 @@ class Score(Initiator):
             tracks,
             ScanStatistics(
                 scans=1,
-                detections=len(scan),
+                detections=len(detections),
                 potential_tracks=len(self._hypotheses),
                 started=len(started),
                 terminated=len(rest) + len(missed) - len(kept),
@@ -278,11 +279,15 @@ class Score(Initiator):
     def _split(
         self,
         predicted: Hypotheses,
+        detectable: FloatArray,
         detections: NDArray[np.void],
         ids: IntArray,
         clutter: FloatArray,
     ) -> tuple[Hypotheses, int]:
         """Extend every hypothesis by each detection in its gate, ``d' S^-1 d <= gamma``.
+
+        One of a target that cannot be detected where it is has no children: its misses cost
+        nothing either, and hits that count there would make the evidence of clutter grow.
 
         Returns the children that are not deleted at once, and the pairs that a limit left out.
         """
@@ -299,7 +304,7 @@ class Score(Initiator):
                 break
             part = order[first : first + BLOCK]
             score[part] = self._child_score(
-                predicted, parent[part], detections[row[part]], clutter[row[part]]
+                predicted, detectable, parent[part], detections[row[part]], clutter[row[part]]
             )
         kept = np.flatnonzero(score > self.deletion)
         kept = kept[places(row[kept], score[kept]) < self.options.max_per_detection]
@@ -324,11 +329,12 @@ class Score(Initiator):
     def _child_score(
         self,
         predicted: Hypotheses,
+        detectable: FloatArray,
         parent: IntArray,
         found: NDArray[np.void],
         clutter: FloatArray,
     ) -> FloatArray:
-        """Score of each child; -inf outside the gate."""
+        """Score of each child; -inf outside the gate, or where P_D (of the parents) is 0."""
         lag, innovation, spread = predicted.innovations(parent, found, self._now, self.sensor)
         density = filtering.log_likelihood(
             predicted.state,
@@ -340,12 +346,11 @@ class Score(Initiator):
             found,
             self.options.gate_probability,
         )
-        gain = evidence.hit_gain(density, self.detection_probability, clutter)
+        gain = evidence.hit_gain(density, detectable[parent], clutter)
         return predicted.score[parent] + gain
 
-    def _miss(self, predicted: Hypotheses) -> Hypotheses:
+    def _miss(self, predicted: Hypotheses, detectable: FloatArray) -> Hypotheses:
         """The branches of all hypotheses that leave the scan out."""
-        detectable = self._detectable(predicted.state[:, 0::2])
         score = predicted.score + evidence.miss_gain(detectable, self.options.gate_probability)
         return replace(predicted, score=score)
 

@@ -230,7 +230,7 @@ class Tsepm(Initiator):
             tracks,
             ScanStatistics(
                 scans=1,
-                detections=len(scan),
+                detections=len(detections),
                 potential_tracks=len(self._potential),
                 hopeless_tracks=self._hopeless.total,
                 started=len(started),

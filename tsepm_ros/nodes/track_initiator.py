@@ -127,7 +127,7 @@ class TrackInitiator(Node):
             core=result.core_seconds,
             publishing=end - begin,
         )
-        self._health.processed(len(result.scan), latency, self._now())
+        self._health.processed(result.statistics.detections, latency, self._now())
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         now = time_to_ns(self.get_clock().now().to_msg())
