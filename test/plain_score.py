@@ -7,6 +7,7 @@ window. Detections are converted by `plain_tsepm`.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,9 @@ from plain_tsepm import (
     range_variance,
     transition_matrix,
 )
+
+Way = list[tuple[float, np.ndarray]]
+"""Places of the sensor, each with the range of the echo that it belongs to."""
 
 
 @dataclass
@@ -51,10 +55,9 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[lis
     """All hypotheses after each scan."""
     alive: list[Hypothesis] = []
     after = []
-    place = np.zeros(2)
+    way = [(0.0, np.zeros(2))]
     for index, scan in enumerate(scans):
-        poses = np.asarray(scan.get("sensor_pose", (0.0, 0.0, 0.0)), float).reshape(-1, 3)
-        place = poses[-1, :2] if len(poses) else place
+        way = way_of_sensor(scan) or way
         detections = [
             one
             for one in convert_scan(scan, index, rule.settings)
@@ -64,11 +67,11 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[lis
         grown: list[Hypothesis] = []
         for hypothesis in alive:
             predicted = predict(hypothesis, elapsed, rule)
-            for detection in detections if covered(predicted, place, rule) else ():
+            for detection in detections if covered(predicted, way, rule) else ():
                 child = extend(predicted, detection, scan["stamp"], rule)
                 if child is not None:
                     grown.append(child)
-            grown.append(missed(predicted, place, rule))
+            grown.append(missed(predicted, way, rule))
         grown += [start(detection, scan["stamp"], rule) for detection in detections]
         alive = [
             one
@@ -85,9 +88,28 @@ def may_be_covered(measured: float, detection: Detection, rule: Rule) -> bool:
     return measured <= rule.max_range + 3.0 * math.sqrt(variance)
 
 
-def covered(predicted: Hypothesis, place: np.ndarray, rule: Rule) -> bool:
+def way_of_sensor(scan: Mapping[str, Any]) -> Way:
+    """Where the sensor was, by the range of the echo, nearest first; one place for all: that."""
+    poses = np.asarray(scan.get("sensor_pose", (0.0, 0.0, 0.0)), float).reshape(-1, 3)
+    if len(poses) == 1:
+        return [(0.0, poses[0, :2])]
+    echoes = zip(scan["range"], poses[:, :2], strict=True)
+    return sorted(((float(range_), place) for range_, place in echoes), key=lambda echo: echo[0])
+
+
+def place_at(way: Way, distance: float) -> np.ndarray:
+    """Where the sensor was for an echo of a range: in a straight line between the next two."""
+    for (near, begin), (far, end) in itertools.pairwise(way):
+        if near <= distance < far:
+            return begin + (distance - near) / (far - near) * (end - begin)
+    return way[0][1] if distance < way[0][0] else way[-1][1]
+
+
+def covered(predicted: Hypothesis, way: Way, rule: Rule) -> bool:
     """Whether a target where the hypothesis expects it can be detected or missed."""
-    return math.dist(predicted.state[[0, 2]], place) <= rule.max_range
+    expected = predicted.state[[0, 2]]
+    place = place_at(way, math.dist(expected, way[len(way) // 2][1]))
+    return math.dist(expected, place) <= rule.max_range
 
 
 def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
@@ -128,10 +150,10 @@ def extend(
     )
 
 
-def missed(predicted: Hypothesis, place: np.ndarray, rule: Rule) -> Hypothesis:
+def missed(predicted: Hypothesis, way: Way, rule: Rule) -> Hypothesis:
     """The branch that leaves the scan out: free of charge outside the coverage."""
     charge = 0.0
-    if covered(predicted, place, rule):
+    if covered(predicted, way, rule):
         charge = math.log(1.0 - rule.detection_probability * rule.gate_probability)
     return Hypothesis(
         predicted.keys, predicted.state, predicted.covariance, predicted.score + charge

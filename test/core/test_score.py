@@ -77,7 +77,7 @@ def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
         process_noise=(0.0, 0.01)[seed % 2],
         deletion=math.log(0.005),
         window=window,
-        max_range=3500.0,
+        max_range=3700.0,
     )
     initiator = score(
         SensorModel(
