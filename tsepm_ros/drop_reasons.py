@@ -189,7 +189,7 @@ _SINGLE = {
         OWN_SHIP,
         "scan",
         "the own-ship data says that its heading is not known, and the detections need it",
-        "Give odometry with a heading, or bearings from north",
+        "Give odometry with a heading, or bearings from north; with those, a coverage all round",
     ),
     "queue_full": DropReason(
         OWN_SHIP,
