@@ -238,7 +238,7 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track(monkeypatch):
     sail(one, 0.0, 60.0)
     confirmed = play(one, [0, 12, 24], now=0.0)[2].new
 
-    def fail(*given):
+    def fail(*given, **named):
         raise ValueError("sensor_pose must be at most 1e9")
 
     with monkeypatch.context() as patch:
