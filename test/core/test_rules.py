@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros.analysis.reproduction import published
+from tsepm_ros.analysis.reproduction import published_tsepm_2018 as published
 from tsepm_ros.analysis.rules import (
     confirmed_by,
     false_start_probability,

@@ -272,17 +272,17 @@ class Tsepm(Initiator):
         return tracks.numbered(np.arange(len(tracks)))
 
     def _gate(self, detections: NDArray[np.void]) -> Gates:
-        """Gate the scan: paths that share a last hit share its gate (Step 2, Eqs. 4-5)."""
+        """Gate the scan: paths that share a last hit share its gate (Step 2)."""
         ids = self._window.append(detections)
         paths = (self._potential, self._hopeless, self._surplus)
         last_hits = np.unique(np.concatenate([part.last_hit for part in paths]))
-        gated = splitting.gate(
-            self._window[last_hits],
-            detections,
-            self.common.max_speed,
-            self.options.gate_probability,
+        return Gates(last_hits, self._gated(self._window[last_hits], detections), ids)
+
+    def _gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> splitting.Gated:
+        """Detections in the gate of each last hit (Eqs. 4-5)."""
+        return splitting.gate(
+            last_hits, detections, self.common.max_speed, self.options.gate_probability
         )
-        return Gates(last_hits, gated, ids)
 
     def _split(self, gates: Gates) -> tuple[Paths, Paths, PathCounts]:
         """Extend every track by each of its gated detections (Step 2).

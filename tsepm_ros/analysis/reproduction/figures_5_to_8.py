@@ -24,7 +24,7 @@ from tsepm_ros.analysis.reproduction.monte_carlo import (
     run_comparison,
     sensor_at,
 )
-from tsepm_ros.analysis.reproduction.published import (
+from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
     FIGURE_7_DENSITY,
     FIGURE_7_MARKS,
     GATE_PROBABILITY,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -11,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.analysis.reproduction.published import (
-    AREA_SIDE,
+from tsepm_ros.analysis.reproduction.published_split_merge_2016 import AREA_SIDE, TABLE_I_RULE
+from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
     COORDINATE,
     FIGURE_7_DENSITY,
+    GATE_FACTOR,
     GATE_PROBABILITY,
     MAX_SPEED,
     PERIOD,
     RANGE_ERROR_FRACTION,
     TABLE_1,
     TABLE_1_DENSITY,
-    TABLE_I_RULE,
     Table1Row,
 )
 from tsepm_ros.analysis.reproduction.runs import Result
@@ -30,11 +31,12 @@ from tsepm_ros.analysis.truth import measurement_sigma
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
-from tsepm_ros.methods.tsepm import Candidates
+from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
 from tsepm_ros.pruning import READINGS
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.simulator import CLUTTER
+from tsepm_ros.splitting import Gated, gate_within
 from tsepm_ros.track import TrackArrays
 
 RULE = (5, 8)
@@ -42,6 +44,8 @@ DENSITIES = (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
 ERRORS = (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
 TARGET = np.array([COORDINATE, COORDINATE])
 OWN = {"min_hits": RULE[0], "window": RULE[1], "gate_probability": GATE_PROBABILITY}
+STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
+"""alpha times the range error at a range of 5000 m, m."""
 KENNEDY = {"evaluation": "clutter_statistic"}
 
 CURVES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
@@ -60,15 +64,36 @@ CURVES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Table1Case:
-    """What a simulated run of the table depends on."""
+    """What a simulated run of the table depends on.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    fixed_margin : bool
+        Whether every gate has `STATED_MARGIN`, instead of that of Eq. 4 where the detection is.
+    """
 
     scenario: Scenario
+    fixed_margin: bool = False
+
+
+class FixedMargin(Tsepm):
+    """TSEPM 2018 with one gate margin, `STATED_MARGIN`, for all detections.
+
+    Only the gate has it; estimating, pruning and merging have each detection's own errors.
+    """
+
+    def _gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:
+        margin = np.full(len(last_hits), STATED_MARGIN)
+        return gate_within(last_hits, detections, self.common.max_speed, margin)
 
 
 def table_1_cases() -> dict[str, Table1Case]:
     """Scenes of Section 5.1, a disc of clutter and one target, by the reading of the errors.
 
-    P_F(1) takes the errors at 5000 m for those everywhere, so its simulation may have done so too.
+    P_F(1) has one gate margin everywhere, that of the errors at 5000 m. The simulation may have had
+    the margin alone, or the errors too; errors of the same size across the line of sight as along
+    it take another azimuth error than the stated one.
     """
     target = np.array([COORDINATE, 5.0, COORDINATE, 0.0])
     window = max(row.rule[1] for row in TABLE_1)
@@ -80,12 +105,17 @@ def table_1_cases() -> dict[str, Table1Case]:
         range_std_fraction=0.0,
         azimuth_std=sigma / published.max_range,  # never the larger axis
     )
+    azimuth = f"azimuth {math.degrees(same.azimuth_std):.2f} degrees"
+
+    def scenario(sensor: SensorModel) -> Scenario:
+        return Scenario("section_5_1", window, PERIOD, sensor, targets=(target,))
+
     return {
-        name: Table1Case(Scenario("section_5_1", window, PERIOD, sensor, targets=(target,)))
-        for name, sensor in (
-            ("the errors as stated", published),
-            (f"errors of {sigma:g} m everywhere", same),
-        )
+        "the errors as stated": Table1Case(scenario(published)),
+        f"the errors as stated, gate margin {STATED_MARGIN:.0f} m": Table1Case(
+            scenario(published), fixed_margin=True
+        ),
+        f"errors of {sigma:g} m everywhere ({azimuth})": Table1Case(scenario(same)),
     }
 
 
@@ -97,23 +127,22 @@ def run_table_1(what: Table1Case, seed: list[int]) -> Result:
     """
     scene = Scene.drawn(what.scenario, seed)
     return {
-        f"{row.name} {reading}": _table_1_counts(scene, row, reading)
+        f"{row.name} {reading}": _table_1_counts(scene, row, reading, what.fixed_margin)
         for row in TABLE_1
         for reading in READINGS
     }
 
 
-def _table_1_counts(scene: Scene, row: Table1Row, reading: str) -> list[float]:
+def _table_1_counts(scene: Scene, row: Table1Row, reading: str, fixed_margin: bool) -> list[float]:
     min_hits, window = row.rule
-    starter = make_initiator(
-        "tsepm",
-        sensor=scene.simulator.scenario.sensor,
-        max_speed=MAX_SPEED,
+    options = TsepmOptions(
         min_hits=min_hits,
         window=window,
         gate_probability=GATE_PROBABILITY,
         pruning_reading=reading,
     )
+    kind = FixedMargin if fixed_margin else Tsepm
+    starter = kind(scene.simulator.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
     started = scene.started(starter, window)
     found, wrong = started.counts()
     first = _of_first_scan(started)

@@ -24,7 +24,12 @@ RunFunction = Callable[[Any, list[int]], Result]
 
 JUDGES = tuple(
     Path(__file__).parents[1] / name
-    for name in ("truth.py", "reproduction/scene.py", "reproduction/published.py")
+    for name in (
+        "truth.py",
+        "reproduction/scene.py",
+        "reproduction/published_tsepm_2018.py",
+        "reproduction/published_split_merge_2016.py",
+    )
 )
 """Modules that decide what is counted, besides the one of the run's function."""
 

@@ -11,7 +11,7 @@ from tsepm_ros import merging
 from tsepm_ros.analysis.intervals import mean_count, proportion
 from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
 from tsepm_ros.analysis.reproduction.monte_carlo import FourTargets, run_four_targets
-from tsepm_ros.analysis.reproduction.published import (
+from tsepm_ros.analysis.reproduction.published_split_merge_2016 import (
     AFTER_MERGING,
     AFTER_SPLITTING,
     SAID_NOT_TO_MERGE,

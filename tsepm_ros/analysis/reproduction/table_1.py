@@ -10,15 +10,14 @@ import numpy as np
 
 from tsepm_ros.analysis.intervals import Estimate, proportion
 from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.analysis.reproduction.monte_carlo import run_table_1, table_1_cases
+from tsepm_ros.analysis.reproduction.monte_carlo import STATED_MARGIN, run_table_1, table_1_cases
 from tsepm_ros.analysis.reproduction.paired import ratio
-from tsepm_ros.analysis.reproduction.published import (
+from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
     COORDINATE,
     GATE_FACTOR,
     GATE_PROBABILITY,
     MAX_SPEED,
     PERIOD,
-    RANGE_ERROR_FRACTION,
     RECOMMENDED,
     TABLE_1,
     TABLE_1_DENSITY,
@@ -38,8 +37,6 @@ from tsepm_ros.sensor import SensorModel
 
 FITTED_MARGIN = 159.78
 """g that fits most of P_F(1), m. It is fitted to the column, so it shows only the form."""
-STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
-"""alpha times the range error at a range of 5000 m, m."""
 SLIP_RULE = (4, 6)
 DETECTION_WITHIN = 1e-4
 FALSE_WITHIN = 1e-3
