@@ -64,10 +64,10 @@ def counts(period, rows):
 def test_times_become_scans():
     one = counts(12.0, [np.arange(11)])
     # Seventy-two seconds: the sixth scan if the first takes an interval, else the seventh.
-    assert one.formed(one.true).tolist() == [5, 6, 7, 8, 9]
-    assert one.formed(one.true, earlier=True).tolist() == [6, 7, 8, 9, 10]
+    assert [mean.value for mean in one.formed(one.true)] == [5, 6, 7, 8, 9]
+    assert [mean.value for mean in one.formed(one.true, earlier=True)] == [6, 7, 8, 9, 10]
     shorter = counts(8.0, [np.arange(16)])
-    assert shorter.formed(shorter.true).tolist() == [8, 9, 11, 12, 14]
+    assert [mean.value for mean in shorter.formed(shorter.true)] == [8, 9, 11, 12, 14]
     like = counts(12.0, [[0] * 5 + list(published.FORMED.values()) + [6.0]])
     assert like.distance() == 0.0
     assert sequential_2014.closest([one, like]) is like

@@ -276,20 +276,20 @@ def claims(densities: Curves, errors: Curves) -> list[list[str]]:
         ),
         (
             "5",
-            "the multiple model's P_D decreases with density",
-            lambda a, b: paired.is_below(densities.rise(MODEL)),
+            "the multiple model's P_D decreases with density, step by step",
+            lambda a, b: _falls(densities, MODEL),
         ),
         *_false_claims("6", densities),
         ("7", "P_D of TSEPM and of the test approximately equal", _equal(errors)),
         (
             "7",
-            "the multiple model's P_D decreases",
-            lambda a, b: paired.is_below(errors.rise(MODEL)),
+            "the multiple model's P_D decreases, step by step",
+            lambda a, b: _falls(errors, MODEL),
         ),
         (
             "7",
-            "TSEPM's P_D falls faster from 75 to 120 m than below 75 m",
-            lambda a, b: paired.is_below(_steeper(errors, a)),
+            "TSEPM's P_D falls at each step from 75 to 120 m, faster than at any below 75 m",
+            lambda a, b: _falls_faster(errors, a),
         ),
         (
             "7",
@@ -368,13 +368,26 @@ def _rises(curves: Curves, name: str, unit: str) -> str:
     return paired.everywhere(verdicts)
 
 
-def _steeper(curves: Curves, name: str) -> Estimate:
-    """Slope of P_D between the marks minus that below them, per m."""
-    places = (0, *map(curves.place, FIGURE_7_MARKS))
-    first, below, above = (curves.found(name, place) for place in places)
-    errors = [curves.points[place].value for place in places]
-    between = (above - below) / (errors[2] - errors[1])
-    return mean(between - (below - first) / (errors[1] - errors[0]))
+def _falls(curves: Curves, name: str) -> str:
+    """Whether P_D falls from each point to the next."""
+    steps = [curves.rise(name, place - 1, place) for place in list(curves.places)[1:]]
+    return paired.everywhere([paired.is_below(step) for step in steps])
+
+
+def _falls_faster(curves: Curves, name: str) -> str:
+    """Whether P_D falls at each step between the marks, faster than at each step below them."""
+    first, last = map(curves.place, FIGURE_7_MARKS)
+    slopes = [_slope(curves, name, place) for place in range(last)]
+    between, below = slopes[first:], slopes[:first]
+    verdicts = [paired.is_below(mean(one)) for one in between]
+    verdicts += [paired.is_below(mean(one - other)) for one in between for other in below]
+    return paired.everywhere(verdicts)
+
+
+def _slope(curves: Curves, name: str, place: int) -> FloatArray:
+    """Rise of P_D from a point to the next, per unit and run."""
+    step = curves.points[place + 1].value - curves.points[place].value
+    return (curves.found(name, place + 1) - curves.found(name, place)) / step
 
 
 def one_start(error: float) -> float:

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from types import MappingProxyType
 from typing import Any
 
@@ -119,12 +120,25 @@ def table_1_cases() -> dict[str, Table1Case]:
     }
 
 
-def run_table_1(what: Table1Case, seed: list[int]) -> Result:
-    """Start tracks by every rule and reading on one scene.
+class Counted(IntEnum):
+    """Places of the counts that `run_table_1` gives."""
 
-    Gives of each clutter starts of the first scan, tracks of them, how many of them have one, all
-    starts, false and misplaced tracks, and whether the target was found.
-    """
+    FIRST_SCAN_STARTS = 0
+    """Clutter starts of the first scan."""
+    FIRST_SCAN_TRACKS = 1
+    """Tracks of these."""
+    STARTS_WITH_TRACK = 2
+    """How many of these have a track."""
+    STARTS = 3
+    """All starts of the N scans."""
+    WRONG = 4
+    """False and misplaced tracks of the N scans."""
+    FOUND = 5
+    """Whether the target was found."""
+
+
+def run_table_1(what: Table1Case, seed: list[int]) -> Result:
+    """Start tracks by every rule and reading on one scene, and count as in `Counted`."""
     scene = Scene.drawn(what.scenario, seed)
     return {
         f"{row.name} {reading}": _table_1_counts(scene, row, reading, what.fixed_margin)
@@ -146,11 +160,15 @@ def _table_1_counts(scene: Scene, row: Table1Row, reading: str, fixed_margin: bo
     started = scene.started(starter, window)
     found, wrong = started.counts()
     first = _of_first_scan(started)
-    clutter = np.count_nonzero(scene.origins[0] == CLUTTER)
-    distinct = len(np.unique(first))
-    return np.array(
-        [clutter, len(first), distinct, starter.totals.started, wrong, found], float
-    ).tolist()
+    counts: dict[Counted, float] = {
+        Counted.FIRST_SCAN_STARTS: int(np.count_nonzero(scene.origins[0] == CLUTTER)),
+        Counted.FIRST_SCAN_TRACKS: len(first),
+        Counted.STARTS_WITH_TRACK: len(np.unique(first)),
+        Counted.STARTS: starter.totals.started,
+        Counted.WRONG: wrong,
+        Counted.FOUND: found,
+    }
+    return [float(counts[place]) for place in Counted]
 
 
 def _of_first_scan(started: Started) -> np.ndarray:

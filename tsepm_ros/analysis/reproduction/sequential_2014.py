@@ -78,9 +78,9 @@ class Counts:
         """Index of the last scan by a time (s): the first comes after an interval, or at 0."""
         return int(time // self.period) - (0 if earlier else 1)
 
-    def formed(self, counts: FloatArray, earlier: bool = False) -> FloatArray:
+    def formed(self, counts: FloatArray, earlier: bool = False) -> list[Estimate]:
         """Means at the times of Fig. 9."""
-        return np.asarray(counts.mean(axis=0)[[self.place(time, earlier) for time in TIMES]])
+        return [mean(counts[:, self.place(time, earlier)]) for time in TIMES]
 
     def at_least(self, number: int, earlier: bool = False) -> Estimate:
         """Share of the runs in which so many targets are started within two minutes."""
@@ -88,7 +88,8 @@ class Counts:
 
     def distance(self, earlier: bool = False) -> float:
         """Root mean square difference from Fig. 9, tracks."""
-        return float(np.sqrt(np.square(self.formed(self.true, earlier) - FORMED).mean()))
+        means = np.array([one.value for one in self.formed(self.true, earlier)])
+        return float(np.sqrt(np.square(means - FORMED).mean()))
 
 
 _KINDS = ("true", "near", "all")
@@ -177,7 +178,7 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         "Where the nearest pair is matched first, an echo outside its target's gate starts a "
         "second track, which is nearer to the next echoes: the hits are divided between the two, "
         "and the seventh to ninth scans start fewer. Where the oldest track is served first, it "
-        "goes on, as Fig. 9's steep rise asks for.",
+        "goes on.",
         "The published figures do not go together. If the targets are started independently, "
         f"P(all six) = {published.ALL_SIX} means {share:.3f} for each, and P(>= 4) = "
         f"{four_or_more(share):.3f}: that four or more be started in all of {published.RUNS} runs "
@@ -221,7 +222,7 @@ def _row(one: Counts) -> list[Any]:
         _share_of_at_least(one.near[:, last], 6),
         one.at_least(6, earlier=True),
         *one.formed(one.true),
-        float(one.every[:, last].mean()),
+        mean(one.every[:, last]),
         one.distance(),
     ]
 
@@ -240,7 +241,7 @@ def _starts_picture(counts: list[Counts]) -> Picture:
                 "label": f"{one.matching}, {one.gate}",
             }
             left.plot(numbers, [one.at_least(k).value for k in numbers], **style)
-            right.plot(TIMES, one.formed(one.true), **style)
+            right.plot(TIMES, [point.value for point in one.formed(one.true)], **style)
         marks = {"color": "k", "marker": "x", "ms": 9, "mew": 2, "label": "published"}
         left.plot([4, 6], [published.FOUR_OR_MORE, published.ALL_SIX], linestyle="", **marks)
         right.plot(TIMES, FORMED, linestyle=":", **marks)

@@ -10,7 +10,12 @@ import numpy as np
 
 from tsepm_ros.analysis.intervals import Estimate, proportion
 from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.analysis.reproduction.monte_carlo import STATED_MARGIN, run_table_1, table_1_cases
+from tsepm_ros.analysis.reproduction.monte_carlo import (
+    STATED_MARGIN,
+    Counted,
+    run_table_1,
+    table_1_cases,
+)
 from tsepm_ros.analysis.reproduction.paired import ratio
 from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
     COORDINATE,
@@ -95,11 +100,18 @@ def unmatched_false_before() -> list[str]:
 
 
 DENOMINATORS = {
-    "share of first-scan starts with a track": (2, 0),
-    "tracks per first-scan start": (1, 0),
-    "false + misplaced per start, N scans": (4, 3),
+    "share of first-scan starts with a track": (
+        Counted.STARTS_WITH_TRACK,
+        Counted.FIRST_SCAN_STARTS,
+    ),
+    "tracks per first-scan start": (Counted.FIRST_SCAN_TRACKS, Counted.FIRST_SCAN_STARTS),
+    "false + misplaced per start, N scans": (Counted.WRONG, Counted.STARTS),
 }
-"""Readings of the denominator of P_F(2), as places in what `run_table_1` gives."""
+"""Readings of P_F(2): what is counted, and of what."""
+HALF_DIGIT = 0.5e-4
+"""Half a unit of the last digit that the table prints."""
+AS_CLOSE = 1.1
+"""Readings whose factor is at most this many times the smallest count as equally close."""
 
 
 def parts(setting: Setting) -> list[Part]:
@@ -109,7 +121,7 @@ def parts(setting: Setting) -> list[Part]:
     after = {name: _after(runs) for name, runs in results.items()}
     stated = next(iter(results.values()))
     found = [
-        proportion(int(column(stated, f"{row.name} literal", 5).sum()), len(stated))
+        proportion(int(column(stated, f"{row.name} literal", Counted.FOUND).sum()), len(stated))
         for row in TABLE_1
     ]
     return [
@@ -194,31 +206,41 @@ def _before_parts() -> list[Part]:
 
 
 def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
-    apart = {
-        f"{scene}; {name}": _log_distance(values)
+    named = {
+        f"{scene}; {name}": values
         for scene, readings in after.items()
         for name, values in readings.items()
     }
-    best = min(apart, key=apart.__getitem__)
-    scene, name = best.split("; ")
-    inside = sum(
-        one.low <= row.false_after <= one.high
-        for row, one in zip(TABLE_1, after[scene][name], strict=True)
-    )
+    apart = {name: math.exp(_log_distance(values)) for name, values in named.items()}
+    order = sorted(apart, key=apart.__getitem__)
+    close = [name for name in order if apart[name] <= AS_CLOSE * apart[order[0]]]
     parts: list[Part] = [
         "**P_F(2)** is simulated: the method with the rule, N scans, the whole 9 km disc, one "
         "target, p_d = 0.9. What it is a share of, and whether Eq. 26's threshold is squared, the "
-        "source leaves open; and its P_F(1) has the errors of 5000 m everywhere. A track counts by "
-        f"its best member's first hit. Closest is *{best}*: {inside} of {len(TABLE_1)} published "
-        "values lie inside its intervals, and it is apart by a factor of "
-        f"{math.exp(apart[best]):.2f} (root mean square of the ratio's logarithm); the other "
-        "readings by the factors below. Left out of the factors are 8/9, printed as 0, and 7/9, "
-        "printed above its own P_F(1), which pruning and merging cannot do. The closest of "
-        f"{len(apart)} readings is close by choice, too.",
+        f"source leaves open; and its P_F(1) has one gate margin, {STATED_MARGIN:.0f} m, "
+        "everywhere. The simulation may have had that margin only, with the errors as stated, or "
+        "the errors of 5000 m everywhere, which halve the azimuth's. A track counts by its best "
+        "member's first hit. The table says by which factor each reading is apart (root mean "
+        "square of the ratio's logarithm, and the worst row), which rows are not in the factor, "
+        "and how many published values lie inside the intervals, give or take half a unit of "
+        "their last digit. Left out are 8/9, printed as 0, 7/9, printed above its own P_F(1), "
+        "which pruning and merging cannot do, and rows where nothing false was seen. Closest, "
+        f"within {AS_CLOSE - 1:.0%} of the smallest factor: {_listed(close, apart)}. The closest "
+        f"of {len(apart)} readings is close by choice, too.",
         Table(
             "tsepm_2018_table_1_readings",
-            [Column("reading"), Column("factor", ".2f")],
-            [[name, math.exp(value)] for name, value in sorted(apart.items(), key=_second)],
+            [
+                Column("reading"),
+                Column("factor", ".2f"),
+                Column("worst row"),
+                Column("not in the factor"),
+                Column(f"published values inside, of {len(TABLE_1)}"),
+            ],
+            [
+                [name, apart[name], _worst(values), _left_out(values), _inside(values)]
+                for name in order
+                for values in [named[name]]
+            ],
         ),
     ]
     for number, (scene, readings) in enumerate(after.items(), 1):
@@ -238,21 +260,49 @@ def _closest(readings: Mapping[str, list[Estimate]], pruning: str) -> str:
     return min(names, key=lambda name: _log_distance(readings[name]))
 
 
-def _second(pair: tuple[str, float]) -> float:
-    return pair[1]
+def _listed(names: list[str], apart: Mapping[str, float]) -> str:
+    return "; ".join(f"*{name}* ({apart[name]:.2f})" for name in names)
 
 
-def _log_distance(values: list[Estimate]) -> float:
-    """Root mean square of ln(ours / published), where both are above 0 and can be right.
+def _log_ratios(values: list[Estimate]) -> dict[str, float]:
+    """ln(ours / published) of the rows where both are above 0 and can be right.
 
     Pruning and merging only remove tracks, so a P_F(2) above its P_F(1) is wrong in print.
     """
-    ratios = [
-        math.log(one.value / row.false_after)
+    return {
+        row.name: math.log(one.value / row.false_after)
         for row, one in zip(TABLE_1, values, strict=True)
         if one.value > 0.0 and 0.0 < row.false_after <= row.false_before
-    ]
+    }
+
+
+def _log_distance(values: list[Estimate]) -> float:
+    """Root mean square of `_log_ratios`; infinite if there are none."""
+    ratios = list(_log_ratios(values).values())
     return math.sqrt(float(np.mean(np.square(ratios)))) if ratios else math.inf
+
+
+def _worst(values: list[Estimate]) -> str:
+    """The row farthest from print, and its factor."""
+    ratios = _log_ratios(values)
+    if not ratios:
+        return "-"
+    name = max(ratios, key=lambda row: abs(ratios[row]))
+    return f"{name}: {math.exp(ratios[name]):.2f}"
+
+
+def _left_out(values: list[Estimate]) -> str:
+    """Rows that are not in `_log_ratios`."""
+    ratios = _log_ratios(values)
+    return ", ".join(row.name for row in TABLE_1 if row.name not in ratios)
+
+
+def _inside(values: list[Estimate]) -> int:
+    """Published values inside the intervals; they are rounded."""
+    return sum(
+        one.low - HALF_DIGIT <= row.false_after <= one.high + HALF_DIGIT
+        for row, one in zip(TABLE_1, values, strict=True)
+    )
 
 
 def _claims_table(after: Mapping[str, dict[str, list[Estimate]]]) -> Table:
