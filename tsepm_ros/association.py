@@ -1,4 +1,8 @@
-"""Choosing which detection goes to which track, where each may be used once."""
+"""Pairs of potential tracks and detections, and the choice of those that are used.
+
+`disjoint`, `nearest_first` and `oldest_first` use each track and each detection once;
+`best_of_each` each track once, and a detection for several; `within` chooses nothing yet.
+"""
 
 from __future__ import annotations
 

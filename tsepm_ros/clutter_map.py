@@ -85,7 +85,13 @@ class ClutterMap:
         return float(np.average(self._densities.mean(axis=1), weights=area))
 
     def in_zone(self, range: FloatArray, azimuth: FloatArray) -> NDArray[np.bool_]:
-        """Whether positions (n,) are in a clutter zone (Environment 2018, 2.1); see `at`."""
+        """Whether positions (n,) are in a clutter zone (Environment 2018, Section 2.1); see `at`.
+
+        A reading: the source counts plots per cell, and a zone is where a cell's count and its
+        neighbours' exceed thresholds. It gives neither these nor the cells nor the scans that are
+        counted; and a count grows with the cell's area and with the scans. Here the density, which
+        `at` smooths over the neighbours, is more than `ZONE_FACTOR` times its mean.
+        """
         return np.asarray(self.at(range, azimuth) > ZONE_FACTOR * self.mean)
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:

@@ -8,6 +8,14 @@ its distance in position and features.
 
 Both are tests of a fixed size, not ratios of densities: what distribution the features of clutter
 have need not be known.
+
+Readings
+--------
+- Resemblance is the normalised distance of `tsepm_ros.plot_features`, not the printed decision
+  function (Eqs. 10 and 11), for which no threshold fits two tracks.
+- A clutter zone is where the estimated density is several times its mean over the coverage
+  (`clutter_map.ClutterMap.in_zone`). The source asks for a cell's count and its neighbours' above
+  thresholds that it does not give.
 """
 
 from __future__ import annotations

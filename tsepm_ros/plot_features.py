@@ -8,7 +8,8 @@ more, the decision function is ``J = sum_p |u'_p - u_p|^2`` (Eq. 11), small for 
 Readings
 --------
 - As printed, J adds squares of unlike units, and falls with ``1 / (n + 1)^2`` as the history grows,
-  so that no threshold fits two tracks (`decision`). What is used here is the distance of the plot
+  so that no threshold fits two tracks, and no method associates by it: `decision` is there to
+  reproduce the source's Table 1, not as an option. What is used here is the distance of the plot
   from the mean in units of its own spread, ``t_p^2 = (z_p - u_p)^2 / (s_p^2 (1 + 1 / n_p))`` with
   the variance s_p^2 of the track's n_p plots: of F distribution with 1 and n_p - 1 degrees of
   freedom for a plot of its own whose features are Gaussian. Each t_p^2 is put on the scale of

@@ -2,7 +2,30 @@
 
 The tree of splits of TSEPM 2018, evaluated by the log-likelihood ratio instead of f_1: missed
 branches are kept, every detection may start a track, and what is tested is the evidence of all
-hypotheses that share a detection, summed.
+hypotheses that share a detection, summed. With lambda the clutter density, N(z; H x, S) the density
+of a detection z under a hypothesis, P_G the gate's probability, and s_i the sum of the gains of
+hypothesis i::
+
+    hit           s_i += ln(P_D N(z; H x, S) / lambda)           Sittler 1964; Bar-Shalom, Blackman,
+                                                                 Fitzgerald 2007
+    miss          s_i += ln(1 - P_D P_G); 0 where nothing can be seen
+    evidence      E = ln sum_i exp(s_i), over i with the same newest detection
+    confirmed     E >= A, by at least 3 hits
+    bound         P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
+    threshold     A = ln(starts per hour / wish) - the mean jump over it
+    deleted       s_i < ln(miss_probability), or `window` scans old
+    state         x = sum_i w_i x_i,  w_i ~ exp(s_i)
+                  P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
+
+The full references are in `tsepm_ros.evidence`; the jump is found by simulation in
+`tsepm_ros.design`.
+
+Readings
+--------
+- No published method is reproduced: these are textbook parts put together.
+- Between detections a Kalman filter predicts, begun with a velocity of variance v_max^2 / 4 on each
+  axis; x_i and P_i are fitted by least squares to the hits alone, without that prior.
+- Hypotheses outside the gate, deleted or beyond a limit are not in the sum.
 """
 
 from __future__ import annotations

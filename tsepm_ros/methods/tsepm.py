@@ -1,7 +1,37 @@
 """Track splitting, evaluating, pruning and merging (TSEPM 2018).
 
 Li D., Lin Y., Zhang Y., "A track initiation method for the underwater target tracking
-environment", China Ocean Eng. 32(2), 206-215, 2018.
+environment", China Ocean Eng. 32(2), 206-215, 2018. Its equations, with z_i the last hit of a
+potential track, k T the time since, sigma_Rmax the major axis of its error, d_k the distance of hit
+k from the one before, H_k the state's way to hit k::
+
+    gate          |z_j - z_i| <= v_max k T + alpha sigma_Rmax                    (4)
+                  alpha = sqrt(-2 ln(1 - P))                                     (5)
+    positions     unbiased conversion of range and azimuth, covariance R         (6)-(11)
+    rule          N_v >= M hits within N_a <= N scans                            Step 3
+    state         X = (H'H)^-1 H' Z                                              (19)
+    covariance    P = (H'H)^-1 H' R H (H'H)^-1                                   (20)
+    distance      f(k) = (Z_k - H_k X)' (H_k P H_k' + R_k)^-1 (Z_k - H_k X)      (21), (22)
+    evaluation    f_1 = max_k f(k)                                               (23)
+    or            f_2 = 2 lambda sum_k pi d_k^2                                  (24), (25)
+    pruning       f_1 <= gamma_TP = sqrt(-2 ln(1 - P_TP))                        (26)
+    merging       confirmed in one scan, more than M/2 hits shared, and
+                  (X_1 - X_2)' (P_1 + P_2)^-1 (X_1 - X_2) <= gamma_TM^2          (27)-(30)
+    merged        X = sum p_i X_i,  P = sum p_i P_i,  p_i ~ f_1(i)               (31)-(33)
+
+Readings
+--------
+- Eq. 4's margin is that of one detection, as printed, although both have errors.
+- Eq. 21 adds the state's covariance to R although hit k is in the fit; kept.
+- Eq. 22 is a squared distance, Eq. 26 an unsquared threshold: `pruning_reading`.
+- Which of f_1 and f_2 prunes is not said: `evaluation`. Small is kept (Step 6), of f_2 too, where
+  Section 3.5 rejects clutter that "exceeds" the threshold. V(k) in Eq. 25 is the area out to hit k.
+- Eq. 30 tests four degrees of freedom with the threshold of two; kept, `merging_probability`.
+- Groups are the connected components of the pairwise conditions. Eq. 31 weighs by f_1 as printed,
+  so that the worse fit weighs more; "estimate again" (Step 7) may be `merging: refit` instead.
+- A potential track with a gated detection keeps no branch without it, and only detections outside
+  every gate start one (Steps 2 and 8), as printed.
+- Eq. 16 is read as ``H_tM A^(ti - tM)``, in seconds, so that intervals may differ.
 """
 
 from __future__ import annotations
