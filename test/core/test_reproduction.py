@@ -68,6 +68,75 @@ def test_rows_that_fit_no_reading_are_named():
     assert set(table_1.unmatched_false_before()) == NO_GATE_FITS
 
 
+def near_print(factor, half_width=0.0):
+    """P_F(2) a factor from print, with intervals of some half width."""
+    values = [factor * row.false_after for row in published.TABLE_1]
+    return [Estimate(value, value - half_width, value + half_width) for value in values]
+
+
+def test_rows_that_cannot_be_compared_are_named():
+    assert table_1._log_distance(near_print(1.5)) == pytest.approx(np.log(1.5))
+    values = near_print(1.5)
+    values[0] = Estimate(0.0, 0.0, 0.1)
+    values[1] = Estimate(3.0 * published.TABLE_1[1].false_after, 0.0, 1.0)
+    assert table_1._left_out(values) == "3/4, 7/9, 8/9"
+    assert table_1._worst(values) == "3/5: 3.00"
+    nothing = near_print(0.0)
+    assert table_1._log_distance(nothing) == np.inf
+    assert table_1._worst(nothing) == "-"
+
+
+def test_published_values_are_rounded():
+    shifted = [Estimate(e.value + 0.9e-4, e.low + 0.9e-4, e.high) for e in near_print(1.0, 0.5e-4)]
+    assert table_1._inside(shifted) == len(ROWS)
+    beyond = [Estimate(e.value + 1.1e-4, e.low + 1.1e-4, e.high) for e in near_print(1.0, 0.5e-4)]
+    assert table_1._inside(beyond) == 0
+
+
+def test_the_fixed_margin_gates_as_errors_of_that_size_would():
+    """Where all errors are the same, Eq. 4's margin is the fixed one, so that nothing differs."""
+    same = list(monte_carlo.table_1_cases().values())[-1]
+    fixed = dataclasses.replace(same, fixed_margin=True)
+    scene = Scene.drawn(same.scenario, [1, 0])
+    row = ROWS["3/4"]
+    counts = [
+        monte_carlo._table_1_counts(scene, row, "squared", case.fixed_margin)
+        for case in (same, fixed)
+    ]
+    assert counts[0][monte_carlo.Counted.WRONG] > 0
+    assert counts[0] == pytest.approx(counts[1], rel=0.02)
+    stated, with_margin = list(monte_carlo.table_1_cases().values())[:2]
+    assert stated.scenario == with_margin.scenario and with_margin.fixed_margin
+
+
+@dataclasses.dataclass(frozen=True)
+class At:
+    value: float
+
+
+def curves_of(shares):
+    """Curves over the errors of the marks' figure, with these P_D in 400 runs."""
+    found = np.arange(400)[:, None] < 400 * np.array(shares)
+    runs = [[{"model": [float(one), 0.0, 1.0]} for one in column] for column in found.T]
+    return figures_5_to_8.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
+
+
+def test_a_curve_falls_only_if_it_falls_at_every_step():
+    falling, rising_first = (0.9, 0.8, 0.7, 0.5, 0.3), (0.7, 0.9, 0.8, 0.5, 0.2)
+    assert figures_5_to_8._falls(curves_of(falling), "model") == paired.HOLDS
+    assert figures_5_to_8._falls(curves_of(rising_first), "model").startswith(paired.FAILS)
+    flat = (0.9, 0.9, 0.8, 0.5, 0.2)
+    assert figures_5_to_8._falls(curves_of(flat), "model").startswith(paired.OPEN)
+
+
+def test_a_curve_falls_faster_only_if_each_step_does():
+    assert figures_5_to_8._falls_faster(curves_of((0.9, 0.85, 0.8, 0.5, 0.2)), "model") == (
+        paired.HOLDS
+    )
+    slow_at_last = curves_of((0.99, 0.8, 0.7, 0.5, 0.49))
+    assert figures_5_to_8._falls_faster(slow_at_last, "model").startswith(paired.FAILS)
+
+
 def test_the_gate_is_hit_as_often_as_by_simulation():
     rng = np.random.default_rng(3)
     error, n = 120.0, 200_000
