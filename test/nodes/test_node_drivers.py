@@ -177,7 +177,7 @@ def test_the_simulator_as_a_laser_scan_gives_tracks(world):
         "rate_factor": 1e5,
         "settling_time": 0.2,
     }
-    world.make(TrackInitiator, named({}))
+    world.make(TrackInitiator, named({"sensor.max_range": 12000.0}))
     tracks = world.listen(PointCloud2, "tracks")
     made = world.make(SonarSimulator, simulator)
     world.until(made.finished.done, "the end")
