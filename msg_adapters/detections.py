@@ -18,6 +18,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -138,7 +139,7 @@ Writer = Callable[..., Any]
 
 _adapters: dict[str, Adapter] = {}
 _writers: dict[str, Writer] = {}
-_range_rate_types: set[str] = set()
+_written_features: dict[str, tuple[str, ...]] = {}
 
 
 def register(type_name: str) -> Callable[[Adapter], Adapter]:
@@ -158,18 +159,17 @@ def register(type_name: str) -> Callable[[Adapter], Adapter]:
 
 
 def register_writer(
-    type_name: str, *, takes_range_rate: bool = False
+    type_name: str, *, features: tuple[str, ...] = ()
 ) -> Callable[[Writer], Writer]:
     """Register the decorated function as what `write_detections` calls for a message type.
 
-    It is called with header, range, azimuth and sound_speed, and, if it takes one and one is
-    given, with range_rate.
+    It is called with header, range, azimuth and sound_speed, and by name with those of the
+    features that it takes and that are given.
     """
 
     def decorate(writer: Writer) -> Writer:
         _writers[type_name] = writer
-        if takes_range_rate:
-            _range_rate_types.add(type_name)
+        _written_features[type_name] = features
         return writer
 
     return decorate
@@ -248,7 +248,7 @@ def write_detections(
     range: FloatArray,
     azimuth: FloatArray,
     sound_speed: float,
-    range_rate: FloatArray | None = None,
+    features: Mapping[str, FloatArray] = MappingProxyType({}),
 ) -> Any:
     """Make a message of any supported type, as a sonar's driver would.
 
@@ -266,8 +266,8 @@ def write_detections(
         rad, counter-clockwise from ahead.
     sound_speed : float
         m/s; 0: the echoes arrive at once.
-    range_rate : (n,) ndarray, optional
-        m/s; left out where the type has no place for it.
+    features : mapping of str to (n,) ndarray, optional
+        As in `tsepm_ros.scan.FEATURES`; those that the type has no place for are left out.
 
     Returns
     -------
@@ -281,10 +281,8 @@ def write_detections(
         If the type cannot carry echoes that arrive at once.
     """
     message_class(type_name)
-    writer = _writers[type_name]
-    if range_rate is None or type_name not in _range_rate_types:
-        return writer(header, range, azimuth, sound_speed)
-    return writer(header, range, azimuth, sound_speed, range_rate)
+    taken = {name: features[name] for name in _written_features[type_name] if name in features}
+    return _writers[type_name](header, range, azimuth, sound_speed, **taken)
 
 
 def message_class(type_name: str) -> type:

@@ -237,18 +237,28 @@ def detections_cloud(
     return write_cloud(header, _points(fields, ()))
 
 
-@register_writer("sensor_msgs/msg/PointCloud2", takes_range_rate=True)
+@register_writer("sensor_msgs/msg/PointCloud2", features=FEATURES)
 def write_point_cloud(
     header: Header,
     range: FloatArray,
     azimuth: FloatArray,
     sound_speed: float,
+    intensity: FloatArray | None = None,
+    range_width: FloatArray | None = None,
+    azimuth_width: FloatArray | None = None,
     range_rate: FloatArray | None = None,
 ) -> PointCloud2:
     """Write everything, the times in `time_offset`."""
     times = range / sound_speed if sound_speed > 0.0 else np.zeros(len(range))
     return detections_cloud(
-        header, range=range, azimuth=azimuth, time_offset=times, range_rate=range_rate
+        header,
+        range=range,
+        azimuth=azimuth,
+        time_offset=times,
+        intensity=intensity,
+        range_width=range_width,
+        azimuth_width=azimuth_width,
+        range_rate=range_rate,
     )
 
 

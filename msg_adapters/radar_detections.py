@@ -66,15 +66,16 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessag
     )
 
 
-@register_writer("radar_msgs/msg/RadarScan", takes_range_rate=True)
+@register_writer("radar_msgs/msg/RadarScan", features=("intensity", "range_rate"))
 def write_radar_scan(
     header: Header,
     range: FloatArray,
     azimuth: FloatArray,
     sound_speed: float,
+    intensity: FloatArray | None = None,
     range_rate: FloatArray | None = None,
 ) -> RadarScan:
-    """Write the detections as returns in the horizontal plane, without amplitude.
+    """Write the detections as returns in the horizontal plane.
 
     The travel times have no place in the message.
     """
@@ -82,12 +83,14 @@ def write_radar_scan(
 
     scan = RadarScan()
     scan.header = header
-    doppler = np.full(len(range), math.nan) if range_rate is None else range_rate
-    for distance, angle, rate in zip(
-        range.tolist(), azimuth.tolist(), doppler.tolist(), strict=True
+    unknown = np.full(len(range), math.nan)
+    amplitudes = unknown if intensity is None else intensity
+    rates = unknown if range_rate is None else range_rate
+    for distance, angle, rate, amplitude in zip(
+        range.tolist(), azimuth.tolist(), rates.tolist(), amplitudes.tolist(), strict=True
     ):
         one = RadarReturn()
         one.range, one.azimuth = distance, angle
-        one.doppler_velocity, one.amplitude = rate, math.nan
+        one.doppler_velocity, one.amplitude = rate, amplitude
         scan.returns.append(one)
     return scan

@@ -110,22 +110,32 @@ def test_without_times_an_echo_is_of_range_over_sound_speed_where_that_is_given(
 
 @pytest.mark.usefixtures("_installed")
 @EVERY_TYPE
-def test_range_rates_are_written_where_the_type_has_a_place_for_them(type_name):
-    rates = np.array([-2.5, 3.0])
+def test_features_are_written_where_the_type_has_a_place_for_them(type_name):
+    features = {
+        "intensity": np.array([7.0, 8.0]),
+        "range_width": np.array([5.0, 6.0]),
+        "azimuth_width": np.array([0.1, 0.2]),
+        "range_rate": np.array([-2.5, 3.0]),
+    }
     message = write_detections(
         type_name,
         header_at(START),
         range=np.array([100.0, 200.0]),
         azimuth=np.array([0.5, -0.5]),
         sound_speed=1500.0,
-        range_rate=rates,
+        features=features,
     )
     found = read_detections(message)
     assert len(found) == 2
-    if type_name.endswith(("PointCloud2", "RadarScan")):
-        np.testing.assert_array_equal(found.features["range_rate"], rates)
-    else:
-        assert "range_rate" not in found.features
+    places = {
+        "PointCloud2": set(features),
+        "RadarScan": {"intensity", "range_rate"},
+    }.get(type_name.rpartition("/")[2], set())
+    for name, values in features.items():
+        if name in places:
+            np.testing.assert_allclose(found.features[name], values, rtol=1e-6)
+        else:
+            assert np.isnan(found.features.get(name, np.nan)).all()
 
 
 @pytest.mark.usefixtures("_installed")

@@ -121,7 +121,7 @@ class SonarSimulator(Node):
             range=scan.range,
             azimuth=scan.azimuth,
             sound_speed=self._scenario.sound_speed,
-            range_rate=scan.features.get("range_rate"),
+            features=scan.features,
         )
 
 
