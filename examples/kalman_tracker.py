@@ -16,7 +16,7 @@ from typing import Any
 import rclpy
 from nearest_neighbour import NearestNeighbourTracker
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
@@ -127,11 +127,14 @@ def stamp_ns(message: PointCloud2) -> int:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the node until it is interrupted."""
     rclpy.init(args=args)
+    executor = SingleThreadedExecutor()
     try:
-        rclpy.spin(KalmanTracker())
+        executor.add_node(KalmanTracker())
+        executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
+        executor.shutdown()  # before the context
         rclpy.try_shutdown()
 
 
