@@ -253,7 +253,6 @@ class _Picture:
     arrivals: Sequence[_Arrival]
     since_scan: float
     since_own_ship: float
-    since_start: float
     time: float
 
     @property
@@ -319,7 +318,6 @@ class Health:
         self._scans: deque[_ScanRecord] = deque(maxlen=SCANS)
         self._arrivals: deque[_Arrival] = deque(maxlen=SCANS)
         self._heard: dict[str, Now] = {}
-        self._start: Now | None = None
         self._counts: deque[tuple[float, Counter[str]]] = deque()
 
     def heard(self, task: str, now: Now) -> None:
@@ -351,8 +349,6 @@ class Health:
         -------
         list of Status
         """
-        if self._start is None:
-            self._start = now
         picture = _Picture(
             self.options,
             figures,
@@ -362,7 +358,6 @@ class Health:
             tuple(self._arrivals),
             self._since(DETECTIONS, now),
             self._since(OWN_SHIP, now),
-            waited(self._start, now),
             _first(now),
         )
         return [judge(picture) for judge in _TASKS]

@@ -91,7 +91,6 @@ def bag_results(
         If the bag turns out to be damaged.
     """
     roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED) if role in topics}
-    takes = {OWN_SHIP: given.take_own_ship, TRACKED: given.take_tracked}
     for message in bag.messages(roles):
         now = 1e-9 * message.log_ns
         if session.waiting:  # what has waited too long by now, did so before this message came
@@ -104,8 +103,10 @@ def bag_results(
         role = roles[message.topic]
         if role == DETECTIONS:
             given.take_detections(content, now)
+        elif role == OWN_SHIP:
+            given.take_own_ship(content)
         else:
-            takes[role](content)
+            given.take_tracked(content)
         yield from session.process(now)
     yield from session.process(last=True)
 

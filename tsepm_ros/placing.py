@@ -171,10 +171,10 @@ def _by_the_sensor(
 ) -> Scan:
     """A placed scan with azimuths from north as one with the sensor's azimuths and yaws."""
     pose = np.array(scan.sensor_pose)
-    yaw = _sensor_poses(received if pose.ndim > 1 else np.array([scan.stamp]), poses, mounting)[
-        :, 2
-    ]
-    pose[..., 2] = yaw if pose.ndim > 1 else yaw[0]
+    at_once = pose.ndim == 1
+    times = np.array([scan.stamp]) if at_once else received
+    yaw = _sensor_poses(times, poses, mounting)[:, 2]
+    pose[..., 2] = yaw[0] if at_once else yaw
     return dataclasses.replace(scan, azimuth=scan.azimuth - yaw, sensor_pose=pose)
 
 

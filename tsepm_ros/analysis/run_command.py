@@ -35,7 +35,6 @@ from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_sce
 from tsepm_ros.simulation.recorded import simulated_recording
 
 FloatArray = NDArray[np.float64]
-Origins = list[NDArray[np.int64]]
 
 TOPIC_OPTIONS = {
     DETECTIONS: "detections",
