@@ -356,30 +356,36 @@ class PathFollower(HitCounter):
         return parent, row, cut + gated.cut
 
     def _steps(
-        self, parent: IntArray, row: IntArray, detections: NDArray[np.void]
-    ) -> tuple[Steps, BoolArray]:
-        """The steps to detections from the last two hits of their potential tracks.
+        self, detections: NDArray[np.void], gate_sigmas: float
+    ) -> tuple[IntArray, IntArray, Steps, BoolArray, int]:
+        """The steps to reachable detections from the last two hits of the potential tracks.
 
         Parameters
         ----------
-        parent, row : (p,) ndarray of int
-            Rows of potential tracks and detections.
         detections : (n,) ndarray of DETECTION
+        gate_sigmas : float
+            Margin of the reach, in standard deviations of the last hit.
 
         Returns
         -------
+        parent, row : (p,) ndarray of int
+            Rows of potential tracks and detections.
         steps : Steps
         first : (p,) ndarray of bool
             Whether the track has one hit only; it then counts as both.
+        cut : int
+            Pairs that a limit left out.
         """
         tracks = self._potential
+        sigma = self._window[tracks.last_hit]["major_sigma"]
+        parent, row, cut = self._reachable(detections, gate_sigmas * sigma)
         before = tracks.hits[np.arange(len(tracks)), np.maximum(tracks.hit_count - 2, 0)]
         known = self._window[np.stack([before, tracks.last_hit], axis=1)]
         position = np.concatenate(
             [known["position"][parent], detections["position"][row, None]], axis=1
         )
         time = np.concatenate([known["time"][parent], detections["time"][row, None]], axis=1)
-        return Steps.of(position, time), tracks.hit_count[parent] == 1
+        return parent, row, Steps.of(position, time), tracks.hit_count[parent] == 1, cut
 
     def _within_limits(self, pairs: Pairs) -> tuple[Pairs, int, int]:
         """The best pairs within the limits, and how many potential and complete tracks are cut."""

@@ -111,9 +111,7 @@ class Heuristic(PathFollower):
     def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections that satisfy the rules after each track's last hits, by acceleration."""
         options = self.options
-        sigma = self._window[self._potential.last_hit]["major_sigma"]
-        parent, row, cut = self._reachable(detections, options.gate_sigmas * sigma)
-        steps, first = self._steps(parent, row, detections)
+        parent, row, steps, first, cut = self._steps(detections, options.gate_sigmas)
         acceleration = np.where(first, 0.0, steps.acceleration)
         kept = steps.faster_than(options.min_speed)
         kept &= first | (acceleration <= options.max_acceleration)

@@ -106,9 +106,7 @@ class ModifiedHough(PathFollower):
     def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
-        sigma = self._window[self._potential.last_hit]["major_sigma"]
-        parent, row, cut = self._reachable(detections, options.gate_sigmas * sigma)
-        steps, first = self._steps(parent, row, detections)
+        parent, row, steps, first, cut = self._steps(detections, options.gate_sigmas)
         kept = steps.faster_than(options.min_speed)
         turn = np.where(first, 0.0, steps.turn)
         kept &= turn <= options.max_turn
