@@ -1,8 +1,9 @@
 """The hypotheses of the likelihood-ratio method and their scores, in plain loops.
 
 Written from the definition of the score, for small scenes: hypotheses are objects, every one is
-extended by every detection, and none is left out but by the gate, the deletion threshold and the
-window. Detections are converted by `plain_tsepm`.
+extended by every detection, and none is left out but by the gate, the deletion threshold, the
+window, and others with the same last detection that are ten thousand times as likely. Detections
+are converted by `plain_tsepm`.
 """
 
 from __future__ import annotations
@@ -78,6 +79,10 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[lis
             for one in grown
             if one.score > rule.deletion and index + 1 - one.keys[0][0] < rule.window
         ]
+        best: dict[tuple[int, int], float] = {}
+        for one in alive:
+            best[one.keys[-1]] = max(one.score, best.get(one.keys[-1], -math.inf))
+        alive = [one for one in alive if one.score > best[one.keys[-1]] - math.log(1e4)]
         after.append(alive)
     return after
 

@@ -1,4 +1,4 @@
-"""The detections that living potential tracks may still refer to."""
+"""The detections that living potential tracks may still refer to, and what is known of them."""
 
 from __future__ import annotations
 
@@ -17,23 +17,35 @@ class DetectionWindow:
 
     def __init__(self) -> None:
         self._detections = np.zeros(0, DETECTION)
+        self._unclaimed = np.zeros(0)
         self._first_id = 0
 
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections and return their ids, (n,)."""
         first = self._first_id + len(self._detections)
         self._detections = np.concatenate([self._detections, detections])
+        self._unclaimed = np.concatenate([self._unclaimed, np.ones(len(detections))])
         return np.arange(first, first + len(detections))
 
     def forget(self, before_scan: int) -> None:
         """Forget the detections of the scans before the given scan index."""
         old = int(np.searchsorted(self._detections["scan"], before_scan))
         self._detections = self._detections[old:]
+        self._unclaimed = self._unclaimed[old:]
         self._first_id += old
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
         return self._detections[ids - self._first_id]
+
+    def claim(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
+        """Note that detections are a confirmed track's with a probability, (n,) each."""
+        np.multiply.at(self._unclaimed, ids - self._first_id, 1.0 - np.minimum(probability, 1.0))
+
+    def claimed(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Probability that the detections with the given ids are some confirmed track's, (...)."""
+        claimed: NDArray[np.float64] = 1.0 - self._unclaimed[ids - self._first_id]
+        return claimed
 
     def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Positions of the detections with the given ids, (..., 2), m."""

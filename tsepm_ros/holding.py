@@ -62,6 +62,8 @@ SAME_DISTANCE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
 MAX_NEIGHBOURS = 8
 """Detections that a track weighs, the nearest."""
+NO_CLAIMS = np.zeros(0, np.int64), np.zeros(0)
+"""See `TrackHold.claims`."""
 
 
 class Tracker(enum.Enum):
@@ -134,6 +136,9 @@ class TrackHold:
         Whether a downstream tracker was heard since the last clearing, and still is.
     detection_probability : DetectionProbability
         As the tracks tell it, from the scans after their confirmation.
+    claims : tuple of (p,) ndarray
+        Detections of the last scan that may be a track's, and beta of each: the probability that it
+        is, if the track's target exists.
     """
 
     def __init__(self, hold_time: float, tracked_timeout: float = 60.0) -> None:
@@ -159,6 +164,7 @@ class TrackHold:
         self.tracker = Tracker.NONE
         self._heard = -np.inf
         self.detection_probability = DetectionProbability()
+        self.claims = NO_CLAIMS
 
     def step(
         self,
@@ -213,6 +219,7 @@ class TrackHold:
         Electron. Syst. 44(3), 2008).
         """
         self._ended, self._cleared = self._cleared, []
+        self.claims = NO_CLAIMS
         self._listen(stamp)
         none = np.zeros(len(detections))
         if not len(self._tracks):
@@ -437,6 +444,7 @@ class TrackHold:
             states.append(after[0])
             covariances.append(after[1])
         gain = np.sum(gains, axis=0)
+        self.claims = near.row, _over_modes(predicted, near, ratios) / gain[near.owner]
         self._motion = Motion(gains / gain, np.array(states), np.array(covariances))
         state, covariance = self._motion.combined()
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)

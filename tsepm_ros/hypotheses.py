@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import filtering, range_rates, splitting
+from tsepm_ros import evidence, filtering, range_rates, splitting
 from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.paths import Paths
 from tsepm_ros.sensor import SensorModel
@@ -37,16 +37,6 @@ class Hypotheses(Paths):
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
-
-    def without(self, ids: IntArray) -> Hypotheses:
-        """The hypotheses with scores reduced by the share of their hits that others have taken.
-
-        What a confirmed track explains speaks for no other: on average each hit gave the same.
-        """
-        if not len(ids):
-            return self
-        share = np.isin(self.hits, ids).sum(axis=1) / self.hit_count
-        return replace(self, score=self.score - share * np.maximum(self.score, 0.0))
 
     def predicted(self, interval: float, process_noise: float) -> Hypotheses:
         """The hypotheses after a time interval, s, with nearly constant velocity."""
@@ -142,9 +132,14 @@ class Hypotheses(Paths):
         state, covariance = range_rates.update(state, covariance, lag, found)
         return replace(children, state=state, covariance=covariance, score=score)
 
-    def best_of_last_hit(self, number: int) -> BoolArray:
-        """Which are among the best `number` of those with the same last hit, (n,)."""
-        return places(self.last_hit, self.score) < number
+    def best_of_last_hit(self, number: int, margin: float) -> BoolArray:
+        """Which are among the best `number` with the same last hit, and within `margin`, (n,).
+
+        A margin below 0, to the best one's score.
+        """
+        _, group = np.unique(self.last_hit, return_inverse=True)
+        best = evidence.largest_of(self.score, group, len(self))[group]
+        return (places(group, self.score) < number) & (self.score > best + margin)
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:

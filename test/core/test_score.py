@@ -276,7 +276,7 @@ def test_a_start_is_held_as_firmly_as_it_is_probable(wish):
         tracks = initiator.process(scan)
         if len(tracks):
             odds = np.exp(tracks.evaluation) / wish
-            expected = np.clip(odds / (1.0 + odds), 0.02, 0.99)
+            expected = np.clip(odds / (1.0 + odds), 0.5, 0.99)
             held = initiator.hold._existence[-len(tracks) :]
             assert held == pytest.approx(expected)
             return

@@ -10,10 +10,12 @@ hypothesis i::
                                                                  Fitzgerald 2007
     miss          s_i += ln(1 - P_D P_G); 0 where nothing can be seen
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection
-    confirmed     E >= A, by at least 3 hits
+    confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
+                  target's with a probability of at least 0.9
     bound         P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     threshold     A = ln(starts per hour / wish) - the mean jump over it
-    deleted       s_i < ln(miss_probability), or `window` scans old
+    deleted       s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
+                  `window` scans old
     state         x = sum_i w_i x_i,  w_i ~ exp(s_i)
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
@@ -42,7 +44,6 @@ from numpy.typing import NDArray
 from tsepm_ros import design, evidence, filtering, pruning, range_rates
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, fit, mixture
-from tsepm_ros.holding import LEAST_EXISTENCE
 from tsepm_ros.hypotheses import Hypotheses, places
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
@@ -58,18 +59,28 @@ IntArray = NDArray[np.int64]
 
 MIN_HITS = 3
 """A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
-CREDIBLE = 0.5
-"""Posterior probability above which a detection counts as a hit of a confirmed track."""
+CREDIBLE = 0.9
+"""Posterior probability from which a detection counts as a hit of a confirmed track: a choice."""
+RESOLVED = 0.9
+"""Posterior probability, at the least, that more than half of a new track's hits are its target's.
+
+What is less certain waits: a start that is half wrong helps no one, and hides its target. A choice:
+0.8 starts sooner, 0.97 has fewer wrong ones; compared in docs/score.md.
+"""
+CLAIMED = 0.3
+"""Share of the hits that are some held track's above which a hypothesis is of the same target."""
 LEAST_SPREAD = 0.1
 """Time from the first hit to the last, in scan intervals, that tells a velocity at all."""
 NEGLIGIBLE = 0.01
 """Hypotheses this much less likely than the best do not count in the state."""
+FORGOTTEN = math.log(1e-4)
+"""Deleted are hypotheses whose ratio is a smaller part of the best one's with the same last hit."""
 TARGET_ODDS = 0.01
 """Odds that a detection without history is a target's: what the clutter map takes a start for."""
 TARGETS_PER_HOUR = 1.0
 """Targets that appear, as far as nothing tells: a choice."""
-LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
-"""A confirmed track is held for a scan at the least."""
+LEAST_NEW_EXISTENCE = 0.5
+"""A confirmed track is held through a miss or two, however many false ones are wished for."""
 SECONDS_PER_HOUR = 3600.0
 BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
@@ -131,6 +142,29 @@ class ScoreOptions:
         check_group(self)
 
 
+@dataclass(frozen=True)
+class _Start:
+    """A track to be confirmed.
+
+    Attributes
+    ----------
+    hits : (h,) ndarray of int
+        Detections that are the target's, as far as is certain.
+    claimed, probability : (c,) ndarray
+        All detections that may be, and how probably each is.
+    state, covariance : (4,), (4, 4) ndarray
+    evidence : float
+        Of the newest detection.
+    """
+
+    hits: IntArray
+    claimed: IntArray
+    probability: FloatArray
+    state: FloatArray
+    covariance: FloatArray
+    evidence: float
+
+
 class Score(Initiator):
     """The likelihood-ratio method, the default: evidence for a target, against clutter."""
 
@@ -148,7 +182,6 @@ class Score(Initiator):
         self._window = DetectionWindow()
         self._has_range_rates = False
         self._hypotheses = Hypotheses.none(self.options.window)
-        self._taken = np.zeros(0, np.int64)
         self._counts: deque[int] = deque(maxlen=MEMORY)
         self._intervals: deque[float] = deque(maxlen=MEMORY)
 
@@ -173,20 +206,22 @@ class Score(Initiator):
         interval = scan.stamp - self._now if follows else 0.0
         detections = self._receive(scan)
         ids = self._window.append(detections)
+        row, probability = self.hold.claims
+        self._window.claim(ids[row], probability)
         self._has_range_rates = bool(range_rates.measured(detections).any())
-        density = self._clutter_density(detections)
-        clutter = density + self._explained
+        clutter = self._clutter_density(detections)
         self._observe(len(detections), interval)
         predicted = self._hypotheses.predicted(interval, self.options.process_noise)
         detectable = self._detectable(predicted.state[:, 0::2])
         children, cut_children = self._split(predicted, detectable, detections, ids, clutter)
-        started = self._start(detections, ids, density / clutter)
+        started = self._start(detections, ids)
         updated = Hypotheses.joined(children, started)
+        missed = self._miss(predicted, detectable)
         target = self._target_share(updated, ids)
         self._clutter_map.withdraw(*self._polar, self._clutter_share * target)
-        tracks, rest = self._confirm(updated, ids)
-        missed = self._miss(predicted, detectable).without(self._taken)
-        kept = self._prune(Hypotheses.joined(rest, missed))
+        tracks = self._confirm(updated, missed, ids)
+        grown = Hypotheses.joined(updated, missed)
+        kept = self._prune(grown)
         self._hypotheses, cut = self._limit(kept)
         self._window.forget(self.scan_index + 2 - self.options.window)
         return self._deliver(
@@ -196,7 +231,7 @@ class Score(Initiator):
                 detections=len(detections),
                 potential_tracks=len(self._hypotheses),
                 started=len(started),
-                terminated=len(rest) + len(missed) - len(kept),
+                terminated=len(grown) - len(kept),
                 confirmed=len(tracks),
                 cut_potential_tracks=cut_children + cut,
             ),
@@ -241,8 +276,7 @@ class Score(Initiator):
     def _existence(self, tracks: TrackArrays) -> FloatArray:
         """Posterior probability of each track, with the prior that `TARGETS_PER_HOUR` appear.
 
-        At the threshold the odds are as those to the wanted false tracks per hour. Where many are
-        wanted, a start that is half wrong thus keeps its target from being started for less long.
+        At the threshold the odds are as those to the wanted false tracks per hour.
         """
         false = self.options.false_tracks_per_hour * np.exp(-tracks.evaluation)
         found = TARGETS_PER_HOUR / (TARGETS_PER_HOUR + false)
@@ -377,14 +411,12 @@ class Score(Initiator):
         score = predicted.score + evidence.miss_gain(detectable, self.options.gate_probability)
         return replace(predicted, score=score)
 
-    def _start(
-        self, detections: NDArray[np.void], ids: IntArray, clutter_share: FloatArray
-    ) -> Hypotheses:
+    def _start(self, detections: NDArray[np.void], ids: IntArray) -> Hypotheses:
         """Start a hypothesis from every detection.
 
         The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
         axis; the first range rate, if there is one, tells it along the line of sight, and speaks
-        for a target or against it. A detection that a held target explains starts as far below 0.
+        for a target or against it.
         """
         n = len(ids)
         path = starting(ids, self.scan_index, self.options.window)
@@ -398,14 +430,7 @@ class Score(Initiator):
         # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
         lag = detections["time"] - self._now
         state, covariance = filtering.predict(state, covariance, -lag)
-        return Hypotheses(
-            path.hits,
-            path.hit_count,
-            path.first_scan,
-            state,
-            covariance,
-            np.log(clutter_share) + gain,
-        )
+        return Hypotheses(path.hits, path.hit_count, path.first_scan, state, covariance, gain)
 
     def _target_share(self, updated: Hypotheses, ids: IntArray) -> FloatArray:
         """Probability that each detection is that of a target not confirmed yet, (n,)."""
@@ -415,52 +440,91 @@ class Score(Initiator):
         share: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
         return share
 
-    def _confirm(self, updated: Hypotheses, ids: IntArray) -> tuple[TrackArrays, Hypotheses]:
+    def _confirm(self, updated: Hypotheses, missed: Hypotheses, ids: IntArray) -> TrackArrays:
         """Confirm a track where the evidence of a detection reaches the threshold.
 
         The likelihood ratios of all hypotheses that end in the detection are summed. The strongest
-        detection comes first; what it takes does not count for the others any more.
-
-        Returns the tracks, and the hypotheses that are not theirs.
+        detection comes first; no track is confirmed on what is a confirmed one's already, and none
+        before it is clear which detections are its target's.
         """
-        n = len(ids)
-        group = updated.last_hit - (ids[0] if n else 0)
+        first, n = (ids[0] if len(ids) else 0), len(ids)
+        group = updated.last_hit - first
         sums = evidence.summed(updated.score, group, n)
         threshold = self._threshold_if_near(sums.max(initial=-np.inf))
-        # Only what is strong enough now can be later: evidence is only taken away.
-        rows = np.flatnonzero(sums[group] >= threshold)
-        strong, group_of_strong = updated[rows], group[rows]
-        confirmed: list[int] = []
-        hits: list[IntArray] = []
-        states, covariances, scores = [], [], []
-        while len(strong):
-            sums = evidence.summed(strong.score, group_of_strong, n)
-            best = int(np.argmax(sums))
-            if sums[best] < threshold:
-                break
-            of_best = group_of_strong == best
-            members = strong[of_best]
-            strong, group_of_strong = strong[~of_best], group_of_strong[~of_best]
-            members = members[self._spread_in_time(members, MIN_HITS)]
-            if not len(members):
-                continue
-            state, covariance = self._mixture(members)
-            hits.append(self._credible_hits(members))
-            states.append(state)
-            covariances.append(covariance)
-            scores.append(sums[best])
-            confirmed.append(best)
-            strong = strong.without(hits[-1])
+        strong = sums >= threshold
+        strong &= evidence.largest_of(updated.hit_count.astype(float), group, n) >= MIN_HITS
+        rows = np.flatnonzero(strong[group])
+        ending, group = updated[rows], group[rows]
+        strong &= self._claimed_share(ending, group, n) <= CLAIMED  # most are a held target's
+        found: list[_Start] = []
+        for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
+            members = ending[group == newest]
+            start = self._resolved(members, updated, missed, sums[newest])
+            if start is not None:
+                found.append(start)
+                self._window.claim(start.claimed, start.probability)
         tracks = self._tracks(
-            hits,
-            np.reshape(states, (-1, 4)),
-            np.reshape(covariances, (-1, 4, 4)),
-            np.array(scores, float),
+            [start.hits for start in found],
+            np.reshape([start.state for start in found], (-1, 4)),
+            np.reshape([start.covariance for start in found], (-1, 4, 4)),
+            np.array([start.evidence for start in found], float),
             threshold,
         )
-        self._taken = np.concatenate([*hits, np.zeros(0, np.int64)])
-        rest = updated[~np.isin(group, confirmed)].without(self._taken)
-        return tracks.numbered(self._take_track_ids(len(tracks))), rest
+        return tracks.numbered(self._take_track_ids(len(tracks)))
+
+    def _claimed_share(self, ending: Hypotheses, group: IntArray, count: int) -> FloatArray:
+        """Share of each group's hits that are a confirmed track's, over its hypotheses, (count,).
+
+        ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i claimed.
+        """
+        weight = np.exp(ending.score - evidence.largest_of(ending.score, group, count)[group])
+        hit = ending.hits != NO_HIT
+        claimed = np.zeros(ending.hits.shape)
+        claimed[hit] = self._window.claimed(ending.hits[hit])
+        theirs = np.bincount(group, weight * claimed.sum(axis=1), minlength=count)
+        hits = np.bincount(group, weight * ending.hit_count, minlength=count)
+        return theirs / np.maximum(hits, 1e-300)
+
+    def _resolved(
+        self, members: Hypotheses, updated: Hypotheses, missed: Hypotheses, evidence_found: float
+    ) -> _Start | None:
+        """The track of hypotheses with one newest detection.
+
+        None while it is not clear which hits are its target's, or where they are a confirmed
+        track's: of the last scan, or of this one.
+
+        Whether that detection is the target's is as open as the others: the hypotheses of the same
+        target that end in another, or in none, are its rivals in hits and state.
+        """
+        likely, probability = self._hit_probabilities(members)
+        pool = [
+            part[(part.score > evidence_found + FORGOTTEN) & (part.hit_count >= 2)]
+            for part in (updated, missed)
+        ]
+        rivals = Hypotheses.joined(*pool)
+        common = _sums_over_hits(rivals.hits, likely, probability)
+        rivals = rivals[common > CLAIMED * rivals.hit_count]
+        rivals = rivals[self._spread_in_time(rivals, 2)]
+        if not self._spread_in_time(rivals, MIN_HITS).any():
+            return None
+        if self._claimed_share(rivals, np.zeros(len(rivals), np.int64), 1)[0] > CLAIMED:
+            return None
+        claimed, probability = self._hit_probabilities(rivals)
+        hits = _credible(claimed, probability)
+        right = np.isin(rivals.hits, hits).sum(axis=1) > 0.5 * len(hits)
+        if evidence.shares(rivals.score)[right].sum() < RESOLVED:
+            return None
+        state, covariance = self._mixture(rivals)
+        return _Start(hits, claimed, probability, state, covariance, evidence_found)
+
+    @staticmethod
+    def _hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
+        """Detections of hypotheses of one target, (h,), and how probably each is the target's."""
+        share = evidence.shares(members.score)
+        found, place = np.unique(members.hits, return_inverse=True)
+        mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
+        hit = found != NO_HIT
+        return found[hit], mass[hit]
 
     def _threshold_if_near(self, evidence_found: float) -> float:
         """The threshold; infinite where the evidence is below any that it may be."""
@@ -496,17 +560,6 @@ class Score(Initiator):
             state[rows], covariance[rows] = fitted.state, fitted.covariance
         return state, covariance
 
-    def _credible_hits(self, members: Hypotheses) -> IntArray:
-        """Detections that are a hit with a posterior probability above `CREDIBLE`."""
-        share = evidence.shares(members.score)
-        found, place = np.unique(members.hits, return_inverse=True)
-        mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
-        credible: IntArray = found[(mass > CREDIBLE) & (found != NO_HIT)]
-        if len(credible) >= MIN_HITS:
-            return credible
-        best = int(np.argmax(share))
-        return members.hits[best, : members.hit_count[best]]
-
     def _tracks(
         self,
         hits: list[IntArray],
@@ -538,15 +591,31 @@ class Score(Initiator):
     def _prune(self, hypotheses: Hypotheses) -> Hypotheses:
         """Delete what is over the window or too unlikely.
 
-        Unlikely: a score below the deletion threshold, or as many better hypotheses with the same
-        last detection as are kept.
+        Unlikely: a score below the deletion threshold, or far below the best hypothesis with the
+        same last detection, or as many better ones with it as are kept.
         """
         kept = hypotheses.score > self.deletion
         kept &= ~pruning.expired(self.scan_index + 1 - hypotheses.first_scan, self.options.window)
         hypotheses = hypotheses[kept]
-        return hypotheses[hypotheses.best_of_last_hit(self.options.max_per_detection)]
+        return hypotheses[hypotheses.best_of_last_hit(self.options.max_per_detection, FORGOTTEN)]
 
     def _limit(self, hypotheses: Hypotheses) -> tuple[Hypotheses, int]:
         """Keep the best hypotheses; returns them and the number cut."""
         kept = hypotheses[keep_best(-hypotheses.score, self.common.max_potential_tracks)]
         return kept, len(hypotheses) - len(kept)
+
+
+def _sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
+    """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path."""
+    place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
+    sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)
+    return sums
+
+
+def _credible(detections: IntArray, probability: FloatArray) -> IntArray:
+    """The detections (c,) that are credible as hits; the most probable ones where too few are."""
+    credible = detections[probability >= CREDIBLE]
+    if len(credible) < MIN_HITS:
+        best = np.argsort(-probability, kind="stable")[:MIN_HITS]
+        credible = np.sort(detections[best])
+    return credible
