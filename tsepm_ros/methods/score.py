@@ -16,7 +16,7 @@ hypothesis i::
     threshold     A = ln(starts per hour / wish) - the mean jump over it
     deleted       s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
                   `window` scans old
-    state         x = sum_i w_i x_i,  w_i ~ exp(s_i)
+    state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
 The full references are in `tsepm_ros.evidence`; the jump is found by simulation in
@@ -316,11 +316,12 @@ class Score(Initiator):
         )
 
     def potential_tracks(self) -> TrackArrays:
-        """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
+        """Hypotheses with at least two hits that are no held target's; `score` is their ratio.
 
         See `Initiator.potential_tracks`.
         """
         found = self._hypotheses[self._spread_in_time(self._hypotheses, 2)]
+        found = found[self._claimed_share(found, np.arange(len(found)), len(found)) <= CLAIMED]
         if not len(found):
             return TrackArrays.of([])
         state, covariance = self._estimate(found)
@@ -511,10 +512,12 @@ class Score(Initiator):
             return None
         claimed, probability = self._hit_probabilities(rivals)
         hits = _credible(claimed, probability)
-        right = np.isin(rivals.hits, hits).sum(axis=1) > 0.5 * len(hits)
+        theirs = np.isin(rivals.hits, hits).sum(axis=1)
+        right = theirs > 0.5 * len(hits)
         if evidence.shares(rivals.score)[right].sum() < RESOLVED:
             return None
-        state, covariance = self._mixture(rivals)
+        with_all = theirs == len(hits)
+        state, covariance = self._mixture(rivals[with_all if with_all.any() else right])
         return _Start(hits, claimed, probability, state, covariance, evidence_found)
 
     @staticmethod
