@@ -1,4 +1,4 @@
-"""The hypotheses of the likelihood-ratio method and their scores, in plain loops.
+"""The hypotheses of the likelihood-ratio method, their scores and its decisions, in plain loops.
 
 Written from the definition of the score, for small scenes: hypotheses are objects, every one is
 extended by every detection, and none is left out but by the gate, the deletion threshold, the
@@ -25,6 +25,8 @@ from plain_tsepm import (
     transition_matrix,
 )
 
+Key = tuple[int, int]
+"""A detection: its scan, and its place in it."""
 Way = list[tuple[float, np.ndarray]]
 """Places of the sensor, each with the range of the echo that it belongs to."""
 
@@ -33,7 +35,7 @@ Way = list[tuple[float, np.ndarray]]
 class Hypothesis:
     """Detections that may be one target's, with the filter that followed them."""
 
-    keys: tuple[tuple[int, int], ...]
+    keys: tuple[Key, ...]
     state: np.ndarray
     covariance: np.ndarray
     score: float
@@ -52,7 +54,25 @@ class Rule:
     max_range: float
 
 
-def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[list[Hypothesis]]:
+@dataclass
+class Grown:
+    """The hypotheses after a scan: those that end in it, those that left it out, those kept."""
+
+    ending: list[Hypothesis]
+    missed: list[Hypothesis]
+    kept: list[Hypothesis]
+
+
+@dataclass
+class Start:
+    """A track: its hits, its evidence, the hypotheses that its state is the mean of."""
+
+    hits: set[Key]
+    evidence: float
+    mixed: list[Hypothesis]
+
+
+def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Grown]:
     """All hypotheses after each scan."""
     alive: list[Hypothesis] = []
     after = []
@@ -65,26 +85,98 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[lis
             if may_be_covered(float(scan["range"][one.key[1]]), one, rule)
         ]
         elapsed = scan["stamp"] - scans[index - 1]["stamp"] if index else 0.0
-        grown: list[Hypothesis] = []
+        ending: list[Hypothesis] = []
+        left_out: list[Hypothesis] = []
         for hypothesis in alive:
             predicted = predict(hypothesis, elapsed, rule)
             for detection in detections if covered(predicted, way, rule) else ():
                 child = extend(predicted, detection, scan["stamp"], rule)
-                if child is not None:
-                    grown.append(child)
-            grown.append(missed(predicted, way, rule))
-        grown += [start(detection, scan["stamp"], rule) for detection in detections]
+                if child is not None and child.score > rule.deletion:
+                    ending.append(child)
+            left_out.append(missed(predicted, way, rule))
+        ending += [start(detection, scan["stamp"], rule) for detection in detections]
         alive = [
             one
-            for one in grown
+            for one in ending + left_out
             if one.score > rule.deletion and index + 1 - one.keys[0][0] < rule.window
         ]
-        best: dict[tuple[int, int], float] = {}
+        best: dict[Key, float] = {}
         for one in alive:
             best[one.keys[-1]] = max(one.score, best.get(one.keys[-1], -math.inf))
         alive = [one for one in alive if one.score > best[one.keys[-1]] - math.log(1e4)]
-        after.append(alive)
+        after.append(Grown(ending, left_out, alive))
     return after
+
+
+def plain_starts(grown: Grown, threshold: float) -> list[Start]:
+    """Tracks that a scan confirms where none is held yet, the one of most evidence first."""
+    found: list[Start] = []
+    free: dict[Key, float] = {}
+    for members in strong_groups(grown, threshold):
+        rivals = rivals_of(members, grown)
+        if claimed_share(rivals, free) > 0.3 or max(len(one.keys) for one in rivals) < 3:
+            continue
+        probability = hit_probabilities(rivals)
+        certain = {key for key, value in probability.items() if value >= 0.9}
+        if len(certain) < 3:
+            certain = set(sorted(probability, key=lambda key: -probability[key])[:3])
+        right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
+        if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
+            continue
+        mixed = [one for one in rivals if certain <= set(one.keys)] or right
+        found.append(Start(certain, evidence(members), mixed))
+        for key, value in probability.items():
+            free[key] = free.get(key, 1.0) * (1.0 - value)
+    return found
+
+
+def strong_groups(grown: Grown, threshold: float) -> list[list[Hypothesis]]:
+    """Hypotheses that share a newest detection, of enough evidence together; the most first."""
+    groups: dict[Key, list[Hypothesis]] = {}
+    for one in grown.ending:
+        groups.setdefault(one.keys[-1], []).append(one)
+    strong = [
+        members
+        for members in groups.values()
+        if evidence(members) >= threshold and max(len(one.keys) for one in members) >= 3
+    ]
+    return sorted(strong, key=evidence, reverse=True)
+
+
+def likelihood(one: Hypothesis) -> float:
+    """Likelihood ratio of a target against clutter."""
+    return math.exp(one.score)
+
+
+def evidence(members: Sequence[Hypothesis]) -> float:
+    """Log of the summed likelihood ratios."""
+    return math.log(sum(map(likelihood, members)))
+
+
+def hit_probabilities(members: Sequence[Hypothesis]) -> dict[Key, float]:
+    """How probably each detection is a hit, if one of the hypotheses is true."""
+    whole = sum(map(likelihood, members))
+    keys = {key for one in members for key in one.keys}
+    return {key: sum(likelihood(m) for m in members if key in m.keys) / whole for key in keys}
+
+
+def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
+    """Hypotheses of the same target, whatever they end in, that are not negligible."""
+    probability = hit_probabilities(members)
+    least = evidence(members) - math.log(1e4)
+    return [
+        one
+        for one in grown.ending + grown.missed
+        if one.score > least
+        and len(one.keys) >= 2
+        and sum(probability.get(key, 0.0) for key in one.keys) > 0.3 * len(one.keys)
+    ]
+
+
+def claimed_share(members: Sequence[Hypothesis], free: Mapping[Key, float]) -> float:
+    """Share of the hits that are another track's."""
+    hits = [(likelihood(one), 1.0 - free.get(key, 1.0)) for one in members for key in one.keys]
+    return sum(weight * taken for weight, taken in hits) / sum(weight for weight, _ in hits)
 
 
 def may_be_covered(measured: float, detection: Detection, rule: Rule) -> bool:

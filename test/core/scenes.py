@@ -70,6 +70,32 @@ def random_scene(seed: int) -> Scene:
     return scene
 
 
+def crowded_scene(seed: int) -> Scene:
+    """A target with false detections about it in each scan: which are its own is hard to tell."""
+    rng = np.random.default_rng([2026, seed])
+    sensor = {
+        "range_std": 0.0,
+        "range_std_fraction": 0.015,
+        "azimuth_std": math.radians(1.0),
+        "clutter_density": 1e-6,
+    }
+    scene = Scene(sensor=sensor)
+    velocity = rng.uniform(-6.0, 6.0, 2)
+    for index in range(5):
+        place = np.array([2500.0, 1500.0]) + 12.0 * index * velocity
+        found = place + rng.uniform(-300.0, 300.0, (3, 2))
+        if rng.random() < 0.9:
+            found = np.vstack([found, place + 40.0 * rng.standard_normal(2)])
+        scene.scans.append(
+            {
+                "stamp": 12.0 * index,
+                "range": np.hypot(*found.T).tolist(),
+                "azimuth": np.arctan2(found[:, 1], found[:, 0]).tolist(),
+            }
+        )
+    return scene
+
+
 def _scan(rng, sensor, targets, stamp, pose, p_d, pose_errors, offsets, own_errors):
     area = math.pi * MAX_RANGE**2
     n_clutter = 0 if rng.random() < 0.05 else rng.poisson(sensor["clutter_density"] * area)

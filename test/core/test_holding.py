@@ -268,6 +268,8 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
     without = 0.2 + 0.8 * (miss + ratios[::-1])
     np.testing.assert_allclose(explained, CLUTTER * (whole / without - 1.0))
     weights = np.array([miss, *ratios]) / (miss + ratios.sum())
+    row, claimed = hold.claims
+    np.testing.assert_allclose(claimed[np.argsort(row)], weights[1:])
     # The mixture: not updated, updated with the first, updated with the second.
     predicted = holding(1)
     step(predicted, stamp)
@@ -283,6 +285,17 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
     np.testing.assert_allclose(track.covariance, spread, rtol=1e-7, atol=1e-7)
     odds = 0.8 * (miss + ratios.sum())
     np.testing.assert_allclose(hold._existence, [odds / (odds + 0.2)])
+
+
+def test_claims_are_those_of_the_last_scan():
+    hold = holding(1)
+    step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), P_D)
+    assert [one.tolist() for one in hold.claims] == [[0], pytest.approx([1.0], abs=0.01)]
+    step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), P_D)
+    assert [len(one) for one in hold.claims] == [0, 0]
+    step(hold, 36.0, detections([[2180.0, 1000.0]], 36.0), P_D)
+    hold.clear()
+    assert [len(one) for one in hold.claims] == [0, 0]
 
 
 def test_a_late_echo_is_taken_at_its_own_time_against_the_clutter_where_it_is(straight):

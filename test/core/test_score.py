@@ -9,11 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builders import scan_at
-from plain_score import Rule, plain_hypotheses
+from plain_score import Rule, plain_hypotheses, plain_starts, strong_groups
 from plain_tsepm import Parameters
-from scenes import random_scene
+from scenes import Scene, crowded_scene, random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.run_records import record
+from tsepm_ros.analysis.simulated_run import simulate
+from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.conversion import convert
 from tsepm_ros.estimation import fit
 from tsepm_ros.initiator import CommonOptions
@@ -21,6 +25,7 @@ from tsepm_ros.methods.score import Score
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import read_recording
 from tsepm_ros.settings import SessionOptions, Settings
+from tsepm_ros.simulation import load_scenario
 from tsepm_ros.track import TrackArrays
 
 NEVER = 1e-30
@@ -64,35 +69,38 @@ def sea(
     return made
 
 
-@pytest.mark.parametrize("seed", range(24))
-def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
-    scene = random_scene(seed)
-    scans = scene.scans[: 5 if seed % 2 else 4]
-    window = 3 if seed % 3 == 0 else 16
-    settings = Parameters(**scene.sensor, max_speed=10.0, min_hits=3, window=16)
+def in_plain_loops(scene: Scene, seed: int):
+    """Hypotheses of a scene under a rule that the seed chooses; sensor and options of the same."""
     rule = Rule(
-        settings,
+        Parameters(**scene.sensor, max_speed=10.0, min_hits=3, window=16),
         detection_probability=(0.6, 0.9, 0.999)[seed % 3],
         gate_probability=(0.9, 0.99)[seed % 2],
         process_noise=(0.0, 0.01)[seed % 2],
         deletion=math.log(0.005),
-        window=window,
+        window=3 if seed % 3 == 0 else 16,
         max_range=3700.0,
     )
-    initiator = score(
-        SensorModel(
-            **scene.sensor,
-            detection_probability=rule.detection_probability,
-            max_range=rule.max_range,
-        ),
-        false_tracks_per_hour=NEVER,
-        window=window,
-        gate_probability=rule.gate_probability,
-        process_noise=rule.process_noise,
-        max_per_detection=10**6,
+    sensor = SensorModel(
+        **scene.sensor, detection_probability=rule.detection_probability, max_range=rule.max_range
     )
+    options = {
+        "window": rule.window,
+        "gate_probability": rule.gate_probability,
+        "process_noise": rule.process_noise,
+        "max_per_detection": 10**6,
+    }
+    plain = plain_hypotheses(scene.scans[: 5 if seed % 2 else 4], rule)
+    return plain, sensor, options
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
+    scene = random_scene(seed)
+    plain_scans, sensor, options = in_plain_loops(scene, seed)
+    initiator = score(sensor, false_tracks_per_hour=NEVER, **options)
     compared = 0
-    for scan, expected in zip(scene.as_scans(), plain_hypotheses(scans, rule), strict=False):
+    for scan, grown in zip(scene.as_scans(), plain_scans, strict=False):
+        expected = grown.kept
         assert len(initiator.process(scan)) == 0
         assert initiator.statistics.potential_tracks == len(expected)
         plain = {one.keys: one for one in expected}
@@ -110,6 +118,59 @@ def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
             )
         compared += len(found)
     assert compared > 0
+
+
+def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
+    """Compare a scene's first starts with those of plain loops.
+
+    Returns their number, and that of detections whose evidence was enough until then.
+    """
+    plain_scans, sensor, options = in_plain_loops(scene, seed)
+    initiator = score(sensor, **options)
+    initiator._threshold_if_near = lambda evidence_found: threshold
+    strong = 0
+    for index, (scan, grown) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
+        tracks, expected = initiator.process(scan), plain_starts(grown, threshold)
+        strong += len(strong_groups(grown, threshold))
+        assert [set(track.hits) for track in tracks] == [one.hits for one in expected]
+        for track, start in zip(tracks, expected, strict=True):
+            assert track.score == pytest.approx(start.evidence, abs=1e-6)
+            state, covariance = mixed(start.mixed, scene.as_scans()[: index + 1], sensor)
+            np.testing.assert_allclose(track.state, state, rtol=1e-5, atol=1e-3)
+            scale = np.linalg.norm(covariance)
+            np.testing.assert_allclose(track.covariance, covariance, rtol=0, atol=1e-5 * scale)
+        if expected:
+            return len(expected), strong
+    return 0, strong
+
+
+def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance over hypotheses, each fitted to its hits; negligible ones left out."""
+    converted = [convert(scan, sensor, index) for index, scan in enumerate(scans)]
+    most = max(one.score for one in members)
+    counted = [one for one in members if one.score >= most + math.log(0.01)]
+    weights = np.exp([one.score - most for one in counted])
+    weights /= weights.sum()
+    fits = []
+    for one in counted:
+        hits = np.concatenate([converted[scan][[row]] for scan, row in one.keys])[None]
+        found = fit(hits, scans[-1].stamp, sensor, "weighted")
+        fits.append((found.state[0], found.covariance[0]))
+    mean = sum(weight * state for weight, (state, _) in zip(weights, fits, strict=True))
+    spread = sum(
+        weight * (covariance + np.outer(state - mean, state - mean))
+        for weight, (state, covariance) in zip(weights, fits, strict=True)
+    )
+    return mean, spread
+
+
+@pytest.mark.parametrize(("make", "threshold"), [(random_scene, 4.0), (crowded_scene, 3.0)])
+def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold):
+    counts = [decided(make(seed), seed, threshold) for seed in range(12)]
+    started, strong = np.sum(counts, axis=0)
+    assert started >= 8
+    if make is crowded_scene:
+        assert strong > 2 * started, "some wait, or are a track's already"
 
 
 def test_blocks_do_not_change_the_hypotheses(monkeypatch):
@@ -152,6 +213,40 @@ def test_two_targets_far_apart_are_two_tracks_and_one_id_each():
         for track in initiator.process(scan)
     ]
     assert len({track.track_id for track in starts}) == len(starts) == 2
+
+
+def test_a_start_waits_until_it_is_clear_which_detections_are_its_targets():
+    # From one place two ways lead on, as likely as each other; the third echo is on one of them.
+    ways = [(3000.0, 0.0), (3000.0, 84.0), (3000.0, -84.0), (3000.0, 168.0), (3000.0, -168.0)]
+    initiator = score(
+        SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002),
+        false_tracks_per_hour=1000.0,
+    )
+    initiator.process(scan_at(0.0, [ways[0]]))
+    initiator.process(scan_at(12.0, ways[1:3]))
+    assert len(initiator.process(scan_at(24.0, ways[3:]))) == 0
+    assert initiator.potential_tracks().score.max() > initiator.threshold, "evidence enough"
+    (track,) = initiator.process(scan_at(36.0, [(3000.0, 252.0)]))
+    assert set(track.hits) <= {(0, 0), (1, 0), (2, 0), (3, 0)}
+    assert track.velocity[1] == pytest.approx(7.0, abs=1.0)
+
+
+def test_a_held_target_has_no_potential_tracks():
+    initiator = score()
+    for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)], density=0.0):
+        initiator.process(scan)
+    assert len(initiator.hold.current) == 1
+    assert len(initiator.potential_tracks()) == 0
+    assert initiator.statistics.potential_tracks > 0, "they are kept, as rivals"
+
+
+def test_few_targets_in_clutter_are_started_twice():
+    # 0.003 a run are expected.
+    scene = load_scenario("box")
+    point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
+    runs = [record(simulate(scene, [17, index], point)) for index in range(60)]
+    assert sum(run.count(Outcome.TRUE) for run in runs) >= 50
+    assert sum(run.count(Outcome.REDUNDANT) for run in runs) <= 3
 
 
 def test_a_second_target_is_started_beside_one_that_is_held():
