@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -60,16 +60,20 @@ class Grown:
 
     ending: list[Hypothesis]
     missed: list[Hypothesis]
-    kept: list[Hypothesis]
+    kept: list[Hypothesis] = field(default_factory=list)
 
 
 @dataclass
 class Start:
-    """A track: its hits, its evidence, the hypotheses that its state is the mean of."""
+    """A track: its hits, its evidence, the hypotheses that its state is the mean of.
+
+    And how probably each detection is its.
+    """
 
     hits: set[Key]
     evidence: float
     mixed: list[Hypothesis]
+    probability: dict[Key, float]
 
 
 def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Grown]:
@@ -112,22 +116,45 @@ def plain_starts(grown: Grown, threshold: float) -> list[Start]:
     """Tracks that a scan confirms where none is held yet, the one of most evidence first."""
     found: list[Start] = []
     free: dict[Key, float] = {}
+    left = grown
     for members in strong_groups(grown, threshold):
-        rivals = rivals_of(members, grown)
-        if claimed_share(rivals, free) > 0.3 or max(len(one.keys) for one in rivals) < 3:
+        newest = members[0].keys[-1]
+        start = resolved(members, grown, free, 0.3)
+        if start is None:
+            others = [one for one in left.ending if one.keys[-1] == newest]
+            if evidence(others) >= threshold + math.log(1e3):
+                start = resolved(others, left, free, 1.0)
+        if start is None:
             continue
-        probability = hit_probabilities(rivals)
-        certain = {key for key, value in probability.items() if value >= 0.9}
-        if len(certain) < 3:
-            certain = set(sorted(probability, key=lambda key: -probability[key])[:3])
-        right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
-        if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
-            continue
-        mixed = [one for one in rivals if certain <= set(one.keys)] or right
-        found.append(Start(certain, evidence(members), mixed))
-        for key, value in probability.items():
+        found.append(start)
+        for key, value in start.probability.items():
             free[key] = free.get(key, 1.0) * (1.0 - value)
+        left = Grown(*([beside(one, start) for one in part] for part in (left.ending, left.missed)))
     return found
+
+
+def resolved(
+    members: Sequence[Hypothesis], grown: Grown, free: Mapping[Key, float], claimed: float
+) -> Start | None:
+    """The track of a newest detection, if it is no other's and its hits are clear."""
+    rivals = rivals_of(members, grown)
+    if claimed_share(rivals, free) > claimed or max(len(one.keys) for one in rivals) < 3:
+        return None
+    probability = hit_probabilities(rivals)
+    certain = {key for key, value in probability.items() if value >= 0.9}
+    if len(certain) < 3:
+        certain = set(sorted(probability, key=lambda key: -probability[key])[:3])
+    right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
+    if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
+        return None
+    mixed = [one for one in rivals if certain <= set(one.keys)] or right
+    return Start(certain, evidence(members), mixed, probability)
+
+
+def beside(one: Hypothesis, start: Start) -> Hypothesis:
+    """The hypothesis as another target's: what the track's hits gave it does not count."""
+    share = sum(start.probability.get(key, 0.0) for key in one.keys) / len(one.keys)
+    return replace(one, score=one.score - share * max(one.score, 0.0))
 
 
 def strong_groups(grown: Grown, threshold: float) -> list[list[Hypothesis]]:

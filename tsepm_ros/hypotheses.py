@@ -32,11 +32,36 @@ class Hypotheses(Paths):
         At the last scan's stamp.
     score : (n,) ndarray
         Log-likelihood ratio.
+    beside : (n,) ndarray
+        The same for one more target, where what held ones explain counts as clutter does.
     """
 
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
+    beside: FloatArray
+
+    def as_beside(self) -> Hypotheses:
+        """The hypotheses scored as one more target beside those that are held."""
+        return replace(self, score=self.beside)
+
+    def beside_claims(self, ids: IntArray, probability: FloatArray) -> Hypotheses:
+        """The hypotheses as seen beside a new track that claims detections.
+
+        Parameters
+        ----------
+        ids : (c,) ndarray of int
+            Detections, ascending.
+        probability : (c,) ndarray
+            How probably each is the new track's.
+
+        Returns
+        -------
+        Hypotheses
+            `beside` is less by the share of the hits claimed: on average each gave the same.
+        """
+        share = sums_over_hits(self.hits, ids, probability) / self.hit_count
+        return replace(self, beside=self.beside - share * np.maximum(self.beside, 0.0))
 
     def predicted(self, interval: float, process_noise: float) -> Hypotheses:
         """The hypotheses after a time interval, s, with nearly constant velocity."""
@@ -117,6 +142,7 @@ class Hypotheses(Paths):
         found: NDArray[np.void],
         ids: IntArray,
         score: FloatArray,
+        beside: FloatArray,
         stamp: float,
         sensor: SensorModel,
     ) -> Hypotheses:
@@ -130,7 +156,7 @@ class Hypotheses(Paths):
             children.state, children.covariance, lag, innovation, spread
         )
         state, covariance = range_rates.update(state, covariance, lag, found)
-        return replace(children, state=state, covariance=covariance, score=score)
+        return replace(children, state=state, covariance=covariance, score=score, beside=beside)
 
     def best_of_last_hit(self, number: int, margin: float) -> BoolArray:
         """Which are among the best `number` with the same last hit, and within `margin`, (n,).
@@ -152,6 +178,7 @@ class Hypotheses(Paths):
             np.zeros((0, 4)),
             np.zeros((0, 4, 4)),
             np.zeros(0),
+            np.zeros(0),
         )
 
 
@@ -163,3 +190,10 @@ def places(group: IntArray, score: FloatArray) -> IntArray:
     place = np.empty(len(group), np.int64)
     place[order] = np.arange(len(group)) - first
     return place
+
+
+def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
+    """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path."""
+    place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
+    sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)
+    return sums

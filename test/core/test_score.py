@@ -261,6 +261,24 @@ def test_a_second_target_is_started_beside_one_that_is_held():
     assert y == pytest.approx([1000.0, 2000.0], abs=200)
 
 
+@pytest.mark.parametrize("apart", [100.0, 300.0])
+def test_of_two_targets_abreast_the_second_is_started_too(apart):
+    # Their errors are 55 m by 65 m: each may be the other's detection.
+    lanes = [(3100.0, 5.0, 2000.0, 0.0), (3100.0, 5.0, 2000.0 + apart, 0.0)]
+    counts = []
+    for seed in range(6):
+        initiator = score(false_tracks_per_hour=10.0)
+        scans = sea(np.random.default_rng([4, seed]), 30, lanes)
+        starts = [track for scan in scans for track in initiator.process(scan)]
+        near = [
+            np.hypot(*(track.position - (3100.0 + 5.0 * track.stamp, 2000.0 + apart / 2.0))) < 500.0
+            for track in starts
+        ]
+        counts.append(sum(near))
+    assert sum(count >= 2 for count in counts) >= 4
+    assert max(counts) <= 3
+
+
 RADAR = SensorModel(range_std=15.0, range_std_fraction=0.0, max_range=3000.0)
 """A marine radar: a scan every 2.5 s."""
 

@@ -11,7 +11,8 @@ hypothesis i::
     miss          s_i += ln(1 - P_D P_G); 0 where nothing can be seen
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9
+                  target's with a probability of at least 0.9; beside a held track, with what it
+                  explains of z added to lambda, E >= A + ln 1000
     bound         P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     threshold     A = ln(starts per hour / wish) - the mean jump over it
     deleted       s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
@@ -44,7 +45,7 @@ from numpy.typing import NDArray
 from tsepm_ros import design, evidence, filtering, pruning, range_rates
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, fit, mixture
-from tsepm_ros.hypotheses import Hypotheses, places
+from tsepm_ros.hypotheses import Hypotheses, places, sums_over_hits
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
@@ -69,6 +70,11 @@ What is less certain waits: a start that is half wrong helps no one, and hides i
 """
 CLAIMED = 0.3
 """Share of the hits that are some held track's above which a hypothesis is of the same target."""
+BESIDE = math.log(1e3)
+"""Evidence beyond the threshold that one more target beside a held one needs: a choice.
+
+It claims its detections too, and a target that was started half wrong looks like two for a while.
+"""
 LEAST_SPREAD = 0.1
 """Time from the first hit to the last, in scan intervals, that tells a velocity at all."""
 NEGLIGIBLE = 0.01
@@ -213,14 +219,17 @@ class Score(Initiator):
         self._observe(len(detections), interval)
         predicted = self._hypotheses.predicted(interval, self.options.process_noise)
         detectable = self._detectable(predicted.state[:, 0::2])
-        children, cut_children = self._split(predicted, detectable, detections, ids, clutter)
-        started = self._start(detections, ids)
+        explained = np.log1p(self._explained / np.maximum(clutter, evidence.LEAST_DENSITY))
+        children, cut_children = self._split(
+            predicted, detectable, detections, ids, clutter, explained
+        )
+        started = self._start(detections, ids, explained)
         updated = Hypotheses.joined(children, started)
         missed = self._miss(predicted, detectable)
         target = self._target_share(updated, ids)
         self._clutter_map.withdraw(*self._polar, self._clutter_share * target)
-        tracks = self._confirm(updated, missed, ids)
-        grown = Hypotheses.joined(updated, missed)
+        tracks, starts = self._confirm(updated, missed, ids)
+        grown = _beside(Hypotheses.joined(updated, missed), starts)
         kept = self._prune(grown)
         self._hypotheses, cut = self._limit(kept)
         self._window.forget(self.scan_index + 2 - self.options.window)
@@ -341,11 +350,14 @@ class Score(Initiator):
         detections: NDArray[np.void],
         ids: IntArray,
         clutter: FloatArray,
+        explained: FloatArray,
     ) -> tuple[Hypotheses, int]:
         """Extend every hypothesis by each detection in its gate, ``d' S^-1 d <= gamma``.
 
         One of a target that cannot be detected where it is has no children: its misses cost
-        nothing either, and hits that count there would make the evidence of clutter grow.
+        nothing either, and hits that count there would make the evidence of clutter grow. Beside
+        held targets a hit gains less, by what they explain of it: the log of how much more densely
+        detections fall there than clutter does.
 
         Returns the children that are not deleted at once, and the pairs that a limit left out.
         """
@@ -370,6 +382,7 @@ class Score(Initiator):
         cut += len(kept) - len(best)
         kept = kept[best]
         parent, row, score = parent[kept], row[kept], score[kept]
+        beside = predicted.beside[parent] + score - predicted.score[parent] - explained[row]
         blocks = [slice(first, first + BLOCK) for first in range(0, max(len(kept), 1), BLOCK)]
         children = [
             predicted.updated(
@@ -377,6 +390,7 @@ class Score(Initiator):
                 detections[row[part]],
                 ids[row[part]],
                 score[part],
+                beside[part],
                 self._now,
                 self.sensor,
             )
@@ -409,10 +423,12 @@ class Score(Initiator):
 
     def _miss(self, predicted: Hypotheses, detectable: FloatArray) -> Hypotheses:
         """The branches of all hypotheses that leave the scan out."""
-        score = predicted.score + evidence.miss_gain(detectable, self.options.gate_probability)
-        return replace(predicted, score=score)
+        gain = evidence.miss_gain(detectable, self.options.gate_probability)
+        return replace(predicted, score=predicted.score + gain, beside=predicted.beside + gain)
 
-    def _start(self, detections: NDArray[np.void], ids: IntArray) -> Hypotheses:
+    def _start(
+        self, detections: NDArray[np.void], ids: IntArray, explained: FloatArray
+    ) -> Hypotheses:
         """Start a hypothesis from every detection.
 
         The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
@@ -431,7 +447,10 @@ class Score(Initiator):
         # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
         lag = detections["time"] - self._now
         state, covariance = filtering.predict(state, covariance, -lag)
-        return Hypotheses(path.hits, path.hit_count, path.first_scan, state, covariance, gain)
+        beside = gain - explained
+        return Hypotheses(
+            path.hits, path.hit_count, path.first_scan, state, covariance, gain, beside
+        )
 
     def _target_share(self, updated: Hypotheses, ids: IntArray) -> FloatArray:
         """Probability that each detection is that of a target not confirmed yet, (n,)."""
@@ -441,7 +460,9 @@ class Score(Initiator):
         share: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
         return share
 
-    def _confirm(self, updated: Hypotheses, missed: Hypotheses, ids: IntArray) -> TrackArrays:
+    def _confirm(
+        self, updated: Hypotheses, missed: Hypotheses, ids: IntArray
+    ) -> tuple[TrackArrays, list[_Start]]:
         """Confirm a track where the evidence of a detection reaches the threshold.
 
         The likelihood ratios of all hypotheses that end in the detection are summed. The strongest
@@ -456,22 +477,29 @@ class Score(Initiator):
         strong &= evidence.largest_of(updated.hit_count.astype(float), group, n) >= MIN_HITS
         rows = np.flatnonzero(strong[group])
         ending, group = updated[rows], group[rows]
-        strong &= self._claimed_share(ending, group, n) <= CLAIMED  # most are a held target's
-        found: list[_Start] = []
+        new = self._claimed_share(ending, group, n) <= CLAIMED
+        strong &= new | (evidence.summed(ending.beside, group, n) >= threshold + BESIDE)
+        starts: list[_Start] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
             members = ending[group == newest]
-            start = self._resolved(members, updated, missed, sums[newest])
+            start = self._resolved(members, updated, missed, claimed_at_most=CLAIMED)
+            if start is None:
+                members, ended, left_out = (
+                    _beside(part, starts).as_beside() for part in (members, updated, missed)
+                )
+                if np.logaddexp.reduce(members.score) >= threshold + BESIDE:
+                    start = self._resolved(members, ended, left_out, claimed_at_most=1.0)
             if start is not None:
-                found.append(start)
+                starts.append(start)
                 self._window.claim(start.claimed, start.probability)
         tracks = self._tracks(
-            [start.hits for start in found],
-            np.reshape([start.state for start in found], (-1, 4)),
-            np.reshape([start.covariance for start in found], (-1, 4, 4)),
-            np.array([start.evidence for start in found], float),
+            [start.hits for start in starts],
+            np.reshape([start.state for start in starts], (-1, 4)),
+            np.reshape([start.covariance for start in starts], (-1, 4, 4)),
+            np.array([start.evidence for start in starts], float),
             threshold,
         )
-        return tracks.numbered(self._take_track_ids(len(tracks)))
+        return tracks.numbered(self._take_track_ids(len(tracks))), starts
 
     def _claimed_share(self, ending: Hypotheses, group: IntArray, count: int) -> FloatArray:
         """Share of each group's hits that are a confirmed track's, over its hypotheses, (count,).
@@ -487,28 +515,34 @@ class Score(Initiator):
         return theirs / np.maximum(hits, 1e-300)
 
     def _resolved(
-        self, members: Hypotheses, updated: Hypotheses, missed: Hypotheses, evidence_found: float
+        self,
+        members: Hypotheses,
+        updated: Hypotheses,
+        missed: Hypotheses,
+        claimed_at_most: float,
     ) -> _Start | None:
         """The track of hypotheses with one newest detection.
 
-        None while it is not clear which hits are its target's, or where they are a confirmed
-        track's: of the last scan, or of this one.
+        None while it is not clear which hits are its target's, or where more of them are a
+        confirmed track's than is allowed.
 
         Whether that detection is the target's is as open as the others: the hypotheses of the same
         target that end in another, or in none, are its rivals in hits and state.
         """
+        evidence_found = float(np.logaddexp.reduce(members.score))
         likely, probability = self._hit_probabilities(members)
         pool = [
             part[(part.score > evidence_found + FORGOTTEN) & (part.hit_count >= 2)]
             for part in (updated, missed)
         ]
         rivals = Hypotheses.joined(*pool)
-        common = _sums_over_hits(rivals.hits, likely, probability)
+        common = sums_over_hits(rivals.hits, likely, probability)
         rivals = rivals[common > CLAIMED * rivals.hit_count]
         rivals = rivals[self._spread_in_time(rivals, 2)]
         if not self._spread_in_time(rivals, MIN_HITS).any():
             return None
-        if self._claimed_share(rivals, np.zeros(len(rivals), np.int64), 1)[0] > CLAIMED:
+        one = np.zeros(len(rivals), np.int64)
+        if self._claimed_share(rivals, one, 1)[0] > claimed_at_most:
             return None
         claimed, probability = self._hit_probabilities(rivals)
         hits = _credible(claimed, probability)
@@ -608,11 +642,11 @@ class Score(Initiator):
         return kept, len(hypotheses) - len(kept)
 
 
-def _sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
-    """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path."""
-    place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
-    sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)
-    return sums
+def _beside(hypotheses: Hypotheses, starts: list[_Start]) -> Hypotheses:
+    """The hypotheses as seen beside the new tracks."""
+    for start in starts:
+        hypotheses = hypotheses.beside_claims(start.claimed, start.probability)
+    return hypotheses
 
 
 def _credible(detections: IntArray, probability: FloatArray) -> IntArray:
