@@ -14,6 +14,9 @@ A peak has no hits. So a start is true here if it is within 3 sigma of the targe
 elsewhere, for `score` too; its official figures, by its hits, are given beside.
 
     python benchmarks/exhaustive.py [--runs 600] [--processes 2]
+
+With `--score-only` nothing is searched, which is much quicker: `score` on the same scenes, and its
+P_D at the false starts per run that `--at` names.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from tsepm_ros.analysis.intervals import mean_count, proportion
-from tsepm_ros.analysis.operating_curve import Comparison, compare
+from tsepm_ros.analysis.operating_curve import LEAST_FALSE, Comparison, Curve, compare
 from tsepm_ros.analysis.operating_points import (
     OperatingPoint,
     digest,
@@ -49,7 +52,7 @@ from tsepm_ros.analysis.operating_points import (
 from tsepm_ros.analysis.run_records import RunRecord, ScanRecord, StartRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome, measurement_sigma
-from tsepm_ros.simulation import Scenario, Simulator, load_scenario
+from tsepm_ros.simulation import Scenario, SimulatedScan, Simulator, load_scenario
 
 FloatArray = NDArray[np.float64]
 
@@ -101,12 +104,28 @@ class Row:
     false_ratio: tuple[float, float, float]
 
 
-def one_run(index: int, *, seed: int, step: float, reach: float) -> Found:
-    """Search a scene, and let `score` start tracks on it."""
+def one_run(index: int, *, seed: int, step: float, reach: float, search: bool) -> Found:
+    """Search a scene if that is wanted, and let `score` start tracks on it."""
     scenario = box()
-    grid = StateGrid(scenario, step, MAX_SPEED)
     simulated = list(Simulator(scenario, [seed, index]))
     truths = [scan.truth[0, 0::2] for scan in simulated]
+    found = searched(scenario, simulated, truths, step, reach) if search else {}
+    return found | {
+        key: one
+        for point in score_points()
+        for key, one in score_run(scenario, [seed, index], point, truths).items()
+    }
+
+
+def searched(
+    scenario: Scenario,
+    simulated: Sequence[SimulatedScan],
+    truths: Sequence[FloatArray],
+    step: float,
+    reach: float,
+) -> Found:
+    """What the searches declare in a scene."""
+    grid = StateGrid(scenario, step, MAX_SPEED)
     maps = np.array([grid.scan_map(scan.scan) for scan in simulated])
     found = {}
     for name, appearing in SEARCHES.items():
@@ -127,11 +146,7 @@ def one_run(index: int, *, seed: int, step: float, reach: float) -> Found:
                 starts = declared(used, threshold, scenario.period)
                 offsets = [place - truths[scan - len(used)] for scan, place in starts]
                 found[f"{name}, {when}", label] = by_position(scenario, offsets, truths)
-    return found | {
-        key: one
-        for point in score_points()
-        for key, one in score_run(scenario, [seed, index], point, truths).items()
-    }
+    return found
 
 
 def box() -> Scenario:
@@ -258,6 +273,8 @@ def show(found: list[dict], rows: Sequence[Row]) -> None:
             f"{one['method']:44} {one['label']:>6}  {d['value']:.3f} ({d['low']:.3f} to "
             f"{d['high']:.3f})  {f['value']:.3f} ({f['low']:.3f} to {f['high']:.3f})"
         )
+    if not rows:
+        return
     print("\nscore beside a search at the same false starts per run; both by position")
     print(
         f"{'point':>6} {'false':>6} {'P_D':>6}  {'search':40}  P_D, 95 %               "
@@ -271,6 +288,18 @@ def show(found: list[dict], rows: Sequence[Row]) -> None:
             f"{gain[0]:+.3f} ({gain[1]:+.3f} to {gain[2]:+.3f})  "
             f"{ratio[0]:.2f} ({ratio[1]:.2f} to {ratio[2]:.2f})"
         )
+
+
+def show_curve(found: list[dict], rates: Sequence[float], runs: int) -> None:
+    """Print P_D of `score`, by position, at some false starts per run, between its points."""
+    ours = [one for one in found if one["method"] == BY_POSITION]
+    false, detection = (
+        np.array([one[key]["value"] for one in ours]) for key in ("false", "detection")
+    )
+    curve = Curve.of(np.maximum(false, LEAST_FALSE / runs), detection)
+    print("\nP_D of score, by position, at false starts per run:")
+    for rate, share in zip(rates, curve.detection_at(np.array(rates)), strict=True):
+        print(f"{rate:6.3f}  {share:.3f}")
 
 
 def draw(found: list[dict], runs: int, path: Path) -> None:
@@ -317,13 +346,20 @@ def all_runs(options: argparse.Namespace) -> list[Found]:
     """The runs, those of an earlier call with the same code from their file."""
     code = digest([Path(__file__).with_name("exhaustive_search.py")])
     setting = f"{options.seed} {options.step} {options.reach} {code} {package_version()}"
-    path = options.output / "exhaustive_runs.jsonl"
+    name = "exhaustive_score" if options.score_only else "exhaustive"
+    path = options.output / f"{name}_runs.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     if lines[:1] != [setting]:
         lines = [setting]
         path.write_text(setting + "\n", encoding="utf-8")
     missing = range(len(lines) - 1, options.runs)
-    task = partial(one_run, seed=options.seed, step=options.step, reach=options.reach)
+    task = partial(
+        one_run,
+        seed=options.seed,
+        step=options.step,
+        reach=options.reach,
+        search=not options.score_only,
+    )
     with path.open("a", encoding="utf-8") as file, ProcessPoolExecutor(options.processes) as pool:
         for found in tqdm(pool.map(task, missing), total=len(missing), unit="run"):
             lines.append(json.dumps([[*key, one.as_json()] for key, one in found.items()]))
@@ -352,6 +388,8 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=20.0, help="cell, m; per scan: velocity")
     parser.add_argument("--reach", type=float, default=REACH, help="half of the square, sigmas")
     parser.add_argument("--halved", type=int, default=5, help="scenes to repeat at half the step")
+    parser.add_argument("--score-only", action="store_true", help="search nothing")
+    parser.add_argument("--at", type=float, nargs="*", default=(0.067, 0.29, 1.19))
     parser.add_argument("--output", type=Path, default=BUILD, help="folder for what is written")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
@@ -359,6 +397,9 @@ def main() -> None:
     points = {key: [run[key] for run in runs] for key in runs[0]}
     found, rows = figures(points), beside(points)
     show(found, rows)
+    show_curve(found, options.at, options.runs)
+    if options.score_only:
+        return
     content = {
         "runs": options.runs,
         "seed": options.seed,
