@@ -112,7 +112,7 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Gro
     return after
 
 
-def plain_starts(grown: Grown, threshold: float) -> list[Start]:
+def plain_starts(grown: Grown, threshold: float, wish: float) -> list[Start]:
     """Tracks that a scan confirms where none is held yet, the one of most evidence first."""
     found: list[Start] = []
     free: dict[Key, float] = {}
@@ -127,8 +127,10 @@ def plain_starts(grown: Grown, threshold: float) -> list[Start]:
         if start is None:
             continue
         found.append(start)
+        odds = 500.0 / wish * math.exp(start.evidence - threshold)
+        exists = min(odds / (1.0 + odds), 0.99)
         for key, value in start.probability.items():
-            free[key] = free.get(key, 1.0) * (1.0 - value)
+            free[key] = free.get(key, 1.0) * (1.0 - value * exists)
         left = Grown(*([beside(one, start) for one in part] for part in (left.ending, left.missed)))
     return found
 

@@ -137,8 +137,8 @@ class TrackHold:
     detection_probability : DetectionProbability
         As the tracks tell it, from the scans after their confirmation.
     claims : tuple of (p,) ndarray
-        Detections of the last scan that may be a track's, and beta of each: the probability that it
-        is, if the track's target exists.
+        Detections of the last scan that may be a track's, and the probability of each that the
+        track's target exists and the detection is its: ``r_i beta_ij``.
     """
 
     def __init__(self, hold_time: float, tracked_timeout: float = 60.0) -> None:
@@ -444,11 +444,12 @@ class TrackHold:
             states.append(after[0])
             covariances.append(after[1])
         gain = np.sum(gains, axis=0)
-        self.claims = near.row, _over_modes(predicted, near, ratios) / gain[near.owner]
         self._motion = Motion(gains / gain, np.array(states), np.array(covariances))
         state, covariance = self._motion.combined()
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)
         self._seen = 1.0 - (1.0 - self._seen) / gain
+        beta = _over_modes(predicted, near, ratios) / gain[near.owner]
+        self.claims = near.row, beta * self._existence[near.owner]
         taken: FloatArray = (1.0 - missed / gain) * self._existence
         self._last_taken = np.where(taken >= 0.5, stamp, self._last_taken)
         self._tracks = replace(

@@ -269,7 +269,8 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
     np.testing.assert_allclose(explained, CLUTTER * (whole / without - 1.0))
     weights = np.array([miss, *ratios]) / (miss + ratios.sum())
     row, claimed = hold.claims
-    np.testing.assert_allclose(claimed[np.argsort(row)], weights[1:])
+    odds = 0.8 * (miss + ratios.sum())
+    np.testing.assert_allclose(claimed[np.argsort(row)], weights[1:] * odds / (odds + 0.2))
     # The mixture: not updated, updated with the first, updated with the second.
     predicted = holding(1)
     step(predicted, stamp)
@@ -283,7 +284,6 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
     (track,) = hold.current
     np.testing.assert_allclose(track.state, mean, rtol=1e-9)
     np.testing.assert_allclose(track.covariance, spread, rtol=1e-7, atol=1e-7)
-    odds = 0.8 * (miss + ratios.sum())
     np.testing.assert_allclose(hold._existence, [odds / (odds + 0.2)])
 
 

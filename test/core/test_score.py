@@ -130,7 +130,7 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     initiator._threshold_if_near = lambda evidence_found: threshold
     strong = 0
     for index, (scan, grown) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
-        tracks, expected = initiator.process(scan), plain_starts(grown, threshold)
+        tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
         strong += len(strong_groups(grown, threshold))
         assert [set(track.hits) for track in tracks] == [one.hits for one in expected]
         for track, start in zip(tracks, expected, strict=True):
@@ -388,8 +388,8 @@ def test_a_start_is_held_as_firmly_as_it_is_probable(wish):
     for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)]):
         tracks = initiator.process(scan)
         if len(tracks):
-            odds = np.exp(tracks.evaluation) / wish
-            expected = np.clip(odds / (1.0 + odds), 0.5, 0.99)
+            odds = 500.0 * np.exp(tracks.evaluation) / wish
+            expected = np.clip(odds / (1.0 + odds), 0.02, 0.99)
             held = initiator.hold._existence[-len(tracks) :]
             assert held == pytest.approx(expected)
             return

@@ -45,6 +45,7 @@ from numpy.typing import NDArray
 from tsepm_ros import design, evidence, filtering, pruning, range_rates
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, fit, mixture
+from tsepm_ros.holding import LEAST_EXISTENCE
 from tsepm_ros.hypotheses import Hypotheses, places, sums_over_hits
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.limits import keep_best
@@ -83,10 +84,14 @@ FORGOTTEN = math.log(1e-4)
 """Deleted are hypotheses whose ratio is a smaller part of the best one's with the same last hit."""
 TARGET_ODDS = 0.01
 """Odds that a detection without history is a target's: what the clutter map takes a start for."""
-TARGETS_PER_HOUR = 1.0
-"""Targets that appear, as far as nothing tells: a choice."""
-LEAST_NEW_EXISTENCE = 0.5
-"""A confirmed track is held through a miss or two, however many false ones are wished for."""
+TARGETS_PER_HOUR = 500.0
+"""Targets that appear, for how firmly a start is held and claims its detections: a choice.
+
+High: a start is believed until many more false ones are wished for than an operator could use, and
+only then does it leave its detections to others.
+"""
+LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
+"""A confirmed track is held for a scan at the least."""
 SECONDS_PER_HOUR = 3600.0
 BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
@@ -283,11 +288,16 @@ class Score(Initiator):
         return clutter / (clutter + self._explained)
 
     def _existence(self, tracks: TrackArrays) -> FloatArray:
-        """Posterior probability of each track, with the prior that `TARGETS_PER_HOUR` appear.
+        """See `Initiator._existence`."""
+        return self._probable(tracks.evaluation)
 
-        At the threshold the odds are as those to the wanted false tracks per hour.
+    def _probable(self, evaluation: FloatArray) -> FloatArray:
+        """Posterior probability of tracks so far above the threshold, (n,).
+
+        With the prior that `TARGETS_PER_HOUR` appear: at the threshold the odds are as those to the
+        wanted false tracks per hour.
         """
-        false = self.options.false_tracks_per_hour * np.exp(-tracks.evaluation)
+        false = self.options.false_tracks_per_hour * np.exp(-evaluation)
         found = TARGETS_PER_HOUR / (TARGETS_PER_HOUR + false)
         return np.clip(found, LEAST_NEW_EXISTENCE, NEW_TRACK_EXISTENCE)
 
@@ -491,7 +501,8 @@ class Score(Initiator):
                     start = self._resolved(members, ended, left_out, claimed_at_most=1.0)
             if start is not None:
                 starts.append(start)
-                self._window.claim(start.claimed, start.probability)
+                beyond = np.array([start.evidence - threshold])
+                self._window.claim(start.claimed, start.probability * self._probable(beyond))
         tracks = self._tracks(
             [start.hits for start in starts],
             np.reshape([start.state for start in starts], (-1, 4)),
