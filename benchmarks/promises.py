@@ -94,9 +94,14 @@ def scene(name: str, **changes: float) -> Scenario:
 
 def starts_table(options: argparse.Namespace) -> Rows:
     """Errors of pure starts over their bound, and NEES."""
-    names = ("position_to_bound", "velocity_to_bound", "pure_nees", "nees")
-    shown = ("position error / bound", "velocity error / bound", "NEES, pure", "NEES, true")
-    yield "density [1/m^2]", "azimuth error", "wish", "runs", *shown
+    shown = {
+        "detection": "P_D",
+        "position_to_bound": "position error / bound",
+        "velocity_to_bound": "velocity error / bound",
+        "pure_nees": "NEES, pure",
+        "nees": "NEES, true",
+    }
+    yield "density [1/m^2]", "azimuth error", "wish", "runs", *shown.values()
     for density, more in STARTS_AT.items():
         runs = math.ceil(more * options.runs)
         for degrees in (1, 3):
@@ -104,7 +109,7 @@ def starts_table(options: argparse.Namespace) -> Rows:
             box = scene("box", clutter_density=density, azimuth_std=azimuth)
             [one] = evaluated(box, [score_at(wish) for wish in (1, 10)], runs, options)
             for point, figures in zip(one.points, one.figures, strict=True):
-                cells = [figures.text(name) for name in names]
+                cells = [figures.text(name, interval=name != "detection") for name in shown]
                 yield f"{density:g}", f"{degrees} deg", point.label, str(runs), *cells
 
 

@@ -110,7 +110,7 @@ def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path, monkeypa
         ("1e-08", "1 deg", "10/h", "10"),
     ]
     assert all(len(row) == len(header) for row in rows)
-    assert 0.5 < float(rows[0][4].split()[0]) < 2.0
+    assert 0.5 < float(rows[0][5].split()[0]) < 2.0
     assert len(list((tmp_path / "runs").iterdir())) == len(rows) == 4
 
 
