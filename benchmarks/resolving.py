@@ -64,12 +64,15 @@ SETTINGS = {
 passes less often: it takes a larger wish for as many false tracks."""
 
 
+Confirmed = tuple[TrackArrays, list[Any]]
+
+
 class BestPath(score.Score):
     """The largest score of a hypothesis is tested instead of the sum."""
 
     def _confirm(
         self, updated: Hypotheses, missed: Hypotheses, ids: NDArray[np.int64]
-    ) -> TrackArrays:
+    ) -> Confirmed:
         with patch.object(evidence, "summed", evidence.largest_of):
             return super()._confirm(updated, missed, ids)
 
@@ -79,7 +82,7 @@ class IndependentSet(score.Score):
 
     def _confirm(
         self, updated: Hypotheses, missed: Hypotheses, ids: NDArray[np.int64]
-    ) -> TrackArrays:
+    ) -> Confirmed:
         threshold = self._threshold_if_near(updated.score.max(initial=-np.inf))
         found = updated[updated.score >= threshold]
         found = found[self._spread_in_time(found, score.MIN_HITS)]
@@ -91,7 +94,7 @@ class IndependentSet(score.Score):
             self._window.claim(ids_of_one, np.ones(len(ids_of_one)))
         state, covariance = self._estimate(found)
         tracks = self._tracks(hits, state, covariance, found.score, threshold)
-        return tracks.numbered(self._take_track_ids(len(tracks)))
+        return tracks.numbered(self._take_track_ids(len(tracks))), []
 
 
 def best_set(paths: Hypotheses) -> NDArray[np.int64]:

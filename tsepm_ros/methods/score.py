@@ -66,8 +66,8 @@ CREDIBLE = 0.9
 RESOLVED = 0.9
 """Posterior probability, at the least, that more than half of a new track's hits are its target's.
 
-What is less certain waits: a start that is half wrong helps no one, and hides its target. A choice:
-0.8 starts sooner, 0.97 has fewer wrong ones; compared in docs/score.md.
+What is less certain waits: a start that is half wrong helps no one, and hides its target. A choice,
+compared with others in docs/score.md.
 """
 CLAIMED = 0.3
 """Share of the hits that are some held track's above which a hypothesis is of the same target."""
