@@ -119,7 +119,9 @@ def plain_starts(grown: Grown, threshold: float, wish: float) -> list[Start]:
     left = grown
     for members in strong_groups(grown, threshold):
         newest = members[0].keys[-1]
-        start = resolved(members, grown, free, 0.3)
+        start = None
+        if free.get(newest, 1.0) >= 0.5:
+            start = resolved(members, grown, free, 0.3)
         if start is None:
             others = [one for one in left.ending if one.keys[-1] == newest]
             if evidence(others) >= threshold + math.log(1e3):
@@ -145,10 +147,11 @@ def resolved(
     probability = hit_probabilities(rivals)
     certain = {key for key, value in probability.items() if value >= 0.9}
     if len(certain) < 3:
-        certain = set(sorted(probability, key=lambda key: -probability[key])[:3])
+        best = max((one for one in rivals if len(one.keys) >= 3), key=likelihood)
+        certain = set(sorted(best.keys, key=lambda key: -probability[key])[:3])
     right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
     if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
-        return None
+        return None  # these scenes have too few scans for it to wait no longer
     mixed = [one for one in rivals if certain <= set(one.keys)] or right
     return Start(certain, evidence(members), mixed, probability)
 

@@ -43,7 +43,10 @@ class DetectionWindow:
         np.multiply.at(self._unclaimed, ids - self._first_id, 1.0 - np.minimum(probability, 1.0))
 
     def claimed(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Probability that the detections with the given ids are some confirmed track's, (...)."""
+        """Probability that the detections with the given ids are some confirmed track's, (...).
+
+        As if what several tracks claim were independent.
+        """
         claimed: NDArray[np.float64] = 1.0 - self._unclaimed[ids - self._first_id]
         return claimed
 

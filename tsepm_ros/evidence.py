@@ -35,7 +35,7 @@ def hit_gain(
     detection_probability : float or (n,) ndarray
         P_D where the hypothesis expects its target; -inf is gained where it is 0.
     clutter : (n,) ndarray
-        lambda at the detection: the density of all that explains it but this hypothesis, 1/m^2.
+        lambda at the detection: the density of what else would explain it, 1/m^2.
 
     Returns
     -------

@@ -193,7 +193,10 @@ def places(group: IntArray, score: FloatArray) -> IntArray:
 
 
 def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
-    """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path."""
+    """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path.
+
+    At least one detection.
+    """
     place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
     sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)
     return sums

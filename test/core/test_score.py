@@ -231,6 +231,24 @@ def test_a_start_waits_until_it_is_clear_which_detections_are_its_targets():
     assert track.velocity[1] == pytest.approx(7.0, abs=1.0)
 
 
+@pytest.mark.parametrize("wish", [1.0, 1000.0])
+def test_a_target_of_several_detections_a_ping_is_started_by_hits_of_one_path(wish):
+    # Which of them are its own is never clear: it waits for eight hits, not for ever.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, false_tracks_per_hour=wish)
+    started = []
+    for index in range(12):
+        y = 41.0 * index
+        found = [(3000.0, y), (3001.0, y + 2.0), (2999.0, y + 3.0)]
+        started += initiator.process(scan_at(12.0 * index, found))
+    assert started
+    assert started[0].stamp == 12.0 * 7
+    for track in started:
+        scans = [scan for scan, _ in track.hits]
+        assert len(set(scans)) == len(scans) >= 3
+        assert track.velocity[1] == pytest.approx(41.0 / 12.0, abs=0.5)
+
+
 def test_a_held_target_has_no_potential_tracks():
     initiator = score()
     for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)], density=0.0):

@@ -11,8 +11,8 @@ hypothesis i::
     miss          s_i += ln(1 - P_D P_G); 0 where nothing can be seen
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9; beside a held track, with what it
-                  explains of z added to lambda, E >= A + ln 1000
+                  target's with a probability of at least 0.9 (or by 8 hits); beside a held track
+                  E >= A + ln 1000, with what it explains of z added to lambda
     bound         P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     threshold     A = ln(starts per hour / wish) - the mean jump over it
     deleted       s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
@@ -69,8 +69,17 @@ RESOLVED = 0.9
 What is less certain waits: a start that is half wrong helps no one, and hides its target. A choice,
 compared with others in docs/score.md.
 """
+PATIENCE = 8
+"""Hits of the best hypothesis with which a start waits no longer: a choice.
+
+Of a target with several detections a ping it may never be clear which are its own.
+"""
 CLAIMED = 0.3
 """Share of the hits that are some held track's above which a hypothesis is of the same target."""
+CLAIMED_NEWEST = 0.5
+"""Probability that a detection is some held track's above which it starts no other by itself."""
+COMMON = 0.3
+"""Share of the hits that two hypotheses have in common above which they are of the same target."""
 BESIDE = math.log(1e3)
 """Evidence beyond the threshold that one more target beside a held one needs: a choice.
 
@@ -84,11 +93,11 @@ FORGOTTEN = math.log(1e-4)
 """Deleted are hypotheses whose ratio is a smaller part of the best one's with the same last hit."""
 TARGET_ODDS = 0.01
 """Odds that a detection without history is a target's: what the clutter map takes a start for."""
-TARGETS_PER_HOUR = 500.0
-"""Targets that appear, for how firmly a start is held and claims its detections: a choice.
+BELIEVED = 500.0
+"""Wish, false tracks per hour, at which a start at the threshold is as probable as not: a choice.
 
-High: a start is believed until many more false ones are wished for than an operator could use, and
-only then does it leave its detections to others.
+A start is held, and claims its detections, as firmly as it is probable. High: only where many more
+false ones are wished for than an operator could use does it leave its detections to others.
 """
 LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
 """A confirmed track is held for a scan at the least."""
@@ -160,7 +169,7 @@ class _Start:
     Attributes
     ----------
     hits : (h,) ndarray of int
-        Detections that are the target's, as far as is certain.
+        Detections that are credible as the target's, see `_credible`.
     claimed, probability : (c,) ndarray
         All detections that may be, and how probably each is.
     state, covariance : (4,), (4, 4) ndarray
@@ -224,11 +233,11 @@ class Score(Initiator):
         self._observe(len(detections), interval)
         predicted = self._hypotheses.predicted(interval, self.options.process_noise)
         detectable = self._detectable(predicted.state[:, 0::2])
-        explained = np.log1p(self._explained / np.maximum(clutter, evidence.LEAST_DENSITY))
+        log_explained = np.log1p(self._explained / np.maximum(clutter, evidence.LEAST_DENSITY))
         children, cut_children = self._split(
-            predicted, detectable, detections, ids, clutter, explained
+            predicted, detectable, detections, ids, clutter, log_explained
         )
-        started = self._start(detections, ids, explained)
+        started = self._start(detections, ids, log_explained)
         updated = Hypotheses.joined(children, started)
         missed = self._miss(predicted, detectable)
         target = self._target_share(updated, ids)
@@ -294,11 +303,11 @@ class Score(Initiator):
     def _probable(self, evaluation: FloatArray) -> FloatArray:
         """Posterior probability of tracks so far above the threshold, (n,).
 
-        With the prior that `TARGETS_PER_HOUR` appear: at the threshold the odds are as those to the
-        wanted false tracks per hour.
+        With the prior that `BELIEVED` targets appear per hour: at the threshold the odds are as
+        those to the wanted false tracks per hour.
         """
         false = self.options.false_tracks_per_hour * np.exp(-evaluation)
-        found = TARGETS_PER_HOUR / (TARGETS_PER_HOUR + false)
+        found = BELIEVED / (BELIEVED + false)
         return np.clip(found, LEAST_NEW_EXISTENCE, NEW_TRACK_EXISTENCE)
 
     @property
@@ -329,13 +338,15 @@ class Score(Initiator):
         See `Initiator.reason`.
         """
         return (
-            f"{super().reason(track)}; the evidence of all hypotheses with its newest hit is "
+            f"{super().reason(track)}; the evidence of all hypotheses with one newest detection is "
             f"{track.score:.2f}, at least the threshold {track.score - track.evaluation:.2f} that "
             f"clutter passes {self.options.false_tracks_per_hour:g} times an hour"
         )
 
     def potential_tracks(self) -> TrackArrays:
-        """Hypotheses with at least two hits that are no held target's; `score` is their ratio.
+        """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
+
+        Those of held targets are left out, also where one might be of another beside it.
 
         See `Initiator.potential_tracks`.
         """
@@ -360,14 +371,14 @@ class Score(Initiator):
         detections: NDArray[np.void],
         ids: IntArray,
         clutter: FloatArray,
-        explained: FloatArray,
+        log_explained: FloatArray,
     ) -> tuple[Hypotheses, int]:
         """Extend every hypothesis by each detection in its gate, ``d' S^-1 d <= gamma``.
 
         One of a target that cannot be detected where it is has no children: its misses cost
-        nothing either, and hits that count there would make the evidence of clutter grow. Beside
-        held targets a hit gains less, by what they explain of it: the log of how much more densely
-        detections fall there than clutter does.
+        nothing either, and hits that count there would make the evidence of clutter grow. Of one
+        more target beside those held, a hit gains less by `log_explained` (d,): the log of how much
+        more densely detections fall there, with the held ones', than clutter does.
 
         Returns the children that are not deleted at once, and the pairs that a limit left out.
         """
@@ -392,7 +403,7 @@ class Score(Initiator):
         cut += len(kept) - len(best)
         kept = kept[best]
         parent, row, score = parent[kept], row[kept], score[kept]
-        beside = predicted.beside[parent] + score - predicted.score[parent] - explained[row]
+        beside = predicted.beside[parent] + score - predicted.score[parent] - log_explained[row]
         blocks = [slice(first, first + BLOCK) for first in range(0, max(len(kept), 1), BLOCK)]
         children = [
             predicted.updated(
@@ -437,7 +448,7 @@ class Score(Initiator):
         return replace(predicted, score=predicted.score + gain, beside=predicted.beside + gain)
 
     def _start(
-        self, detections: NDArray[np.void], ids: IntArray, explained: FloatArray
+        self, detections: NDArray[np.void], ids: IntArray, log_explained: FloatArray
     ) -> Hypotheses:
         """Start a hypothesis from every detection.
 
@@ -457,7 +468,7 @@ class Score(Initiator):
         # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
         lag = detections["time"] - self._now
         state, covariance = filtering.predict(state, covariance, -lag)
-        beside = gain - explained
+        beside = gain - log_explained
         return Hypotheses(
             path.hits, path.hit_count, path.first_scan, state, covariance, gain, beside
         )
@@ -476,8 +487,9 @@ class Score(Initiator):
         """Confirm a track where the evidence of a detection reaches the threshold.
 
         The likelihood ratios of all hypotheses that end in the detection are summed. The strongest
-        detection comes first; no track is confirmed on what is a confirmed one's already, and none
-        before it is clear which detections are its target's.
+        detection comes first. None is confirmed before it is clear which hits are its target's; and
+        where more than `CLAIMED` of these are a held track's, or the detection probably is, only
+        one whose evidence beside the held ones passes the threshold by `BESIDE`.
         """
         first, n = (ids[0] if len(ids) else 0), len(ids)
         group = updated.last_hit - first
@@ -488,17 +500,21 @@ class Score(Initiator):
         rows = np.flatnonzero(strong[group])
         ending, group = updated[rows], group[rows]
         new = self._claimed_share(ending, group, n) <= CLAIMED
+        new &= self._window.claimed(ids) <= CLAIMED_NEWEST
         strong &= new | (evidence.summed(ending.beside, group, n) >= threshold + BESIDE)
         starts: list[_Start] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
             members = ending[group == newest]
-            start = self._resolved(members, updated, missed, claimed_at_most=CLAIMED)
+            start = None
+            if new[newest] and self._window.claimed(ids[[newest]])[0] <= CLAIMED_NEWEST:
+                start = self._resolved(members, updated, missed, CLAIMED)
             if start is None:
-                members, ended, left_out = (
-                    _beside(part, starts).as_beside() for part in (members, updated, missed)
-                )
+                members = _beside(members, starts).as_beside()
                 if np.logaddexp.reduce(members.score) >= threshold + BESIDE:
-                    start = self._resolved(members, ended, left_out, claimed_at_most=1.0)
+                    ended, left_out = (
+                        _beside(part, starts).as_beside() for part in (updated, missed)
+                    )
+                    start = self._resolved(members, ended, left_out, 1.0)
             if start is not None:
                 starts.append(start)
                 beyond = np.array([start.evidence - threshold])
@@ -534,8 +550,8 @@ class Score(Initiator):
     ) -> _Start | None:
         """The track of hypotheses with one newest detection.
 
-        None while it is not clear which hits are its target's, or where more of them are a
-        confirmed track's than is allowed.
+        None while it is not clear which hits are its target's, up to `PATIENCE` hits; and where
+        more of them are a confirmed track's than is allowed.
 
         Whether that detection is the target's is as open as the others: the hypotheses of the same
         target that end in another, or in none, are its rivals in hits and state.
@@ -548,18 +564,21 @@ class Score(Initiator):
         ]
         rivals = Hypotheses.joined(*pool)
         common = sums_over_hits(rivals.hits, likely, probability)
-        rivals = rivals[common > CLAIMED * rivals.hit_count]
+        rivals = rivals[common > COMMON * rivals.hit_count]
         rivals = rivals[self._spread_in_time(rivals, 2)]
-        if not self._spread_in_time(rivals, MIN_HITS).any():
+        long = self._spread_in_time(rivals, MIN_HITS)
+        if not long.any():
             return None
         one = np.zeros(len(rivals), np.int64)
         if self._claimed_share(rivals, one, 1)[0] > claimed_at_most:
             return None
         claimed, probability = self._hit_probabilities(rivals)
-        hits = _credible(claimed, probability)
+        best = np.argmax(np.where(long, rivals.score, -np.inf))
+        hits = _credible(claimed, probability, rivals.hits[best])
         theirs = np.isin(rivals.hits, hits).sum(axis=1)
         right = theirs > 0.5 * len(hits)
-        if evidence.shares(rivals.score)[right].sum() < RESOLVED:
+        unclear = evidence.shares(rivals.score)[right].sum() < RESOLVED
+        if unclear and rivals.hit_count[best] < PATIENCE:
             return None
         with_all = theirs == len(hits)
         state, covariance = self._mixture(rivals[with_all if with_all.any() else right])
@@ -660,10 +679,14 @@ def _beside(hypotheses: Hypotheses, starts: list[_Start]) -> Hypotheses:
     return hypotheses
 
 
-def _credible(detections: IntArray, probability: FloatArray) -> IntArray:
-    """The detections (c,) that are credible as hits; the most probable ones where too few are."""
+def _credible(detections: IntArray, probability: FloatArray, best: IntArray) -> IntArray:
+    """The detections (c,), ascending, that are credible as hits.
+
+    Where there are too few, the most probable of the `best` hypothesis.
+    """
     credible = detections[probability >= CREDIBLE]
-    if len(credible) < MIN_HITS:
-        best = np.argsort(-probability, kind="stable")[:MIN_HITS]
-        credible = np.sort(detections[best])
-    return credible
+    if len(credible) >= MIN_HITS:
+        return credible
+    path = best[best != NO_HIT]
+    found = probability[np.searchsorted(detections, path)]
+    return np.sort(path[np.argsort(-found, kind="stable")[:MIN_HITS]])
