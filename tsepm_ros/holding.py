@@ -254,14 +254,18 @@ class TrackHold:
         factors = np.bincount(
             near.row, self._factors(near, missed, ratio, left * ratio), minlength=len(detections)
         )
+        total = missed + np.bincount(near.owner, left * ratio, minlength=len(missed))
+        beta = left * ratio / total[near.owner]
         plots = np.full(len(missed), NO_HIT)
         if environment is not None:
-            plots = self._own_plots(near, left * ratio, missed)
+            likely = beta > 0.5
+            plots[near.owner[likely]] = near.row[likely]
             own = np.flatnonzero(plots != NO_HIT)
             self._histories = self._histories.with_plots(own, detections["features"][plots[own]])
             # In a clutter zone a second plot tells of no second target.
             plots[own[environment.in_zone[plots[own]]]] = NO_HIT
         taken = self._update(stamp, predicted, near, found, left * ratios, missed)
+        self.claims = near.row, beta * self._existence[near.owner]
         self._count(taken, probability > 0.0)
         plots = plots[self._end(self._existence >= LEAST_EXISTENCE)]
         self._end(~self._repeated(plots))
@@ -376,15 +380,6 @@ class TrackHold:
         pairs = Pairs(near.owner, near.row, cost)
         return environment.factors(self._histories, meets, pairs, detections["features"])
 
-    @staticmethod
-    def _own_plots(near: Neighbours, ratio: FloatArray, missed: FloatArray) -> IntArray:
-        """The detection that is more likely than not each track's, (n,); NO_HIT: none."""
-        total = missed + np.bincount(near.owner, ratio, minlength=len(missed))
-        own = np.flatnonzero(ratio > 0.5 * total[near.owner])
-        plots = np.full(len(missed), NO_HIT)
-        plots[near.owner[own]] = near.row[own]
-        return plots
-
     def _factors(
         self, near: Neighbours, missed: FloatArray, ratio: FloatArray, left: FloatArray
     ) -> FloatArray:
@@ -448,8 +443,6 @@ class TrackHold:
         state, covariance = self._motion.combined()
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)
         self._seen = 1.0 - (1.0 - self._seen) / gain
-        beta = _over_modes(predicted, near, ratios) / gain[near.owner]
-        self.claims = near.row, beta * self._existence[near.owner]
         taken: FloatArray = (1.0 - missed / gain) * self._existence
         self._last_taken = np.where(taken >= 0.5, stamp, self._last_taken)
         self._tracks = replace(
