@@ -15,6 +15,35 @@ UNOBSERVED_VARIANCE = 1e6
 A zero would say that it is known exactly.
 """
 
+LARGEST_VARIANCE = 1e12
+"""Variance that is read at the most, in its own SI unit squared: 1000 km, no position at all.
+
+Beyond, a source only says that it does not know, and sums and squares lose what else is known.
+"""
+
+
+def limited(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a covariance whose variances are `LARGEST_VARIANCE` at the most.
+
+    What is larger is scaled down with its correlations: ``D C D`` is positive semi-definite where C
+    is.
+
+    Parameters
+    ----------
+    covariance : (n, n) ndarray
+        C, of finite numbers.
+
+    Returns
+    -------
+    (n, n) ndarray
+        C itself where no variance is larger.
+    """
+    variance = np.diagonal(covariance)
+    if (variance <= LARGEST_VARIANCE).all():
+        return covariance
+    scale = np.sqrt(LARGEST_VARIANCE / np.maximum(variance, LARGEST_VARIANCE))
+    return scale[:, None] * covariance * scale
+
 
 def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDArray[np.float64]:
     """Return a covariance in which only some axes are observed.

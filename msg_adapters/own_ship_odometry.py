@@ -15,6 +15,7 @@ from msg_adapters.odometry_covariance import (
     YAW,
     X,
     Y,
+    limited,
     odometry_covariance,
 )
 from msg_adapters.stamps import make_header, time_to_ns
@@ -68,7 +69,8 @@ def read_own_ship(message: Odometry) -> OwnShipSample:
 
     The message has its twist in the child frame: it is turned into the fixed frame by the full
     orientation. A quaternion need not be of unit length. A covariance that is all zero means, as
-    usual in ROS, that it is not known.
+    usual in ROS, that it is not known. A variance beyond `LARGEST_VARIANCE`, of a source that
+    writes a huge number for what it does not know, is read as `LARGEST_VARIANCE`.
 
     Parameters
     ----------
@@ -140,8 +142,13 @@ def _pose_covariance(values: Any) -> FloatArray | None:
         return None
     if not np.isfinite(block).all():
         raise MessageError("not_finite", "pose.covariance of x, y and yaw must be finite")
-    symmetric: FloatArray = 0.5 * (block + block.T)  # rounding in a filter leaves it a bit uneven
-    if np.linalg.eigvalsh(symmetric)[0] < -1e-9 * np.abs(symmetric).max():
+    # Rounding in a filter leaves it a bit uneven; halves cannot overflow.
+    symmetric = limited(0.5 * block + 0.5 * block.T)
+    # That of x and y by itself as well: a heading that is not known must not hide what it is.
+    if any(
+        np.linalg.eigvalsh(part)[0] < -1e-9 * np.abs(part).max()
+        for part in (symmetric, symmetric[:2, :2])
+    ):
         raise MessageError(
             "bad_covariance", "pose.covariance of x, y and yaw must be positive semi-definite"
         )

@@ -17,6 +17,7 @@ LARGEST = {
     "azimuth_std": math.pi,  # rad
     "time_offset": 1e6,  # s
     "sensor_pose": 1e9,  # m, rad
+    "sensor_pose_covariance": 1e13,  # m^2, rad^2: beyond, what else is known is lost by rounding
     "sensor_velocity": 1e6,  # m/s
     "range_rate": 1e6,  # m/s
 }
@@ -185,9 +186,13 @@ def checked_covariance(name: str, value: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If it is not finite, symmetric and positive semi-definite; the message names it.
+        If it is not finite, symmetric and positive semi-definite, or larger than `LARGEST` has it;
+        the message names it.
     """
     array = _finite(name, value, (3, 3))
+    largest = LARGEST["sensor_pose_covariance"]
+    if (np.abs(array) > largest).any():
+        raise ValueError(f"{name} must be at most {largest:g}; got {np.abs(array).max():g}")
     scale = np.abs(array).max()
     symmetric = np.abs(array - array.T).max() <= 1e-9 * scale
     if not symmetric or np.linalg.eigvalsh(array).min() < -1e-9 * scale:

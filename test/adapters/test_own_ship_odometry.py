@@ -17,6 +17,8 @@ from msg_adapters import (
     read_own_ship,
 )
 from tsepm_ros.own_ship import PoseHistory
+from tsepm_ros.scan import Scan
+from tsepm_ros.session import MAX_YAW_VARIANCE
 
 
 def _message(rotation=None, *, linear=(0.0, 0.0, 0.0), angular=(0.0, 0.0, 0.0)):
@@ -205,6 +207,45 @@ def test_an_impossible_covariance_is_refused(block, reason):
     with pytest.raises(MessageError, match=r"pose\.covariance of x, y and yaw") as error:
         read_own_ship(_with_covariance(block))
     assert error.value.reason == reason
+
+
+HUGE = [1e13, 1e152, 1e300, np.finfo(float).max]
+
+
+@pytest.mark.parametrize("huge", HUGE)
+def test_a_huge_variance_is_read_as_no_position_and_leaves_the_rest(huge):
+    block = np.diag([4.0, huge, 0.25])
+    block[0, 1] = block[1, 0] = math.sqrt(huge)
+    found = read_own_ship(_with_covariance(block)).pose_covariance
+    np.testing.assert_allclose(found, [[4.0, 1e6, 0.0], [1e6, 1e12, 0.0], [0.0, 0.0, 0.25]])
+
+
+@pytest.mark.parametrize("huge", HUGE)
+def test_a_huge_variance_of_the_yaw_is_no_heading(huge):
+    found = read_own_ship(_with_covariance(np.diag([4.0, 9.0, huge]))).pose_covariance
+    np.testing.assert_allclose(found, np.diag([4.0, 9.0, 1e12]))
+    assert found[2, 2] > MAX_YAW_VARIANCE
+
+
+@pytest.mark.parametrize("huge", HUGE)
+def test_a_covariance_that_is_huge_all_over_can_place_a_scan(huge):
+    sample = read_own_ship(_with_covariance(huge * np.ones((3, 3))))
+    pose_sample(sample).check()
+    Scan(0.0, [1000.0], [0.5], sensor_pose_covariance=sample.pose_covariance)
+
+
+def test_a_heading_that_is_not_known_hides_no_impossible_position():
+    block = np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1e308]])
+    with pytest.raises(MessageError) as error:
+        read_own_ship(_with_covariance(block))
+    assert error.value.reason == "bad_covariance"
+
+
+def test_a_huge_covariance_of_small_variances_is_refused():
+    block = np.array([[1.0, 1.7e308, 0.0], [1.7e308, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    with pytest.raises(MessageError) as error:
+        read_own_ship(_with_covariance(block))
+    assert error.value.reason == "bad_covariance"
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.5, 3.0, -2.5])

@@ -51,7 +51,10 @@ BAD_VALUES = [
     *[("time_offset", [0.1, value]) for value in (*BAD, 1e7)],
     *[("sensor_pose", [0.0, value, 0.0]) for value in (*BAD, 1e10)],
     ("sensor_pose", [[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]),
-    *[("sensor_pose_covariance", np.diag([1.0, value, 1.0])) for value in (*BAD, -1.0)],
+    *[
+        ("sensor_pose_covariance", np.diag([1.0, value, 1.0]))
+        for value in (*BAD, -1.0, 1e14, 1e152, 1.7e308)
+    ],
     ("sensor_pose_covariance", [[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     ("sensor_pose_covariance", [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
 ]

@@ -19,6 +19,7 @@ from sensor_msgs.msg import PointCloud2
 from sonar_driver import START_NS, Driver, Ping, cloud, pings, points, stamp_ns
 
 SECOND = 10**9
+LARGEST_FLOAT = sys.float_info.max
 SOUND_SPEED = 1500.0
 SENT = pings(12)
 SOON = 0.5
@@ -280,6 +281,11 @@ def test_odometry_a_little_older_than_the_scan_still_places_it_after_the_wait(wo
             id="covariance_negative",
         ),
         pytest.param(
+            lambda m: setattr(m.pose, "covariance", np.tile([0.0, LARGEST_FLOAT], 18)),
+            "own_ship_invalid",
+            id="covariance_overflows",
+        ),
+        pytest.param(
             lambda m: setattr(m.header, "frame_id", "elsewhere"), "own_ship_frame", id="other_frame"
         ),
         pytest.param(
@@ -302,6 +308,21 @@ def test_bad_odometry_is_dropped_counted_and_named(world, spoil, reason):
     assert_same(boat.send(SENT), confirmed(SENT))
     assert world.dropped() == {reason: 1}
     world.until_logged(reason, "own-ship", level=WARN)
+
+
+def test_the_largest_float_says_that_a_position_is_not_known(world):
+    boat = Boat(world, own_ship_source="odometry")
+    covariance = np.zeros((6, 6))
+    covariance[:2, :2] = LARGEST_FLOAT
+    for index in range(150):
+        message = Odometry(child_frame_id="sonar")
+        message.header.frame_id = "odom"
+        message.header.stamp.sec = START_NS // SECOND + index
+        message.pose.pose.orientation.w = 1.0
+        message.pose.covariance = covariance.ravel()
+        boat.driver.odometry.publish(message)
+    assert len(boat.send(SENT)) == len(SENT)
+    assert world.dropped() == {}
 
 
 def test_a_burst_of_scans_and_odometry_loses_none(world):
