@@ -143,21 +143,34 @@ class Surroundings:
 
     def __init__(self) -> None:
         self._first_scan = 0
-        self._features: deque[FloatArray] = deque(maxlen=MEMORY)
+        self._features: deque[FloatArray] = deque(maxlen=MEMORY)  # by index in the whole scan
         self._clutter = np.zeros((0, len(NAMES)))
 
     def at(self, in_zone: BoolArray, encounter_time: float) -> Environment:
         """The environment of a scan, of whose detections (d,) some are in a clutter zone."""
         return Environment(in_zone, self._clutter, encounter_time)
 
-    def observe(self, scan_index: int, features: FloatArray, clutter: BoolArray) -> None:
-        """Take a scan's features (d, 3), after its association, and which plots are clutter (d,).
+    def observe(
+        self, scan_index: int, index: IntArray, features: FloatArray, clutter: BoolArray
+    ) -> None:
+        """Take what a scan tells, after its association.
 
         Scans come one by one; after a gap what was before is forgotten.
+
+        Parameters
+        ----------
+        scan_index : int
+        index : (d,) ndarray of int
+            Of the detections in the coverage, within the whole scan: hits are named by it.
+        features : (d, 3) ndarray
+        clutter : (d,) ndarray of bool
+            Which of them are probably clutter.
         """
         if scan_index != self._first_scan + len(self._features):
             self._features.clear()
-        self._features.append(features)
+        whole = np.full((int(index.max(initial=-1)) + 1, len(NAMES)), np.nan)
+        whole[index] = features
+        self._features.append(whole)
         self._first_scan = scan_index + 1 - len(self._features)
         has = np.isfinite(features).any(axis=1)
         known = np.concatenate([self._clutter, features[clutter & has]])

@@ -345,7 +345,10 @@ class Initiator(ABC):
         )
         if self.common.plot_features:
             self._surroundings.observe(
-                self.scan_index, detections["features"], self._explained < clutter
+                self.scan_index,
+                detections["index"],
+                detections["features"],
+                self._explained < clutter,
             )
         self._clutter_share = self._probably_clutter(clutter)
         self._clutter_map.update(*self._polar, self._clutter_share)

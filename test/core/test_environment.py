@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from builders import assert_same_tracks, scan_at
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.association import Pairs
 from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.environment import MEMORY, Environment, Surroundings
@@ -91,7 +91,7 @@ def test_histories_are_those_of_the_hits_as_far_as_remembered():
     for scan in range(MEMORY + 10):
         features = np.full((2, 3), float(scan))
         features[1] += 0.5
-        surroundings.observe(scan, features, np.array([True, False]))
+        surroundings.observe(scan, np.arange(2), features, np.array([True, False]))
     track = replace(
         TrackArrays.of([]).where(np.zeros(0, np.int64)),
         track_id=np.array([1]),
@@ -100,7 +100,7 @@ def test_histories_are_those_of_the_hits_as_far_as_remembered():
     found = surroundings.histories(track)
     assert found.count.tolist() == [[2.0] * 3], "scan 0 is forgotten"
     assert found.mean[0, 0] == pytest.approx((20.5 + MEMORY + 9.0) / 2.0)
-    surroundings.observe(500, np.zeros((1, 3)), np.ones(1, bool))
+    surroundings.observe(500, np.zeros(1, int), np.zeros((1, 3)), np.ones(1, bool))
     assert surroundings.histories(track).count.tolist() == [[0.0] * 3]
 
 
@@ -108,7 +108,7 @@ def test_only_plots_of_clutter_tell_of_clutter():
     surroundings = Surroundings()
     nothing = np.full((1, 3), np.nan)
     features = np.concatenate([SMALL[None], BIG[None], nothing])
-    surroundings.observe(0, features, np.array([True, False, True]))
+    surroundings.observe(0, np.arange(3), features, np.array([True, False, True]))
     assert surroundings.at(np.zeros(0, bool), 1.0).clutter.tolist() == [SMALL.tolist()]
 
 
@@ -124,6 +124,31 @@ def test_a_zone_is_where_clutter_is_dense_against_the_coverage():
     inside, outside = (2750.0, 2750.0), (-2750.0, 2750.0)
     x, y = np.array([inside, outside]).T
     assert clutter.in_zone(np.hypot(x, y), np.arctan2(y, x)).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("method", available_methods())
+@pytest.mark.parametrize("outside", [0, 1, 5])
+def test_echoes_outside_the_coverage_change_no_track_s_features(method, outside):
+    # A track of features like BIG, beside a plot like SMALL, behind echoes that do not count.
+    sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003, max_range=8e3)
+    made = make_initiator(method, sensor=sensor, plot_features=True)
+    own, other = plots_like(BIG, 20, seed=4), plots_like(SMALL, 20, seed=5)
+    started = []
+    for k in range(20):
+        plots = np.concatenate([np.full((outside, 3), 1e4), own[k : k + 1], other[k : k + 1]])
+        scan = scan_at(
+            12.0 * k,
+            [*[(20e3, 0.0)] * outside, (3000.0 + 60.0 * k, 0.0), (-5000.0, 300.0 * (k % 2))],
+            features=dict(zip(("intensity", "range_width", "azimuth_width"), plots.T, strict=True)),
+        )
+        for track in made.process(scan):
+            started.append(track)
+            features = np.array([own[scan] for scan, index in track.hits if index == outside])
+            if len(features) == len(track.hits):
+                found = made._surroundings.histories(TrackArrays.of([track]))
+                np.testing.assert_allclose(found.mean[0], features.mean(axis=0))
+    assert started, "the target is found"
+    assert made.statistics.outside_coverage == outside
 
 
 def overtaking() -> Scenario:
