@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.analysis.truth import NO_TARGET, Outcome, judge, measurement_sigma, nees
+from tsepm_ros.analysis.truth import NO_TARGET, Outcome, judge, measurement_sigma, nees, origins_of
 
 TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
 MISPLACED, FALSE = Outcome.MISPLACED, Outcome.FALSE
@@ -141,3 +141,12 @@ def test_every_track_is_exactly_one_of_the_four_and_the_counts_add_up():
         Outcome, True
     )
     assert found.count(TRUE) <= 2
+
+
+def test_origins_are_those_of_the_scans_that_were_processed():
+    # The second was dropped, and clocks round to ns.
+    origins = [np.array([scan]) for scan in range(4)]
+    found = origins_of([0.0, 24.0 + 1e-9, 36.0 - 1e-9], [0.0, 12.0, 24.0, 36.0], origins)
+    assert [int(one[0]) for one in found] == [0, 2, 3]
+    assert origins_of([], [], []) == []
+    assert origins_of([5.0], [5.0], origins[:1]) == origins[:1]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from msg_adapters import MessageError, read_track_cloud, time_to_ns
 from tsepm_ros.analysis.run_scene import RunScene, ScanView, truth_paths
 from tsepm_ros.analysis.track_files import TrackBag, TrackTable
-from tsepm_ros.analysis.truth import judge
+from tsepm_ros.analysis.truth import judge, origins_of
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.offline import bag_results, recording_results
@@ -243,7 +243,11 @@ def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
     def judge_starts(scene: RunScene) -> None:
         scene.judged = judge(
             scene.starts,
-            origins,
+            origins_of(
+                [view.stamp for view in scene.scans],
+                [scan.time for scan in recording.scans],
+                origins,
+            ),
             simulator.truth,
             scenario.sensor,
             lambda stamp: scenario.own_ship.pose(stamp)[:2],

@@ -20,6 +20,7 @@ from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 NO_TARGET = -1
 SIGMAS = 3.0
@@ -130,6 +131,24 @@ def judge(
             )
         )
     return judged
+
+
+def origins_of(
+    processed: Sequence[float], stamps: Sequence[float], origins: Sequence[IntArray]
+) -> list[IntArray]:
+    """The origins of the scans that were processed: hits count those, whatever was dropped.
+
+    Parameters
+    ----------
+    processed : sequence of float
+        Stamps of the scans that were processed, s.
+    stamps : sequence of float
+        Of all scans, s, rising; the nearest one counts, since clocks round.
+    origins : sequence of (n,) ndarray of int
+        Of all scans.
+    """
+    middle = 0.5 * (np.array(stamps[1:]) + np.array(stamps[:-1]))
+    return [origins[place] for place in np.searchsorted(middle, processed)]
 
 
 def _majority(sources: NDArray[np.int64]) -> int:

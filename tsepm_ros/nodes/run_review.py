@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from msg_adapters import time_to_ns, track_states
 from tsepm_ros.analysis.plan_position import Picture
 from tsepm_ros.analysis.report import counts_line, target_table, text_table
-from tsepm_ros.analysis.truth import Outcome, judge
+from tsepm_ros.analysis.truth import Outcome, judge, origins_of
 from tsepm_ros.conversion import convert
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.run_recorder import RunRecorder
@@ -84,11 +84,15 @@ def review_simulation(
     """Judge a simulated run against its truth."""
     results, session = replay(recorder, parameters)
     simulator = Simulator(scenario, seed)
-    origins = [simulated.origin for simulated in simulator]
+    scans = list(simulator)
     tracks = [track for result in results for track in result.new]
     judged = judge(
         tracks,
-        origins,
+        origins_of(
+            [result.stamp for result in results],
+            [simulated.scan.stamp for simulated in scans],
+            [simulated.origin for simulated in scans],
+        ),
         simulator.truth,
         scenario.sensor,
         lambda stamp: scenario.own_ship.pose(stamp)[:2],
