@@ -92,3 +92,21 @@ def test_the_image_is_bounded(monkeypatch):
     made.process(scan_at(0.0, [(1000.0 + 10.0 * k, 0.0) for k in range(30)]))
     assert made.statistics.potential_tracks == 10
     assert made.statistics.cut_potential_tracks == 20
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_empty_scan_after_others_tells_of_no_line(seed):
+    rng = np.random.default_rng(seed)
+    made = make_initiator("hough", sensor=SENSOR)
+    for k in range(12):
+        where = rng.uniform(-5000.0, 5000.0, (20 * (k % 3), 2))
+        made.process(scan_at(12.0 * k, where))
+        assert len(where) or len(made.potential_tracks()) == 0
+
+
+def test_the_cell_of_number_minus_one_is_one_as_the_others():
+    # The last angle and the first cell below rho 0; the newest detection's cells lie below it.
+    made = make_initiator("hough", sensor=SENSOR, angles=2, cell=300.0)
+    made.process(scan_at(0.0, [(5000.0, -10.0)]))
+    made.process(scan_at(12.0, [(-5000.0, -5000.0)]))
+    assert len(made.potential_tracks()) == 0

@@ -37,7 +37,7 @@ from tsepm_ros.hit_counting import Estimates, HitCounter, check_rule
 from tsepm_ros.initiator import ScanStatistics
 from tsepm_ros.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.paths import NO_HIT, Paths
+from tsepm_ros.paths import NO_HIT, Paths, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.track import TrackArrays
 
@@ -165,8 +165,10 @@ class Hough(HitCounter):
         cell, from_middle = self._cells(detections["position"] - self._poses.middle[:2])
         scan = detections["scan"]
         found = np.unique(cell[scan == self.scan_index])
-        line = np.searchsorted(found, cell)
-        detection, angle = np.nonzero(np.append(found, -1)[line] == cell)
+        if not len(found):
+            return starting(found, self.scan_index, 2)
+        line = np.minimum(np.searchsorted(found, cell), len(found) - 1)
+        detection, angle = np.nonzero(found[line] == cell)
         line, from_middle = line[detection, angle], from_middle[detection, angle]
         order = np.lexsort((from_middle, scan[detection], line))
         line, detection = line[order], detection[order]
