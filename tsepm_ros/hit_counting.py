@@ -216,13 +216,13 @@ class PathFollower(HitCounter):
         super().forget_potential_tracks()
         self._potential = self._started(np.zeros(0, np.int64), np.zeros(0, DETECTION))
 
-    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; a shorter window ends tracks, another number of hits starts over.
 
-        See `Initiator.configure`.
+        See `Initiator._configure`.
         """
         unlike = options.min_hits != self.options.min_hits
-        super().configure(sensor, common, options)
+        super()._configure(sensor, common, options)
         if unlike:
             self.forget_potential_tracks()
             return False

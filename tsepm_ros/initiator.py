@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -269,21 +270,37 @@ class Initiator(ABC):
         return dataclasses.replace(self.sensor, detection_probability=self.detection_probability)
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
-        """Change the options before the next scan.
+        """Change the options before the next scan; where that raises, nothing has changed.
 
         Returns
         -------
         bool
-            Whether the potential tracks were kept. A method that cannot continue them under the new
-            options overrides this and starts over.
+            Whether the potential tracks were kept.
+        """
+        changed, kept = self.configured(sensor, common, options)
+        vars(self).update(vars(changed))
+        self.hold.hold_time = common.hold_time
+        self.hold.tracked_timeout = common.tracked_timeout
+        return kept
+
+    def configured(
+        self, sensor: SensorModel, common: CommonOptions, options: Any
+    ) -> tuple[Self, bool]:
+        """What `configure` makes of it, and what it returns; this one stays as it is."""
+        changed = copy.copy(self)
+        return changed, changed._configure(sensor, common, options)
+
+    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options; returns whether the potential tracks are kept.
+
+        A method that cannot continue them under the new options overrides this and starts over. It
+        replaces what it holds, and changes none of it: another initiator may hold it, too.
         """
         if sensor != self.sensor:
             self._clutter_map = ClutterMap(sensor)
         self.sensor = sensor
         self.common = common
         self.options = options
-        self.hold.hold_time = common.hold_time
-        self.hold.tracked_timeout = common.tracked_timeout
         return True
 
     def reset(self) -> None:

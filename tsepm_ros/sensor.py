@@ -9,6 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.scan import LARGEST, SMALLEST
+
+NARROWEST_SECTOR = 1e-6
+"""Least width of the azimuth sector covered, rad."""
+LARGEST_CLUTTER_DENSITY = 1e30
+"""Far above what is estimated in the smallest coverage, 1/m^2."""
+LONGEST_ERROR = 1e11
+"""Largest ratio of `range_std` to `azimuth_std`, m/rad: beyond, the smaller one is lost."""
+SMALLEST_RANGE_RATE_STD = 1e-3
+"""Least standard deviation of a range rate that is used, m/s: below, fits lose the positions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +32,11 @@ class SensorModel:
     """
 
     range_std: float = parameter(
-        0.0, "Constant part of the range's standard deviation", unit="m", minimum=0.0
+        0.0,
+        "Constant part of the range's standard deviation",
+        unit="m",
+        minimum=0.0,
+        maximum=1e5,
     )
     range_std_fraction: float = parameter(
         0.015,
@@ -37,9 +51,15 @@ class SensorModel:
         minimum=1e-9,
         maximum=1.0,
     )
-    min_range: float = parameter(0.0, "Nearest range covered", unit="m", minimum=0.0)
+    min_range: float = parameter(
+        0.0, "Nearest range covered", unit="m", minimum=0.0, maximum=LARGEST["range"]
+    )
     max_range: float = parameter(
-        9000.0, "Farthest range covered", unit="m", positive=True, maximum=1e8
+        9000.0,
+        "Farthest range covered",
+        unit="m",
+        minimum=SMALLEST["range"],
+        maximum=LARGEST["range"],
     )
     azimuth_min: float = parameter(
         -math.pi,
@@ -59,7 +79,11 @@ class SensorModel:
         0.9, "Probability that a target inside the coverage is detected", positive=True, maximum=1.0
     )
     clutter_density: float = parameter(
-        1e-6, "Expected false detections per scan and square metre", unit="1/m^2", positive=True
+        1e-6,
+        "Expected false detections per scan and square metre",
+        unit="1/m^2",
+        positive=True,
+        maximum=LARGEST_CLUTTER_DENSITY,
     )
     range_rate_std: float = parameter(
         0.0,
@@ -74,25 +98,33 @@ class SensorModel:
         "Half of the false detections have a range rate over ground within plus or minus this "
         "(Cauchy distribution), where range rates are used",
         unit="m/s",
-        positive=True,
+        minimum=1e-4,
         maximum=1e4,
     )
 
     def __post_init__(self) -> None:
         check_group(self)
-        for name in ("range_std", "max_range", "clutter_density"):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} must be finite; got {getattr(self, name)!r}")
         if max(self.range_std, self.range_std_fraction) < 1e-6:
             raise ValueError("range_std and range_std_fraction must not both be 0")
-        if self.min_range >= self.max_range:
+        if self.range_std > LONGEST_ERROR * self.azimuth_std:
             raise ValueError(
-                f"min_range must be below max_range; got {self.min_range} and {self.max_range}"
+                f"range_std must be at most {LONGEST_ERROR:g} m/rad times azimuth_std; got "
+                f"{self.range_std} and {self.azimuth_std}"
             )
-        if self.azimuth_max <= self.azimuth_min:
+        if self.max_range - self.min_range < SMALLEST["range"]:
             raise ValueError(
-                f"azimuth_min must be below azimuth_max; got {self.azimuth_min} "
-                f"and {self.azimuth_max}"
+                f"min_range must be below max_range by at least {SMALLEST['range']:g}; got "
+                f"{self.min_range} and {self.max_range}"
+            )
+        if self.azimuth_max - self.azimuth_min < NARROWEST_SECTOR:
+            raise ValueError(
+                f"azimuth_min must be below azimuth_max by at least {NARROWEST_SECTOR:g}; got "
+                f"{self.azimuth_min} and {self.azimuth_max}"
+            )
+        if 0.0 < self.range_rate_std < SMALLEST_RANGE_RATE_STD:
+            raise ValueError(
+                f"range_rate_std must be 0 or at least {SMALLEST_RANGE_RATE_STD:g}; got "
+                f"{self.range_rate_std}"
             )
 
     @property

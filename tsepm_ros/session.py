@@ -177,30 +177,47 @@ class Session:
     def configure(self, settings: Settings) -> bool:
         """Change settings before the next scan; frames and the own-ship source stay as they are.
 
+        Where that raises, nothing has changed.
+
         Returns
         -------
         bool
             Whether potential tracks were kept. Another method, or another number of hits, starts
             over.
         """
+        window, kept = settings.window, False
+        if settings.session.method == self._settings.session.method:
+            kept = self.initiator.configure(
+                settings.sensor, settings.common, settings.method_options
+            )
+        else:
+            self._change_method(settings)
         old, self._settings = self._settings, settings
         options = settings.session
         self._order.restart_jump = options.restart_jump
         self._order.max_gap = options.max_gap
         self._poses.max_extrapolation = options.own_ship_max_extrapolation
         self._poses.max_gap = options.own_ship_max_gap
-        if settings.window != old.window:
-            self._order.resize(settings.window)
-        if options.method != old.session.method:
-            self._totals_before = self.totals
-            before, self.initiator = self.initiator, settings.make_initiator()
-            self.initiator.next_track_id = before.next_track_id
-            self.initiator.stamp = before.stamp
-            self.initiator.hold = before.hold
-            self.initiator.hold.hold_time = settings.common.hold_time
-            self.initiator.hold.tracked_timeout = settings.common.tracked_timeout
-            return False
-        return self.initiator.configure(settings.sensor, settings.common, settings.method_options)
+        if window != old.window:
+            self._order.resize(window)
+        return kept
+
+    def rehearse(self, settings: Settings) -> None:
+        """Raise what `configure` would; nothing changes."""
+        if settings.session.method == self._settings.session.method:
+            self.initiator.configured(settings.sensor, settings.common, settings.method_options)
+        else:
+            settings.make_initiator()
+
+    def _change_method(self, settings: Settings) -> None:
+        made = settings.make_initiator()
+        self._totals_before = self.totals
+        before, self.initiator = self.initiator, made
+        made.next_track_id = before.next_track_id
+        made.stamp = before.stamp
+        made.hold = before.hold
+        made.hold.hold_time = settings.common.hold_time
+        made.hold.tracked_timeout = settings.common.tracked_timeout
 
     def reset(self) -> list[int]:
         """Forget scans, tracks, poses and counts; returns the ids of the tracks that end."""

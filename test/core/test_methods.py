@@ -320,3 +320,18 @@ def test_a_new_method_is_one_class_and_one_row():
         timeout=60,
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_options_that_cannot_be_used_leave_a_method_as_it_was(method):
+    made = make_initiator(method, sensor=SensorModel())
+    sensor, common, options = made.sensor, made.common, made.options
+    broken = SensorModel(max_range=5000.0)
+    object.__setattr__(broken, "max_range", 0.0)  # as if its bound had been forgotten
+    with pytest.raises(ZeroDivisionError):
+        made.configure(broken, CommonOptions(hold_time=1.0), options)
+    if method not in ("hough", "split_merge"):  # those look at no option when they change
+        with pytest.raises(AttributeError):
+            made.configure(SensorModel(max_range=5000.0), CommonOptions(hold_time=1.0), None)
+    assert (made.sensor, made.common, made.options) == (sensor, common, options)
+    assert made.hold.hold_time == common.hold_time

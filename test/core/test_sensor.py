@@ -56,11 +56,28 @@ def test_what_is_no_finite_number_is_refused_by_name(name, value):
         ("detection_probability", 1.01),
         ("clutter_density", 0.0),
         ("clutter_density", -1e-6),
+        ("clutter_density", 1e31),
+        ("range_std", 2e5),
+        ("range_std", 1e155),
+        ("min_range", 1e300),
+        ("min_range", 9000.0 - 1e-9),
+        ("max_range", 5e-324),
+        ("max_range", 1e-200),
+        ("azimuth_min", math.pi - 1e-9),
+        ("azimuth_max", -math.pi + 1e-12),
+        ("range_rate_std", 5e-324),
+        ("range_rate_std", 1e-30),
+        ("clutter_range_rate", 1e-30),
     ],
 )
 def test_values_out_of_their_range_are_refused_by_name(name, value):
     with pytest.raises(ValueError, match=name):
         SensorModel(**{name: value})
+
+
+def test_an_azimuth_far_better_known_than_the_range_is_refused():
+    with pytest.raises(ValueError, match="range_std must be at most 1e\\+11 m/rad"):
+        SensorModel(range_std=1e4, azimuth_std=1e-8)
 
 
 def test_a_sensor_without_any_range_error_is_refused():

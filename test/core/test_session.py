@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 
-from tsepm_ros import ConfirmedTrack, Scan, make_initiator
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.initiator import CommonOptions, ScanStatistics
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship import PoseSample
@@ -679,6 +679,46 @@ def test_changed_times_and_limits_count_at_the_next_scan():
         Arrival.RESTART,
         Arrival.NEXT,
     ]
+
+
+def unusable_settings(**options) -> Settings:
+    """Settings that pass all checks, and of which no initiator can be made."""
+    sensor = SensorModel()
+    object.__setattr__(sensor, "max_range", 0.0)  # as if its bound had been forgotten
+    wanted = settings(CommonOptions(hold_time=1.0), TsepmOptions(min_hits=2, window=3), **options)
+    return dataclasses.replace(wanted, sensor=sensor)
+
+
+@pytest.mark.parametrize("method", ["tsepm", "score"])
+@pytest.mark.parametrize("change", [Session.configure, Session.rehearse])
+def test_a_change_that_fails_leaves_all_as_it_was(method, change):
+    one, other = session(), session()
+    play(one, [0, 12])
+    play(other, [0, 12])
+    before = one.settings
+    with pytest.raises(ZeroDivisionError):
+        change(one, unusable_settings(method=method, max_gap=5.0, restart_jump=1.0))
+    assert one.settings is before
+    found, expected = play(one, [24, 36, 22, 48]), play(other, [24, 36, 22, 48])
+    assert [len(result.new) for result in expected] == [1, 0, 0]
+    for a, b in zip(found, expected, strict=True):
+        assert_same_tracks(a.new, b.new)
+        assert_same_tracks(a.current, b.current)
+        assert (a.arrival, a.ended) == (b.arrival, b.ended)
+    assert one.dropped == other.dropped
+    assert one.totals == other.totals
+
+
+@pytest.mark.parametrize("method", ["tsepm", "score"])
+def test_a_rehearsal_changes_nothing(method):
+    one = session()
+    play(one, [0, 12])
+    one.rehearse(
+        settings(CommonOptions(hold_time=1.0), TsepmOptions(min_hits=2, window=3), method=method)
+    )
+    assert [len(result.new) for result in play(one, [24])] == [1]
+    (held,) = play_empty(one, [36])
+    assert len(held.current) == 1
 
 
 def test_the_own_ship_source_stays_as_it_is_when_settings_change():

@@ -23,7 +23,7 @@ from sonar_driver import pings
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -42,6 +42,13 @@ TYPE_WITHOUT_NAME = pytest.mark.xfail(
     reason="rclpy refuses a wrong type before NodeParameters sees it, and does not say of what",
 )
 FAST_TARGET = ((3000.0, 16.0, 1500.0, -12.0),)
+
+
+class Plain(Node):
+    """A node of which `NodeParameters` can be made."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("plain", **AUTO_DECLARE, **node_options)
 
 
 @pytest.fixture
@@ -164,7 +171,7 @@ REFUSED = [
     pytest.param(TrackInitiator, "max_speed", -1.0, "above 0", id="negative"),
     pytest.param(TrackInitiator, "max_speed", 0.0, "above 0", id="zero"),
     pytest.param(TrackInitiator, "max_speed", float("nan"), "above 0", id="nan"),
-    pytest.param(TrackInitiator, "sensor.max_range", float("inf"), "above 0", id="infinite"),
+    pytest.param(TrackInitiator, "sensor.max_range", float("inf"), "from 0.001", id="infinite"),
     pytest.param(TrackInitiator, "tsepm.min_hits", 1, "from 2 to 32", id="too_small"),
     pytest.param(TrackInitiator, "tsepm.min_hits", 9, "window", id="more_hits_than_window"),
     pytest.param(TrackInitiator, "method", "best", "one of tsepm", id="unknown_method"),
@@ -331,6 +338,40 @@ def test_the_method_may_change_while_running(world):
         assert get_parameter(world, "method") == method
     if len(available_methods()) > 1:
         assert_same(boat.send(sent[3:]), confirmed(sent[3:]))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("sensor__max_range", 5e-324),
+        ("sensor__max_range", 1e-200),
+        ("sensor__range_std", 1e155),
+        ("sensor__range_rate_std", 1e-30),
+    ],
+)
+def test_a_value_that_no_sensor_has_is_refused_and_the_node_goes_on(world, name, value):
+    boat = Boat(world)
+    sent = pings(14)
+    received = boat.send(sent[:4])
+    [reason] = set_parameters(world, **{name: value})
+    assert name.replace("__", ".") in reason
+    assert_same([*received, *boat.send(sent[4:])], confirmed(sent))
+    assert world.dropped() == {}
+
+
+def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):
+    node, seen = world.make(Plain), []
+
+    def refuse(made):
+        seen.append(made[CommonOptions].max_speed)
+        raise ZeroDivisionError("no")
+
+    changed = []
+    NodeParameters(node, (("", CommonOptions),), changed.append, refuse, (ArithmeticError,))
+    result = node.set_parameters([Parameter("max_speed", value=20.0)])[0]
+    assert (result.successful, seen, changed) == (False, [20.0], [])
+    assert result.reason == "max_speed cannot be used: ZeroDivisionError('no')"
+    assert node.get_parameter("max_speed").value == 10.0
 
 
 def test_the_same_value_again_keeps_potential_tracks(world):

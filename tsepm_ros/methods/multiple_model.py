@@ -160,13 +160,13 @@ class MultipleModel(PathFollower):
     )
     _potential: Banks
 
-    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; other cells start over, as does another number of hits.
 
-        See `Initiator.configure`.
+        See `Initiator._configure`.
         """
         before = self.options.speeds, self.options.headings
-        kept = super().configure(sensor, common, options)
+        kept = super()._configure(sensor, common, options)
         if (options.speeds, options.headings) == before:
             return kept
         self.forget_potential_tracks()

@@ -205,13 +205,13 @@ class Score(Initiator):
         self._counts: deque[int] = deque(maxlen=MEMORY)
         self._intervals: deque[float] = deque(maxlen=MEMORY)
 
-    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; another window starts over.
 
-        See `Initiator.configure`.
+        See `Initiator._configure`.
         """
         window = self.options.window
-        super().configure(sensor, common, options)
+        super()._configure(sensor, common, options)
         if options.window != window:
             self.forget_potential_tracks()
             return False

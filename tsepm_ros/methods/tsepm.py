@@ -206,16 +206,16 @@ class Tsepm(Initiator):
         self._hopeless = PathCounts.none()
         self._surplus = PathCounts.none()
 
-    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; a shorter window ends tracks.
 
         Another number of hits starts over, and so does another evaluation, or another threshold of
         it, where paths were cut that could not pass the one before.
 
-        See `Initiator.configure`.
+        See `Initiator._configure`.
         """
         before = self.options, self._threshold, self._given_density
-        super().configure(sensor, common, options)
+        super()._configure(sensor, common, options)
         unlike = options.min_hits != before[0].min_hits
         # What was cut as hopeless under another rule cannot be brought back.
         after = self._threshold, self._given_density

@@ -40,8 +40,16 @@ AUTO_DECLARE = {"automatically_declare_parameters_from_overrides": True}
 """How a node that uses `NodeParameters` is made."""
 
 
+Made = Mapping[type[Any], Any]
+"""Groups of parameters by their type."""
+
+
 class ParameterError(ValueError):
     """A parameter was given a value that it cannot have."""
+
+
+def _ignore(made: Made) -> None:
+    pass
 
 
 class NodeParameters:
@@ -56,6 +64,9 @@ class NodeParameters:
         The table, by groups.
     on_change : callable, optional
         Called with the groups after parameters changed while running.
+    rehearse : callable, optional
+        Called with the groups before that; what it raises of `failures` refuses the change.
+    failures : tuple of exception types, optional
 
     Raises
     ------
@@ -68,11 +79,15 @@ class NodeParameters:
         self,
         node: Node,
         groups: Groups,
-        on_change: Callable[[Mapping[type[Any], Any]], None] | None = None,
+        on_change: Callable[[Made], None] = _ignore,
+        rehearse: Callable[[Made], None] = _ignore,
+        failures: tuple[type[Exception], ...] = (),
     ) -> None:
         self._node = node
         self._groups = groups
         self._on_change = on_change
+        self._rehearse = rehearse
+        self._failures = failures
         self._rows = {row.name: row for row in full_table(groups)}
         self._refuse_unknown()
         for row in self._rows.values():
@@ -119,18 +134,22 @@ class NodeParameters:
                 reason = f"{one.name} must be {_TYPE_HINTS[row.type]}; got {one.value!r}"
                 return SetParametersResult(successful=False, reason=reason)
             changes[one.name] = one.value
+        if not changes:
+            return SetParametersResult(successful=True)
         try:
-            self._make(changes)
+            self._rehearse(self._make(changes))
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except self._failures as error:
+            reason = f"{', '.join(changes)} cannot be used: {error!r}"
+            return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
     def _changed(self, parameters: list[RosParameter]) -> None:
         if not any(one.name in self._rows for one in parameters):
             return
         self.made = self._make({})
-        if self._on_change is not None:
-            self._on_change(self.made)
+        self._on_change(self.made)
 
 
 def _descriptor(row: Parameter) -> ParameterDescriptor:

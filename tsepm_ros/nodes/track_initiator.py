@@ -42,7 +42,13 @@ class TrackInitiator(Node):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_initiator", **AUTO_DECLARE, **node_options)
-        self._given = NodeParameters(self, TRACK_INITIATOR, self._configure)
+        self._given = NodeParameters(
+            self,
+            TRACK_INITIATOR,
+            self._configure,
+            lambda made: self._session.rehearse(settings_from(made)),
+            FAILURES,
+        )
         options: InitiatorNodeOptions = self._given.made[InitiatorNodeOptions]
         source = self._given.made[SessionOptions].own_ship_source
         self._session = Session(settings_from(self._given.made), self._report, live=True)
