@@ -16,6 +16,9 @@ from tsepm_ros.scan import Scan
 from tsepm_ros.simulation import Scenario
 from tsepm_ros.track import ConfirmedTrack
 
+NO_TRACKS = ("analysis", "nodes")
+"""Packages that no track comes from. All others count, so that a new one is not forgotten."""
+
 
 class TrackStarter(Protocol):
     """What can be evaluated: an `Initiator`, or anything with a `process` like it.
@@ -102,7 +105,7 @@ def package_version() -> str:
     """Version of the package, and a digest of the modules that its tracks come from."""
     folder = Path(tsepm_ros.__file__).parent
     files = [
-        path for part in (".", "methods", "simulation") for path in folder.glob(f"{part}/*.py")
+        path for path in folder.rglob("*.py") if path.relative_to(folder).parts[0] not in NO_TRACKS
     ]
     return f"{version('tsepm_ros')} {digest(files)}"
 
