@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from contenders import CONTENDERS
-from numpy.typing import NDArray
 from race import Lane
 from scenes import Scene
 from scipy.optimize import nnls
@@ -19,8 +18,7 @@ from scipy.optimize import nnls
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.splitting_theory import Expected, Gating, expected_counts
 from tsepm_ros.initiator import CommonOptions
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 REFERENCE = "tsepm-5/8"
 """Whom the others' times are divided by."""

@@ -27,11 +27,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from tsepm_ros.numerics.arrays import FloatArray
+
 os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros import make_initiator
 from tsepm_ros.analysis.intervals import mean, mean_count, proportion
@@ -40,8 +41,6 @@ from tsepm_ros.analysis.report import text_table, with_progress
 from tsepm_ros.initiator import Initiator
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.simulation.scenario import Scenario
-
-FloatArray = NDArray[np.float64]
 
 NEAR = 300.0
 """Distance from its ship within which a track follows it, m."""

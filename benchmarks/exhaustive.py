@@ -25,6 +25,8 @@ import argparse
 import json
 import os
 
+from tsepm_ros.numerics.arrays import FloatArray
+
 os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["MKL_NUM_THREADS"] = "1"
@@ -53,8 +55,6 @@ from tsepm_ros.analysis.run_records import RunRecord, ScanRecord, StartRecord, r
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome, measurement_sigma
 from tsepm_ros.simulation import Scenario, SimulatedScan, Simulator, load_scenario
-
-FloatArray = NDArray[np.float64]
 
 BUILD = Path(__file__).resolve().parents[1] / "build"
 SCANS = 8

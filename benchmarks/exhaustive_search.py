@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from tsepm_ros.conversion import major_sigma, position_covariance
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.scan import Scan
 from tsepm_ros.simulation import Scenario
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SIGMAS = 3.0
 """Peaks closer than this are one, and a peak this close to a target is its detection."""

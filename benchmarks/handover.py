@@ -30,6 +30,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tsepm_ros.numerics.arrays import FloatArray
+
 os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
@@ -49,8 +51,6 @@ from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
 from tsepm_ros.conversion import convert
 from tsepm_ros.simulation import load_scenario
-
-FloatArray = NDArray[np.float64]
 
 BUILD = Path(__file__).resolve().parents[1] / "build"
 METHODS = ("score", "tsepm")

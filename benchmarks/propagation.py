@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters import (
     OwnShipSample,
@@ -44,13 +43,12 @@ from tsepm_ros.analysis.intervals import mean
 from tsepm_ros.analysis.report import text_table
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import METHODS
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship import PoseSample
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Scenario, Simulator
 from tsepm_ros.simulation.scenario import OwnShipMotion
-
-FloatArray = NDArray[np.float64]
 
 SOUND_SPEED = 1500.0
 ODOMETRY_RATE = 5.0

@@ -42,6 +42,7 @@ from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import score
+from tsepm_ros.numerics import grouped
 from tsepm_ros.paths import NO_HIT
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.track import TrackArrays
@@ -73,7 +74,7 @@ class BestPath(score.Score):
     def _confirm(
         self, updated: Hypotheses, missed: Hypotheses, ids: NDArray[np.int64]
     ) -> Confirmed:
-        with patch.object(evidence, "summed", evidence.largest_of):
+        with patch.object(evidence, "summed", grouped.largest_of):
             return super()._confirm(updated, missed, ids)
 
 

@@ -15,6 +15,8 @@ import argparse
 import json
 import os
 
+from tsepm_ros.numerics.arrays import FloatArray
+
 os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["MKL_NUM_THREADS"] = "1"
@@ -26,9 +28,6 @@ from pathlib import Path
 
 import numpy as np
 from contenders import RawScan, Sea, make_contender
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 BUILD = Path(__file__).resolve().parents[1] / "build"
 NAME = "tsepm-5/8"

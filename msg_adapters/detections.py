@@ -25,13 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.errors import MessageError
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.scan import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 BEARING_REFERENCES = ("bow", "north")
 """What a `bearing` may be measured from, clockwise."""

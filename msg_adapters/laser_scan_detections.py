@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.detections import (
     DetectionMessage,
@@ -22,12 +21,12 @@ from msg_adapters.detections import (
     register_writer,
 )
 from msg_adapters.stamps import time_to_ns
+from tsepm_ros.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import LaserScan
     from std_msgs.msg import Header
 
-FloatArray = NDArray[np.float64]
 
 NO_TIMES = (
     "the scan has no time_increment and sound_speed is 0: all rays are taken to be of the stamp, "

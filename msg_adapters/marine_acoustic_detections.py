@@ -10,11 +10,9 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.detections import (
     SOUND_SPEED,
-    BoolArray,
     DetectionMessage,
     ReadingOptions,
     fitted,
@@ -25,12 +23,12 @@ from msg_adapters.detections import (
 )
 from msg_adapters.errors import MessageError
 from msg_adapters.stamps import time_to_ns
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from marine_acoustic_msgs.msg import SonarDetections, SonarRanges
     from std_msgs.msg import Header
 
-FloatArray = NDArray[np.float64]
 
 SLOWEST_SOUND, FASTEST_SOUND = 100.0, 10_000.0
 """Sound speeds that are taken for one, m/s; the definition's word for unknown is 0."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.errors import MessageError
 from msg_adapters.odometry_covariance import (
@@ -20,11 +19,10 @@ from msg_adapters.odometry_covariance import (
 )
 from msg_adapters.stamps import make_header, time_to_ns
 from tsepm_ros.attitude import angles_of, rotation_of
+from tsepm_ros.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from nav_msgs.msg import Odometry
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

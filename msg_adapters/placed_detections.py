@@ -20,16 +20,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.point_cloud import read_fields, write_cloud
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.scan import FEATURES
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
     from std_msgs.msg import Header
 
-FloatArray = NDArray[np.float64]
 
 PLACED_DTYPE = np.dtype(
     [

@@ -32,13 +32,13 @@ from msg_adapters.detections import (
 from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.stamps import time_to_ns
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.scan import FEATURES
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
     from std_msgs.msg import Header
 
-FloatArray = NDArray[np.float64]
 
 POSITION_FIELDS = (("range", "azimuth"), ("range", "bearing"), ("x", "y"))
 """The forms of a position, in order of precedence."""

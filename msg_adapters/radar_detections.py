@@ -11,7 +11,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.detections import (
     DetectionMessage,
@@ -22,12 +21,11 @@ from msg_adapters.detections import (
     register_writer,
 )
 from msg_adapters.stamps import time_to_ns
+from tsepm_ros.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from radar_msgs.msg import RadarScan
     from std_msgs.msg import Header
-
-FloatArray = NDArray[np.float64]
 
 
 @register("radar_msgs/msg/RadarScan")

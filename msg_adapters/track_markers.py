@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.evidence import summed
+from tsepm_ros.numerics.grouped import summed
 from tsepm_ros.track import TrackArrays
 
 if TYPE_CHECKING:

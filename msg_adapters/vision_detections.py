@@ -12,10 +12,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.detections import (
-    BoolArray,
     DetectionMessage,
     ReadingOptions,
     good_detections,
@@ -23,12 +21,12 @@ from msg_adapters.detections import (
     register_writer,
 )
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, time_to_ns
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
     from vision_msgs.msg import Detection3D, Detection3DArray
 
-FloatArray = NDArray[np.float64]
 
 OPTICAL = ("_optical", "_optical_frame")
 """Endings of the names of frames with z ahead."""

@@ -10,12 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.paths import NO_HIT, Rows
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.rows import Rows
+from tsepm_ros.paths import NO_HIT
 
 BLOCK = 50_000
 """Rows looked at together."""

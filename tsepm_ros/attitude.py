@@ -11,9 +11,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 SMALLEST_NORM = 1e-6
 """Of a quaternion; below, its direction is noise."""

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from tsepm_ros.evidence import LEAST_DENSITY
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CELL = 1.0 / 24.0
 """Width of a cell, rad, and its depth as a fraction of its range."""

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tsepm_ros import plot_features, range_rates
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
 
 DETECTION = np.dtype(
     [

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
 
 EDGE_DEVIATIONS = 3.0
 """Standard deviations by which a target's detection may lie beyond the edge of the coverage."""

@@ -23,11 +23,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros import evidence, filtering, range_rates
 from tsepm_ros.conversion import DETECTION, position_covariance
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.sensor import SensorModel
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 PATHS = 1500
 SEED = 1

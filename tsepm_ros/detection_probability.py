@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 DATA_SHEET_SCANS = 5.0
 """Scans of a target that the data sheet's figure counts for."""

@@ -19,14 +19,11 @@ Readings
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros import filtering
 from tsepm_ros.conversion import major_sigma
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 
 def closest_approach(one: FloatArray, two: FloatArray) -> tuple[FloatArray, FloatArray]:

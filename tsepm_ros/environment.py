@@ -24,16 +24,12 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros import encounters
 from tsepm_ros.association import Pairs, nearest_first
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.plot_features import NAMES, Histories
 from tsepm_ros.track import TrackArrays
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_CLUTTER = 200
 """Plots that tell the features of clutter, the latest."""

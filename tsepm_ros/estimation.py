@@ -21,10 +21,9 @@ from tsepm_ros.conversion import (
     pose_error_covariance,
     range_variance_at,
 )
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.scan import wrap
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
 
 ESTIMATORS = ("unweighted", "weighted", "polar")
 WEIGHTED_PASSES = 2
@@ -324,31 +323,6 @@ def _inverse(matrices: FloatArray) -> FloatArray:
         singular = np.linalg.slogdet(matrices)[0] == 0.0
         inverse = np.linalg.inv(np.where(singular[..., None, None], np.nan, matrices))
     return inverse.astype(np.float64, copy=False)
-
-
-def mixture(
-    weights: FloatArray, states: FloatArray, covariances: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance over alternatives, the spread of their means included.
-
-    ``x = sum_i w_i x_i``, ``P = sum_i w_i (P_i + (x_i - x)(x_i - x)')``
-
-    Parameters
-    ----------
-    weights : (n,) ndarray
-        Probabilities, of sum 1.
-    states : (n, 4) ndarray
-    covariances : (n, 4, 4) ndarray
-
-    Returns
-    -------
-    state : (4,) ndarray
-    covariance : (4, 4) ndarray
-    """
-    state: FloatArray = weights @ states
-    spread = states - state
-    parts = covariances + spread[:, :, None] * spread[:, None, :]
-    return state, np.einsum("n,nij->ij", weights, parts)
 
 
 def positions_at(state: FloatArray, tau: FloatArray) -> FloatArray:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.estimation import Fit, position_covariances_at, positions_at
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.gaussian import squared_distance
 
 EVALUATIONS = ("normalized_distance", "clutter_statistic")
 
@@ -60,10 +60,3 @@ def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float
     density = np.broadcast_to(clutter_density, positions.shape[:2])[:, 1:]
     statistic: FloatArray = 2.0 * np.pi * (density * steps).sum(axis=1)
     return statistic
-
-
-def squared_distance(misfit: FloatArray, covariance: FloatArray) -> FloatArray:
-    """``d' C^-1 d`` of (..., 2) vectors under (..., 2, 2) covariances."""
-    x, y = misfit[..., 0], misfit[..., 1]
-    xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
-    return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)

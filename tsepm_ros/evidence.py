@@ -11,10 +11,8 @@ of mean 1 where there is only clutter, so that it ever reaches A with a probabil
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 LARGEST_DETECTION_PROBABILITY = 0.999
 """A miss must stay possible: a target fades, whatever the data sheet says."""
@@ -66,38 +64,3 @@ def miss_gain(detectable: FloatArray, gate_probability: float) -> FloatArray:
         -np.minimum(detectable, LARGEST_DETECTION_PROBABILITY) * gate_probability
     )
     return missed
-
-
-def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
-    """Log of the summed likelihood ratios of each group, ``ln sum_i exp(s_i)``.
-
-    Parameters
-    ----------
-    score : (n,) ndarray
-    group : (n,) ndarray of int
-        Group of each hypothesis, 0 to count - 1.
-    count : int
-
-    Returns
-    -------
-    (count,) ndarray
-        -inf for a group without hypotheses.
-    """
-    largest = largest_of(score, group, count)
-    base = np.where(np.isfinite(largest), largest, 0.0)
-    sums = np.bincount(group, np.exp(score - base[group]), minlength=count)
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log(sums) + base)
-
-
-def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
-    """Largest score of each group, (count,); -inf for a group without hypotheses."""
-    largest = np.full(count, -np.inf)
-    np.maximum.at(largest, group, score)
-    return largest
-
-
-def shares(score: FloatArray) -> FloatArray:
-    """Posterior probability of each hypothesis if one of them is true, (n,)."""
-    weight = np.exp(score - score.max())
-    return np.asarray(weight / weight.sum())

@@ -13,12 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import range_rates
-from tsepm_ros.evaluation import squared_distance
-from tsepm_ros.splitting import gate_factor
-
-IntArray = NDArray[np.int64]
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density
 
 
 def predict(
@@ -116,40 +112,6 @@ def gain(covariance: FloatArray, step: FloatArray, spread: FloatArray) -> FloatA
     cross = covariance[:, :, 0::2] + step[:, None, None] * covariance[:, :, 1::2]
     weight: FloatArray = cross @ inverse(spread)
     return weight
-
-
-def inverse(matrix: FloatArray) -> FloatArray:
-    """Inverse of each (..., 2, 2) matrix, by its closed form."""
-    a, b = matrix[..., 0, 0], matrix[..., 0, 1]
-    c, d = matrix[..., 1, 0], matrix[..., 1, 1]
-    inverted = np.empty_like(matrix)
-    inverted[..., 0, 0], inverted[..., 0, 1] = d, -b
-    inverted[..., 1, 0], inverted[..., 1, 1] = -c, a
-    return inverted / (a * d - b * c)[..., None, None]
-
-
-def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Log of the Gaussian density of innovations, and their squared distances.
-
-    ``ln N(d; 0, S) = -d' S^-1 d / 2 - ln(2 pi sqrt(|S|))``
-
-    Parameters
-    ----------
-    innovation : (n, 2) ndarray
-        d, m.
-    spread : (n, 2, 2) ndarray
-        S, m^2.
-
-    Returns
-    -------
-    log_density : (n,) ndarray
-        ln of 1/m^2.
-    distance : (n,) ndarray
-        ``d' S^-1 d``.
-    """
-    distance = squared_distance(innovation, spread)
-    xx, yy, xy = spread[..., 0, 0], spread[..., 1, 1], spread[..., 0, 1]
-    return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
 
 
 def log_likelihood(

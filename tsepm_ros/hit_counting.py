@@ -15,17 +15,15 @@ from tsepm_ros.conversion import DETECTION
 from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import Fit, fit
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
-from tsepm_ros.limits import keep_best
-from tsepm_ros.paths import NO_HIT, Paths, Rows, starting
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.numerics.rows import Rows
+from tsepm_ros.paths import NO_HIT, Paths, starting
 from tsepm_ros.plot_features import Histories
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.steps import Steps
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""

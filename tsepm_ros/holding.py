@@ -30,14 +30,12 @@ from tsepm_ros.detection_probability import DetectionProbability
 from tsepm_ros.environment import Environment
 from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.motion import Motion, stay_or_change
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.paths import NO_HIT
 from tsepm_ros.plot_features import Histories
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.splitting import gate_factor
 from tsepm_ros.track import TrackArrays
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 GATE_PROBABILITY = 0.99
 GATE_MARGIN = 1.5

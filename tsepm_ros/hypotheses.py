@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import evidence, filtering, range_rates, splitting
+from tsepm_ros import filtering, range_rates, splitting
 from tsepm_ros.conversion import covariance_at, major_sigma
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.grouped import places, sums_over_hits
 from tsepm_ros.paths import Paths
 from tsepm_ros.sensor import SensorModel
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
@@ -164,7 +163,7 @@ class Hypotheses(Paths):
         A margin below 0, to the best one's score.
         """
         _, group = np.unique(self.last_hit, return_inverse=True)
-        best = evidence.largest_of(self.score, group, len(self))[group]
+        best = grouped.largest_of(self.score, group, len(self))[group]
         return (places(group, self.score) < number) & (self.score > best + margin)
 
     @classmethod
@@ -180,23 +179,3 @@ class Hypotheses(Paths):
             np.zeros(0),
             np.zeros(0),
         )
-
-
-def places(group: IntArray, score: FloatArray) -> IntArray:
-    """Place of each row in its group, 0 for the largest score, (n,)."""
-    order = np.lexsort((-score, group))
-    ordered = group[order]
-    first = np.searchsorted(ordered, ordered)
-    place = np.empty(len(group), np.int64)
-    place[order] = np.arange(len(group)) - first
-    return place
-
-
-def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
-    """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path.
-
-    At least one detection.
-    """
-    place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
-    sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)
-    return sums

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros import filtering
 from tsepm_ros.estimation import Fit, fit
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
 
 ESTIMATORS = ("least_squares", "linear_fitting", "kalman_filter")
 

@@ -19,13 +19,12 @@ from tsepm_ros.conversion import convert
 from tsepm_ros.coverage import PosesByRange, inside
 from tsepm_ros.environment import Surroundings
 from tsepm_ros.holding import TrackHold
-from tsepm_ros.limits import TimeLimit
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
-
-FloatArray = NDArray[np.float64]
 
 NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, as the hold begins, at the most: a choice."""

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros.splitting import gate_factor
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import gate_factor
 
 MERGINGS = ("moments", "refit")
 
@@ -96,14 +94,6 @@ def _connected(labels: IntArray, one: IntArray, other: IntArray) -> IntArray:
     graph = csr_array((np.ones(len(row), bool), column[order], start), shape=(n, n))
     merged: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
     return merged[labels]
-
-
-def members_of_groups(labels: IntArray) -> list[IntArray]:
-    """Rows of each group, groups in the order of their first rows."""
-    order = np.argsort(labels, kind="stable")
-    borders = np.flatnonzero(np.diff(labels[order])) + 1
-    parts = np.split(order, borders) if len(order) else []
-    return sorted(parts, key=lambda rows: int(rows[0]))
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import filtering
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 PROCESS_NOISE = 0.01
 """Spectral density of a target's acceleration while it goes on, m^2/s^3: 1 m/s per 100 s."""

@@ -9,14 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.attitude import ahead_and_port
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import LARGEST, checked_covariance
-
-FloatArray = NDArray[np.float64]
-
 
 RATE_SPAN = 2.0
 """Time over which poses are compared for the sensor's velocity, s."""

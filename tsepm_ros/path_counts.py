@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.paths import Paths
 from tsepm_ros.splitting import Gated
-
-IntArray = NDArray[np.int64]
 
 LARGEST = 2**40
 """Numbers stop here: sums over the detections of a scan still fit 64 bits."""

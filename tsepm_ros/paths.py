@@ -2,34 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.numerics.rows import Rows
 
 NO_HIT = -1
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Arrays of one length: a row of each belongs together. The fields of a subclass."""
-
-    def __len__(self) -> int:
-        """Number of rows."""
-        return len(getattr(self, fields(self)[0].name))
-
-    def __getitem__(self, rows: NDArray[np.generic]) -> Self:
-        """The given rows (indices or a mask)."""
-        return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
-
-    @classmethod
-    def joined(cls, *parts: Self) -> Self:
-        """The rows of all parts, in order."""
-        names = [field.name for field in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 @dataclass(frozen=True)

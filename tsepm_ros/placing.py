@@ -10,13 +10,11 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.attitude import horizontal_range_rate, levelled
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship import Mounting, PoseHistory, echo_poses, sensor_covariance
 from tsepm_ros.scan import LARGEST, SMALLEST, Scan
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

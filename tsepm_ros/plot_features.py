@@ -24,15 +24,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, fdtrc
 
-from tsepm_ros.paths import Rows
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.scan import Scan
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NAMES = ("intensity", "range_width", "azimuth_width")
 """The features, in the order of their columns."""

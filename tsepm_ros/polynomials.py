@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.conversion import major_sigma
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

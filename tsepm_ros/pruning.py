@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.splitting import gate_factor
-
-BoolArray = NDArray[np.bool_]
+from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.numerics.gaussian import gate_factor
 
 READINGS = ("literal", "squared")
 

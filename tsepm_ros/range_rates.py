@@ -17,11 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.scan import LARGEST, Scan
 from tsepm_ros.sensor import SensorModel
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
 
 LEAST_DISTANCE = 1e-3
 """Distance from the sensor below which the line of sight is not turned any faster, m."""

@@ -25,9 +25,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 DETECTION_COLUMNS = {
     "range_m": "range",

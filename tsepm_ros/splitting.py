@@ -12,24 +12,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros import range_rates
-from tsepm_ros.limits import keep_best
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.limits import keep_best
 
 MAX_GATED = 5_000_000
 """Detections in all gates of a scan together, above which only the nearest are looked at."""
 SPLIT_BLOCK = 1_000_000
 """Children looked at together where a limit bites: bounds memory, not the result."""
-
-
-def gate_factor(probability: float) -> float:
-    """Axis factor of the ellipse that holds a bivariate Gaussian with a probability (Eq. 5).
-
-    ``alpha = sqrt(-2 ln(1 - P))``
-    """
-    return math.sqrt(-2.0 * math.log1p(-probability))
 
 
 @dataclass(frozen=True)

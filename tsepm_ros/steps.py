@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.paths import Rows
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.rows import Rows
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
+
 Hits = tuple[tuple[int, int], ...]
 """(scan index, detection index) of each hit of a track, oldest first."""
 

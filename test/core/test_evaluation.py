@@ -11,7 +11,8 @@ from scipy import stats
 
 from tsepm_ros import SensorModel
 from tsepm_ros.estimation import fit
-from tsepm_ros.evaluation import clutter_statistic, normalized_distance, squared_distance
+from tsepm_ros.evaluation import clutter_statistic, normalized_distance
+from tsepm_ros.numerics.gaussian import squared_distance
 
 SENSOR = SensorModel()
 

@@ -9,9 +9,9 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsepm_ros.evidence import hit_gain, miss_gain, shares, summed
-from tsepm_ros.filtering import log_density
-from tsepm_ros.splitting import gate_factor
+from tsepm_ros.evidence import hit_gain, miss_gain
+from tsepm_ros.numerics.gaussian import gate_factor, log_density
+from tsepm_ros.numerics.grouped import shares, summed
 
 SPREAD = np.array([[900.0, 300.0], [300.0, 400.0]])
 

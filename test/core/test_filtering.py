@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import filtering
+from tsepm_ros.numerics import gaussian
 
 
 def states(seed: int, n: int = 7) -> tuple[np.ndarray, np.ndarray]:
@@ -77,4 +78,4 @@ def test_the_update_is_kalman_s_with_the_echo_at_its_own_time():
 def test_the_inverse_is_the_inverse():
     rng = np.random.default_rng(6)
     matrix = rng.standard_normal((20, 2, 2))
-    np.testing.assert_allclose(filtering.inverse(matrix), np.linalg.inv(matrix))
+    np.testing.assert_allclose(gaussian.inverse(matrix), np.linalg.inv(matrix))

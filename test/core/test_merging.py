@@ -13,7 +13,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from tsepm_ros import SensorModel, make_initiator, merging
-from tsepm_ros.merging import close, groups, members_of_groups, merging_threshold, moments
+from tsepm_ros.merging import close, groups, merging_threshold, moments
+from tsepm_ros.numerics.grouped import members_of_groups
 
 P_TM = 0.9
 

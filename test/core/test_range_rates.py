@@ -11,13 +11,14 @@ from builders import assert_same_tracks, fit_matrix
 from scipy.optimize import least_squares
 from scipy.stats import cauchy, kstest
 
-from tsepm_ros import Scan, SensorModel, filtering, make_initiator, range_rates, splitting
+from tsepm_ros import Scan, SensorModel, filtering, make_initiator, range_rates
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.conversion import DETECTION, convert, covariance_at
 from tsepm_ros.estimation import ESTIMATORS, fit
+from tsepm_ros.numerics import gaussian
 from tsepm_ros.simulation import CLUTTER, Scenario, Simulator
 from tsepm_ros.simulation.scenario import OwnShipMotion, TargetArea
 
@@ -248,7 +249,7 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
 
 def test_the_pair_gate_holds_a_target_s_hits_and_hardly_any_other_s():
     hits = moving_hits(SENSOR, RUNS)
-    gate = splitting.gate_factor(0.9) ** 2
+    gate = gaussian.gate_factor(0.9) ** 2
     for later in (1, 4):
         agree = range_rates.agree(hits[:, 0], hits[:, later], 10.0, gate)
         # It allows for a velocity across that is unknown up to v_max: never too narrow.

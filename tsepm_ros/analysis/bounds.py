@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
 
 
 def cramer_rao(

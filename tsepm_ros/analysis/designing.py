@@ -27,9 +27,8 @@ from tsepm_ros.conversion import position_covariance
 from tsepm_ros.evidence import LARGEST_DETECTION_PROBABILITY, miss_gain
 from tsepm_ros.methods.score import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.splitting import gate_factor
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.gaussian import gate_factor
 
 WINDOWS = (8, 12, 16, 24, 32, 48, 64)
 RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)

@@ -7,21 +7,20 @@ from pathlib import Path
 
 import matplotlib
 
+from tsepm_ros.numerics.arrays import FloatArray
+
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.evaluation import Evaluated
 from tsepm_ros.analysis.figures import SECONDS_PER_HOUR
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_curve import LEAST_FALSE, Curve
 from tsepm_ros.analysis.point_labels import PointLabel, label_points
-
-FloatArray = NDArray[np.float64]
 
 # Colours that stay apart for colour-blind readers (Okabe and Ito).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.intervals import RESAMPLES, TAILS, Estimate
 from tsepm_ros.analysis.run_records import RunRecord
 from tsepm_ros.analysis.truth import Outcome
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 LEAST_FALSE = 0.5
 """False starts, in all runs, that a point counts at least: no logarithm of 0."""

@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.plan_position import (
     GOOD,
@@ -30,8 +29,7 @@ from tsepm_ros.analysis.run_scene import (
     position_at,
     velocity_seconds,
 )
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 NEW = "#b5179e"
 FADING = 8

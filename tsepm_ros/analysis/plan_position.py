@@ -9,6 +9,8 @@ from typing import Any, Literal
 
 import matplotlib
 
+from tsepm_ros.numerics.arrays import FloatArray
+
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
@@ -19,12 +21,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from matplotlib.path import Path as MarkerPath
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.run_scene import RunScene, velocity_seconds
 from tsepm_ros.track import ConfirmedTrack
-
-FloatArray = NDArray[np.float64]
 
 CHI_95 = 2.447746830680816
 """Axis factor of the ellipse that holds a bivariate Gaussian with 95 %."""

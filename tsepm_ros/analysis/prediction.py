@@ -28,11 +28,10 @@ from tsepm_ros.evaluation import clutter_statistic, normalized_distance
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, Simulator
-
-FloatArray = NDArray[np.float64]
 
 PATCH_SIGMAS = 4.0
 PATHS = 10_000

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters import MessageError, read_track_cloud, time_to_ns
 from tsepm_ros.analysis.run_scene import RunScene, ScanView, truth_paths
@@ -20,6 +19,7 @@ from tsepm_ros.analysis.track_files import TrackBag, TrackTable
 from tsepm_ros.analysis.truth import judge, origins_of
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
 from tsepm_ros.message_input import MessageInput
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.offline import bag_results, recording_results
 from tsepm_ros.parameter_groups import (
     TRACK_INITIATOR,
@@ -33,8 +33,6 @@ from tsepm_ros.recording import read_recording
 from tsepm_ros.session import ScanResult, Session
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.simulation.recorded import simulated_recording
-
-FloatArray = NDArray[np.float64]
 
 TOPIC_OPTIONS = {
     DETECTIONS: "detections",

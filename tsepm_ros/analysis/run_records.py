@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.gospa import gospa
 from tsepm_ros.analysis.simulated_run import SimulatedRun
 from tsepm_ros.analysis.truth import NO_TARGET, SIGMAS, Judged, Outcome, measurement_sigma
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -36,13 +36,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.conversion import major_sigma, position_covariance
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.sensor import SensorModel
-from tsepm_ros.splitting import gate_factor
-
-FloatArray = NDArray[np.float64]
 
 RINGS = 60
 """Rings into which the disc is divided."""

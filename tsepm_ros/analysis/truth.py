@@ -16,11 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.conversion import major_sigma, position_covariance
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NO_TARGET = -1
 SIGMAS = 3.0

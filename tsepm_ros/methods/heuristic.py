@@ -36,10 +36,9 @@ from numpy.typing import NDArray
 from tsepm_ros.association import Pairs
 from tsepm_ros.estimation import Fit
 from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.steps import Steps
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,19 +31,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.hit_counting import Estimates, HitCounter, check_rule
 from tsepm_ros.initiator import ScanStatistics
-from tsepm_ros.limits import keep_best
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import NO_HIT, Paths, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.track import TrackArrays
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MAX_VOTES = 5_000_000
 """Curves times angles of an image, at most: bounds time and memory."""

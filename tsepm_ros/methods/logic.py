@@ -44,13 +44,12 @@ from numpy.typing import NDArray
 
 from tsepm_ros import splitting
 from tsepm_ros.association import Pairs, within
-from tsepm_ros.evaluation import squared_distance
 from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.polynomials import Polynomials
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +129,7 @@ class Logic(PathFollower):
     @property
     def _threshold(self) -> float:
         """gamma: the chi-square quantile of two degrees of freedom."""
-        return splitting.gate_factor(self.options.gate_probability) ** 2
+        return gaussian.gate_factor(self.options.gate_probability) ** 2
 
     def _near(
         self, predicted: Polynomials, detections: NDArray[np.void]

@@ -40,17 +40,17 @@ from tsepm_ros import filtering, splitting
 from tsepm_ros.association import Pairs, nearest_first, within
 from tsepm_ros.conversion import major_sigma, turned
 from tsepm_ros.estimation import Fit
-from tsepm_ros.evaluation import normalized_distance, squared_distance
+from tsepm_ros.evaluation import normalized_distance
 from tsepm_ros.hit_counting import Estimates, PathFollower, check_rule
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.motion import combined
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import Paths, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MAX_FILTERS = 500_000
 """Filters held at most: bounds memory."""
@@ -127,7 +127,7 @@ class Banks(Paths):
         lags, hits = lag.repeat(number), found.repeat(number)
         innovation = hits["position"] - state[:, 0::2] - lags[:, None] * state[:, 1::2]
         spread = filtering.position_covariance_after(covariance, lags) + hits["covariance"]
-        density, _ = filtering.log_density(innovation, spread)
+        density, _ = gaussian.log_density(innovation, spread)
         state, covariance = filtering.update(state, covariance, lags, innovation, spread)
         density = density.reshape(n, number)
         likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
@@ -184,7 +184,7 @@ class MultipleModel(PathFollower):
         if not len(detections):
             return Pairs.none(), 0
         state, covariance = self._potential.output()
-        factor = splitting.gate_factor(self.options.gate_probability)
+        factor = gaussian.gate_factor(self.options.gate_probability)
         longest = np.abs(detections["time"] - self._now).max()
         sigma = major_sigma(covariance[:, 0::2, 0::2])
         sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])

@@ -44,20 +44,20 @@ from numpy.typing import NDArray
 
 from tsepm_ros import design, evidence, filtering, pruning, range_rates
 from tsepm_ros.detection_window import DetectionWindow
-from tsepm_ros.estimation import ESTIMATORS, fit, mixture
+from tsepm_ros.estimation import ESTIMATORS, fit
 from tsepm_ros.holding import LEAST_EXISTENCE
-from tsepm_ros.hypotheses import Hypotheses, places, sums_over_hits
+from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
-from tsepm_ros.limits import keep_best
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import mixture
+from tsepm_ros.numerics.grouped import places, sums_over_hits
+from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import NO_HIT, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MIN_HITS = 3
 """A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
@@ -476,7 +476,7 @@ class Score(Initiator):
     def _target_share(self, updated: Hypotheses, ids: IntArray) -> FloatArray:
         """Probability that each detection is that of a target not confirmed yet, (n,)."""
         first = ids[0] if len(ids) else 0
-        odds = evidence.summed(updated.score, updated.last_hit - first, len(ids))
+        odds = grouped.summed(updated.score, updated.last_hit - first, len(ids))
         odds += math.log(TARGET_ODDS)
         share: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
         return share
@@ -493,15 +493,15 @@ class Score(Initiator):
         """
         first, n = (ids[0] if len(ids) else 0), len(ids)
         group = updated.last_hit - first
-        sums = evidence.summed(updated.score, group, n)
+        sums = grouped.summed(updated.score, group, n)
         threshold = self._threshold_if_near(sums.max(initial=-np.inf))
         strong = sums >= threshold
-        strong &= evidence.largest_of(updated.hit_count.astype(float), group, n) >= MIN_HITS
+        strong &= grouped.largest_of(updated.hit_count.astype(float), group, n) >= MIN_HITS
         rows = np.flatnonzero(strong[group])
         ending, group = updated[rows], group[rows]
         new = self._claimed_share(ending, group, n) <= CLAIMED
         new &= self._window.claimed(ids) <= CLAIMED_NEWEST
-        strong &= new | (evidence.summed(ending.beside, group, n) >= threshold + BESIDE)
+        strong &= new | (grouped.summed(ending.beside, group, n) >= threshold + BESIDE)
         starts: list[_Start] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
             members = ending[group == newest]
@@ -533,7 +533,7 @@ class Score(Initiator):
 
         ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i claimed.
         """
-        weight = np.exp(ending.score - evidence.largest_of(ending.score, group, count)[group])
+        weight = np.exp(ending.score - grouped.largest_of(ending.score, group, count)[group])
         hit = ending.hits != NO_HIT
         claimed = np.zeros(ending.hits.shape)
         claimed[hit] = self._window.claimed(ending.hits[hit])
@@ -577,7 +577,7 @@ class Score(Initiator):
         hits = _credible(claimed, probability, rivals.hits[best])
         theirs = np.isin(rivals.hits, hits).sum(axis=1)
         right = theirs > 0.5 * len(hits)
-        unclear = evidence.shares(rivals.score)[right].sum() < RESOLVED
+        unclear = grouped.shares(rivals.score)[right].sum() < RESOLVED
         if unclear and rivals.hit_count[best] < PATIENCE:
             return None
         with_all = theirs == len(hits)
@@ -587,7 +587,7 @@ class Score(Initiator):
     @staticmethod
     def _hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
         """Detections of hypotheses of one target, (h,), and how probably each is the target's."""
-        share = evidence.shares(members.score)
+        share = grouped.shares(members.score)
         found, place = np.unique(members.hits, return_inverse=True)
         mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
         hit = found != NO_HIT
@@ -611,7 +611,7 @@ class Score(Initiator):
 
     def _mixture(self, members: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance over the hypotheses of one track, each fitted to its hits alone."""
-        share = evidence.shares(members.score)
+        share = grouped.shares(members.score)
         counted = share >= NEGLIGIBLE * share.max()
         states, covariances = self._estimate(members[counted])
         return mixture(share[counted] / share[counted].sum(), states, covariances)

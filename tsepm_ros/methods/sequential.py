@@ -45,9 +45,8 @@ from tsepm_ros.association import Pairs, best_of_each, nearest_first, oldest_fir
 from tsepm_ros.conversion import measured_polar, range_variance_at
 from tsepm_ros.estimation import Fit
 from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,11 +44,10 @@ from numpy.typing import NDArray
 from tsepm_ros.conversion import unscented
 from tsepm_ros.hit_counting import check_rule
 from tsepm_ros.methods.tsepm import Candidates, Tsepm
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.scan import Scan
 from tsepm_ros.track import ConfirmedTrack
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,16 +48,16 @@ from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, Fit, fit
 from tsepm_ros.hit_counting import check_rule
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
-from tsepm_ros.limits import keep_best
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.path_counts import PathCounts
-from tsepm_ros.paths import Paths, Rows, starting
+from tsepm_ros.paths import Paths, starting
 from tsepm_ros.scan import Scan
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
@@ -462,7 +462,7 @@ class Tsepm(Initiator):
             candidates.covariance,
             self.options.merging_probability,
         )
-        groups = merging.members_of_groups(labels)
+        groups = grouped.members_of_groups(labels)
         best = [members[np.argmin(candidates.evaluation[members])] for members in groups]
         tracks = self._tracks(candidates[np.array(best, np.int64)])
         for row, members in enumerate(groups):

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters import time_to_ns, track_states
 from tsepm_ros.analysis.plan_position import Picture
@@ -20,6 +19,7 @@ from tsepm_ros.analysis.truth import Outcome, judge, origins_of
 from tsepm_ros.conversion import convert
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.run_recorder import RunRecorder
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameter_groups import (
     TRACK_INITIATOR,
     InitiatorNodeOptions,
@@ -31,8 +31,6 @@ from tsepm_ros.recording import RecordedMotion, Recording
 from tsepm_ros.session import ScanResult, Session
 from tsepm_ros.simulation import Scenario, Simulator
 from tsepm_ros.track import ConfirmedTrack
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass

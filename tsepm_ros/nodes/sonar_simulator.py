@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
@@ -31,8 +30,6 @@ from tsepm_ros.nodes.running import run
 from tsepm_ros.parameter_groups import SONAR_SIMULATOR, SimulatorNodeOptions
 from tsepm_ros.scan import Scan
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
-
-FloatArray = NDArray[np.float64]
 
 
 class SonarSimulator(Node):

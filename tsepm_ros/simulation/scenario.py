@@ -13,12 +13,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.plot_features import NAMES
 from tsepm_ros.sensor import SensorModel
-
-FloatArray = NDArray[np.float64]
 
 PLACEMENT_TRIES = 10_000
 LARGEST_SCANS = 10_000_000

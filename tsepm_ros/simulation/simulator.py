@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.plot_features import NAMES
 from tsepm_ros.scan import Scan
 from tsepm_ros.simulation.scenario import Scenario
-
-FloatArray = NDArray[np.float64]
 
 CLUTTER = -1
 """Origin of a detection that comes from no target."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.intervals import Estimate, mean, proportion
 from tsepm_ros.analysis.reproduction import published_environment as published
@@ -16,10 +15,8 @@ from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Tabl
 from tsepm_ros.analysis.reproduction.paired import FAILS, HOLDS
 from tsepm_ros.analysis.reproduction.runs import Setting
 from tsepm_ros.encounters import closest_approach, distance_at
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.plot_features import decision
-
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
 
 FEATURES = 3
 TRIALS = 50

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
@@ -34,9 +33,8 @@ from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
 from tsepm_ros.analysis.reproduction.runs import Result, Setting, column
 from tsepm_ros.analysis.rules import rule_detection_probability
 from tsepm_ros.conversion import position_covariance
-from tsepm_ros.splitting import gate_factor
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.gaussian import gate_factor
 
 EQUAL = 0.05
 """Difference up to which two P_D count as approximately equal: a choice."""

@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros import initial_state
 from tsepm_ros.analysis.bounds import cramer_rao
@@ -19,12 +18,11 @@ from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.conversion import convert
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.sequential import Sequential, SequentialOptions
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensor import SensorModel
 from tsepm_ros.simulation import Scenario
 from tsepm_ros.simulation.scenario import WaypointMotion
 from tsepm_ros.track import ConfirmedTrack
-
-FloatArray = NDArray[np.float64]
 
 DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
 ASSUMED = 0.9

@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tsepm_ros.analysis.intervals import Z_95, Estimate, mean
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 NO_EVENT = -math.log(0.025)
 """Upper 95 % bound, two-sided, of a Poisson mean of which no event was seen."""

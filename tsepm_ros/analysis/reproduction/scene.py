@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.simulated_run import placed
 from tsepm_ros.analysis.truth import Judged, Outcome, judge
 from tsepm_ros.initiator import Initiator
+from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.scan import Scan
 from tsepm_ros.simulation import Scenario, Simulator
 from tsepm_ros.simulation.simulator import CLUTTER
 from tsepm_ros.track import TrackArrays
-
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.intervals import Estimate, mean, proportion, root, root_mean_square
@@ -24,8 +23,7 @@ from tsepm_ros.analysis.reproduction.hexagon import (
     run_hexagon,
 )
 from tsepm_ros.analysis.reproduction.runs import Result, Setting
-
-FloatArray = NDArray[np.float64]
+from tsepm_ros.numerics.arrays import FloatArray
 
 TIMES = np.array(list(published.FORMED))
 FORMED = np.array(list(published.FORMED.values()))

@@ -23,9 +23,9 @@ from tsepm_ros.analysis.reproduction.published_split_merge_2016 import (
     TRUE_TRACK,
 )
 from tsepm_ros.analysis.reproduction.runs import Result, Setting, column
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.simulation import load_scenario
-
-IntArray = NDArray[np.int64]
 
 
 def track_ids() -> IntArray:
@@ -62,7 +62,7 @@ def table_i_groups() -> list[tuple[int, ...]]:
         rows = np.flatnonzero(scans == scan)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
         labels = merging.groups(ids[rows], states, covariances, 0.9)
-        for members in merging.members_of_groups(labels):
+        for members in grouped.members_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
 

@@ -1,0 +1,1 @@
+"""Arrays and their arithmetic, without a word of sonar."""

@@ -1,0 +1,83 @@
+"""Gaussian densities, distances, gates and mixtures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+
+
+def gate_factor(probability: float) -> float:
+    """Axis factor of the ellipse that holds a bivariate Gaussian with a probability (Eq. 5).
+
+    ``alpha = sqrt(-2 ln(1 - P))``
+    """
+    return math.sqrt(-2.0 * math.log1p(-probability))
+
+
+def squared_distance(misfit: FloatArray, covariance: FloatArray) -> FloatArray:
+    """``d' C^-1 d`` of (..., 2) vectors under (..., 2, 2) covariances."""
+    x, y = misfit[..., 0], misfit[..., 1]
+    xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
+    return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Inverse of each (..., 2, 2) matrix, by its closed form."""
+    a, b = matrix[..., 0, 0], matrix[..., 0, 1]
+    c, d = matrix[..., 1, 0], matrix[..., 1, 1]
+    inverted = np.empty_like(matrix)
+    inverted[..., 0, 0], inverted[..., 0, 1] = d, -b
+    inverted[..., 1, 0], inverted[..., 1, 1] = -c, a
+    return inverted / (a * d - b * c)[..., None, None]
+
+
+def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Log of the Gaussian density of innovations, and their squared distances.
+
+    ``ln N(d; 0, S) = -d' S^-1 d / 2 - ln(2 pi sqrt(|S|))``
+
+    Parameters
+    ----------
+    innovation : (n, 2) ndarray
+        d, m.
+    spread : (n, 2, 2) ndarray
+        S, m^2.
+
+    Returns
+    -------
+    log_density : (n,) ndarray
+        ln of 1/m^2.
+    distance : (n,) ndarray
+        ``d' S^-1 d``.
+    """
+    distance = squared_distance(innovation, spread)
+    xx, yy, xy = spread[..., 0, 0], spread[..., 1, 1], spread[..., 0, 1]
+    return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
+
+
+def mixture(
+    weights: FloatArray, states: FloatArray, covariances: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance over alternatives, the spread of their means included.
+
+    ``x = sum_i w_i x_i``, ``P = sum_i w_i (P_i + (x_i - x)(x_i - x)')``
+
+    Parameters
+    ----------
+    weights : (n,) ndarray
+        Probabilities, of sum 1.
+    states : (n, 4) ndarray
+    covariances : (n, 4, 4) ndarray
+
+    Returns
+    -------
+    state : (4,) ndarray
+    covariance : (4, 4) ndarray
+    """
+    state: FloatArray = weights @ states
+    spread = states - state
+    parts = covariances + spread[:, :, None] * spread[:, None, :]
+    return state, np.einsum("n,nij->ij", weights, parts)

@@ -1,0 +1,70 @@
+"""Sums, maxima and ranks within groups of rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+
+
+def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+    """Log of the summed likelihood ratios of each group, ``ln sum_i exp(s_i)``.
+
+    Parameters
+    ----------
+    score : (n,) ndarray
+    group : (n,) ndarray of int
+        Group of each hypothesis, 0 to count - 1.
+    count : int
+
+    Returns
+    -------
+    (count,) ndarray
+        -inf for a group without hypotheses.
+    """
+    largest = largest_of(score, group, count)
+    base = np.where(np.isfinite(largest), largest, 0.0)
+    sums = np.bincount(group, np.exp(score - base[group]), minlength=count)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(sums) + base)
+
+
+def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+    """Largest score of each group, (count,); -inf for a group without hypotheses."""
+    largest = np.full(count, -np.inf)
+    np.maximum.at(largest, group, score)
+    return largest
+
+
+def shares(score: FloatArray) -> FloatArray:
+    """Posterior probability of each hypothesis if one of them is true, (n,)."""
+    weight = np.exp(score - score.max())
+    return np.asarray(weight / weight.sum())
+
+
+def places(group: IntArray, score: FloatArray) -> IntArray:
+    """Place of each row in its group, 0 for the largest score, (n,)."""
+    order = np.lexsort((-score, group))
+    ordered = group[order]
+    first = np.searchsorted(ordered, ordered)
+    place = np.empty(len(group), np.int64)
+    place[order] = np.arange(len(group)) - first
+    return place
+
+
+def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
+    """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path.
+
+    At least one detection.
+    """
+    place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
+    sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)
+    return sums
+
+
+def members_of_groups(labels: IntArray) -> list[IntArray]:
+    """Rows of each group, groups in the order of their first rows."""
+    order = np.argsort(labels, kind="stable")
+    borders = np.flatnonzero(np.diff(labels[order])) + 1
+    parts = np.split(order, borders) if len(order) else []
+    return sorted(parts, key=lambda rows: int(rows[0]))
