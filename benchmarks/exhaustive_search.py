@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from tsepm_ros.conversion import major_sigma, position_covariance
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.conversion import major_sigma, position_covariance
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import Scenario
 
 SIGMAS = 3.0

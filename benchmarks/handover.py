@@ -49,7 +49,7 @@ from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.report import text_table, with_progress
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
-from tsepm_ros.conversion import convert
+from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.simulation import load_scenario
 
 BUILD = Path(__file__).resolve().parents[1] / "build"

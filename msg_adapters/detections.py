@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.errors import MessageError
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.scan import LARGEST, SMALLEST
+from tsepm_ros.sensing.scan import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
@@ -266,7 +266,7 @@ def write_detections(
     sound_speed : float
         m/s; 0: the echoes arrive at once.
     features : mapping of str to (n,) ndarray, optional
-        As in `tsepm_ros.scan.FEATURES`; those that the type has no place for are left out.
+        As in `tsepm_ros.sensing.scan.FEATURES`; those that the type has no place for are left out.
 
     Returns
     -------
@@ -416,8 +416,8 @@ def good_detections(
     The reasons are ``range_not_finite``, ``range_not_positive``, ``azimuth_not_finite``,
     ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
     ``time_offset_not_finite`` and ``transmit_offset_not_finite``, and ``<field>_too_large`` and
-    ``<field>_too_small`` for what is beyond `tsepm_ros.scan.LARGEST` or below
-    `tsepm_ros.scan.SMALLEST`. A detection counts once, under the first that applies.
+    ``<field>_too_small`` for what is beyond `tsepm_ros.sensing.scan.LARGEST` or below
+    `tsepm_ros.sensing.scan.SMALLEST`. A detection counts once, under the first that applies.
 
     Parameters
     ----------

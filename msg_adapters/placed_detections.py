@@ -9,7 +9,7 @@ field                        datatype meaning
 ``position_x``, ``_y``       FLOAT64  position, m, fixed frame
 ``cov_xx``, ``_xy``, ``_yy`` FLOAT64  covariance of that position, m^2
 ``time_offset``              FLOAT64  time after the stamp for which the position is valid, s
-the sensor's features        FLOAT32  those of `tsepm_ros.scan.FEATURES` that it gives
+the sensor's features        FLOAT32  those of `tsepm_ros.sensing.scan.FEATURES` that it gives
 ============================ ======== =========================================================
 """
 
@@ -23,7 +23,7 @@ import numpy as np
 
 from msg_adapters.point_cloud import read_fields, write_cloud
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.scan import FEATURES
+from tsepm_ros.sensing.scan import FEATURES
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2

@@ -33,7 +33,7 @@ from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.scan import FEATURES
+from tsepm_ros.sensing.scan import FEATURES
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2

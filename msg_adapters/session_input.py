@@ -10,7 +10,7 @@ from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.track_cloud import read_track_cloud, track_arrays
 from tsepm_ros.own_ship import PoseSample, known_rates
 from tsepm_ros.placing import SensorScan
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.tracked import TrackerReport
 
 if TYPE_CHECKING:

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
 
 CELL = 1.0 / 24.0
 """Width of a cell, rad, and its depth as a fraction of its range."""

@@ -21,10 +21,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import evidence, filtering, range_rates
-from tsepm_ros.conversion import DETECTION, position_covariance
+from tsepm_ros import evidence, filtering
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import DETECTION, position_covariance
+from tsepm_ros.sensing.sensor import SensorModel
 
 PATHS = 1500
 SEED = 1

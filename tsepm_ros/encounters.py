@@ -22,8 +22,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros import filtering
-from tsepm_ros.conversion import major_sigma
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.sensing.conversion import major_sigma
 
 
 def closest_approach(one: FloatArray, two: FloatArray) -> tuple[FloatArray, FloatArray]:

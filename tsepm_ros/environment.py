@@ -11,7 +11,7 @@ have need not be known.
 
 Readings
 --------
-- Resemblance is the normalised distance of `tsepm_ros.plot_features`, not the printed decision
+- Resemblance is the normalised distance of `sensing.plot_features`, not the printed decision
   function (Eqs. 10 and 11), for which no threshold fits two tracks.
 - A clutter zone is where the estimated density is several times its mean over the coverage
   (`clutter_map.ClutterMap.in_zone`). The source asks for a cell's count and its neighbours' above
@@ -28,7 +28,7 @@ import numpy as np
 from tsepm_ros import encounters
 from tsepm_ros.association import Pairs, nearest_first
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.plot_features import NAMES, Histories
+from tsepm_ros.sensing.plot_features import NAMES, Histories
 from tsepm_ros.track import TrackArrays
 
 MOST_CLUTTER = 200

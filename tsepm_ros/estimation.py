@@ -13,17 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import range_rates
-from tsepm_ros.conversion import (
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import (
     covariance_at,
     major_sigma,
     measured_polar,
     pose_error_covariance,
     range_variance_at,
 )
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.scan import wrap
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.scan import wrap
+from tsepm_ros.sensing.sensor import SensorModel
 
 ESTIMATORS = ("unweighted", "weighted", "polar")
 WEIGHTED_PASSES = 2

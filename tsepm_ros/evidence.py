@@ -13,11 +13,10 @@ from __future__ import annotations
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.sensing.sensor import LEAST_DENSITY
 
 LARGEST_DETECTION_PROBABILITY = 0.999
 """A miss must stay possible: a target fades, whatever the data sheet says."""
-LEAST_DENSITY = 1e-12
-"""Floor of the clutter density, 1/m^2: nothing is free of false detections."""
 
 
 def hit_gain(

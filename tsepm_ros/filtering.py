@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import range_rates
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density
+from tsepm_ros.sensing import range_rates
 
 
 def predict(

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from tsepm_ros import evaluation, pruning, splitting
 from tsepm_ros.association import Pairs, best_of_each, disjoint
-from tsepm_ros.conversion import DETECTION
-from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import Fit, fit
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.paths import NO_HIT, Paths, starting
-from tsepm_ros.plot_features import Histories
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.conversion import DETECTION
+from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.sensing.plot_features import Histories
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.steps import Steps
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
 

@@ -23,18 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros import filtering, range_rates
+from tsepm_ros import filtering
 from tsepm_ros.association import Pairs
-from tsepm_ros.conversion import covariance_at, major_sigma
 from tsepm_ros.detection_probability import DetectionProbability
 from tsepm_ros.environment import Environment
-from tsepm_ros.evidence import LEAST_DENSITY
 from tsepm_ros.motion import Motion, stay_or_change
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.paths import NO_HIT
-from tsepm_ros.plot_features import Histories
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import covariance_at, major_sigma
+from tsepm_ros.sensing.plot_features import Histories
+from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
 from tsepm_ros.track import TrackArrays
 
 GATE_PROBABILITY = 0.99

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tsepm_ros import filtering
 from tsepm_ros.estimation import Fit, fit
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 
 ESTIMATORS = ("least_squares", "linear_fitting", "kalman_filter")
 

@@ -13,17 +13,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import range_rates
 from tsepm_ros.clutter_map import ClutterMap
-from tsepm_ros.conversion import convert
-from tsepm_ros.coverage import PosesByRange, inside
 from tsepm_ros.environment import Surroundings
 from tsepm_ros.holding import TrackHold
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.sensing.coverage import PosesByRange, inside
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 NEW_TRACK_EXISTENCE = 0.99

@@ -13,7 +13,7 @@ import numpy as np
 from tsepm_ros.attitude import ahead_and_port
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.scan import LARGEST, checked_covariance
+from tsepm_ros.sensing.scan import LARGEST, checked_covariance
 
 RATE_SPAN = 2.0
 """Time over which poses are compared for the sensor's velocity, s."""

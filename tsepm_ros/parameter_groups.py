@@ -21,7 +21,7 @@ from tsepm_ros.parameters import (
     table,
     unknown_parameter,
 )
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings import SessionOptions, Settings
 
 SLOWEST_SOUND = 100.0

@@ -14,7 +14,7 @@ import numpy as np
 from tsepm_ros.attitude import horizontal_range_rate, levelled
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship import Mounting, PoseHistory, echo_poses, sensor_covariance
-from tsepm_ros.scan import LARGEST, SMALLEST, Scan
+from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.conversion import major_sigma
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.sensing.conversion import major_sigma
 
 
 @dataclass(frozen=True, eq=False)

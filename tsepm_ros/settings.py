@@ -10,7 +10,7 @@ from tsepm_ros.initiator import CommonOptions, Initiator
 from tsepm_ros.methods import METHODS, available_methods, make_initiator
 from tsepm_ros.own_ship import Mounting
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 
 OWN_SHIP_SOURCES = ("none", "odometry", "tf")
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros import range_rates
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.sensing import range_rates
 
 MAX_GATED = 5_000_000
 """Detections in all gates of a scan together, above which only the nearest are looked at."""

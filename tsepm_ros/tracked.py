@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.scan import LARGEST, SMALLEST
+from tsepm_ros.sensing.scan import LARGEST, SMALLEST
 from tsepm_ros.track import TrackArrays
 
 LARGEST_STATE = LARGEST["sensor_pose"]

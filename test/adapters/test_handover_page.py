@@ -14,7 +14,7 @@ from msg_adapters import (
     tracker_report,
 )
 from tsepm_ros import filtering
-from tsepm_ros.scan import FEATURES
+from tsepm_ros.sensing.scan import FEATURES
 from tsepm_ros.tracked import usable
 
 STAMP = 1_700_000_000_123_456_789

@@ -17,7 +17,7 @@ from msg_adapters import (
     read_own_ship,
 )
 from tsepm_ros.own_ship import PoseHistory
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session import MAX_YAW_VARIANCE
 
 

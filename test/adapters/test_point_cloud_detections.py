@@ -9,7 +9,7 @@ import pytest
 from raw_cloud import raw_cloud
 
 from msg_adapters import MessageError, detections_cloud, make_header, read_detections
-from tsepm_ros.scan import LARGEST
+from tsepm_ros.sensing.scan import LARGEST
 
 RANGE = [1000.5, 2500.25, 7071.0]
 ANGLE = [0.25, -2.5, 4.75]

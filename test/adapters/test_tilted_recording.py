@@ -19,7 +19,7 @@ from tsepm_ros.parameter_groups import (
     settings_from,
 )
 from tsepm_ros.recording import read_recording
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session import Session
 
 SCANS, DETECTIONS = 3, 40

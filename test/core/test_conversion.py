@@ -9,7 +9,7 @@ import pytest
 from builders import whitened
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.conversion import (
+from tsepm_ros.sensing.conversion import (
     convert,
     covariance_at,
     major_sigma,

@@ -11,7 +11,6 @@ from scipy.optimize import least_squares
 
 from tsepm_ros import Scan, SensorModel, estimation
 from tsepm_ros.analysis.bounds import cramer_rao
-from tsepm_ros.conversion import DETECTION, convert, covariance_at
 from tsepm_ros.estimation import (
     ESTIMATORS,
     fit,
@@ -20,6 +19,7 @@ from tsepm_ros.estimation import (
     unweighted,
     weighted,
 )
+from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
 

@@ -14,7 +14,6 @@ from scipy.linalg import expm
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros import holding as holding_module
 from tsepm_ros import motion as motion_module
-from tsepm_ros.conversion import convert, covariance_at
 from tsepm_ros.holding import (
     GATE_PROBABILITY,
     LEAST_EXISTENCE,
@@ -27,6 +26,7 @@ from tsepm_ros.holding import (
     TrackHold,
 )
 from tsepm_ros.motion import PROCESS_NOISE
+from tsepm_ros.sensing.conversion import convert, covariance_at
 from tsepm_ros.track import TrackArrays
 
 NOTHING = detections(np.zeros((0, 2)), 0.0)

@@ -8,8 +8,8 @@ from builders import FIXED_RANGE_ERROR, scan_at
 from scipy.stats import multivariate_normal
 
 from tsepm_ros import make_initiator
-from tsepm_ros.conversion import convert
 from tsepm_ros.methods.multiple_model import cells
+from tsepm_ros.sensing.conversion import convert
 
 
 @pytest.mark.parametrize(("speeds", "headings"), [(1, 3), (2, 8), (5, 36)])

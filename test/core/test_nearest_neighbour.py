@@ -11,7 +11,7 @@ from builders import scan_at
 from scipy.stats import chi2
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, filtering
-from tsepm_ros.conversion import convert
+from tsepm_ros.sensing.conversion import convert
 
 sys.path.append(str(Path(__file__).parents[2] / "examples"))
 

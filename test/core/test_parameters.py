@@ -17,7 +17,7 @@ from tsepm_ros.parameter_groups import (
     SimulatorNodeOptions,
 )
 from tsepm_ros.parameters import check_group, parameter, table
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings import SessionOptions
 
 GROUPS = [

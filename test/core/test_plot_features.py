@@ -7,7 +7,13 @@ import pytest
 from scipy import stats
 
 from tsepm_ros import Scan
-from tsepm_ros.plot_features import GATE_PROBABILITY, MOST_PLOTS, Histories, decision, measured
+from tsepm_ros.sensing.plot_features import (
+    GATE_PROBABILITY,
+    MOST_PLOTS,
+    Histories,
+    decision,
+    measured,
+)
 
 SPREAD = np.array([4.0, 8.0, 0.002])
 MEAN = np.array([50.0, 60.0, 0.015])

@@ -11,14 +11,15 @@ from builders import assert_same_tracks, fit_matrix
 from scipy.optimize import least_squares
 from scipy.stats import cauchy, kstest
 
-from tsepm_ros import Scan, SensorModel, filtering, make_initiator, range_rates
+from tsepm_ros import Scan, SensorModel, filtering, make_initiator
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.conversion import DETECTION, convert, covariance_at
 from tsepm_ros.estimation import ESTIMATORS, fit
 from tsepm_ros.numerics import gaussian
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
 from tsepm_ros.simulation import CLUTTER, Scenario, Simulator
 from tsepm_ros.simulation.scenario import OwnShipMotion, TargetArea
 

@@ -12,10 +12,10 @@ from tsepm_ros.analysis.run_scene import (
     truth_paths,
     velocity_seconds,
 )
-from tsepm_ros.conversion import convert
 from tsepm_ros.offline import recording_results
 from tsepm_ros.own_ship import Mounting
 from tsepm_ros.recording import RecordedMotion
+from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Simulator, load_scenario

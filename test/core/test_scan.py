@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan
-from tsepm_ros.scan import FEATURES, LARGEST, wrap
+from tsepm_ros.sensing.scan import FEATURES, LARGEST, wrap
 
 GOOD = {"stamp": 5.0, "range": [100.0, 200.0], "azimuth": [0.1, 0.2]}
 

@@ -18,12 +18,12 @@ from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_records import record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.conversion import convert
 from tsepm_ros.estimation import fit
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.score import Score
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import read_recording
+from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import load_scenario
 from tsepm_ros.track import TrackArrays

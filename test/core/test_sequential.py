@@ -7,7 +7,7 @@ import pytest
 from builders import FIXED_RANGE_ERROR, scan_at
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.conversion import convert
+from tsepm_ros.sensing.conversion import convert
 
 
 def initiator(**options):

@@ -32,8 +32,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import read_placed_detections
 from tsepm_ros import SensorModel
-from tsepm_ros.conversion import convert
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.sensing.conversion import convert
 
 SECOND = 10**9
 PARTS = ["ellipse", "label", "position", "velocity"]

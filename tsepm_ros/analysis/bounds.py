@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 
 
 def cramer_rao(

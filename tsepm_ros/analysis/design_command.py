@@ -27,7 +27,7 @@ from tsepm_ros.methods.score import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, make_groups, parse_values
 from tsepm_ros.parameters import Value
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 
 REMEDY_RUNS = 100
 """Targets simulated, at most, for each change that may help."""

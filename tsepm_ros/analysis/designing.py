@@ -23,12 +23,12 @@ from tsepm_ros.analysis.prediction import (
 )
 from tsepm_ros.analysis.rules import confirmed_by, rule_detection_probability
 from tsepm_ros.analysis.splitting_theory import Gating, expected_counts
-from tsepm_ros.conversion import position_covariance
 from tsepm_ros.evidence import LARGEST_DETECTION_PROBABILITY, miss_gain
 from tsepm_ros.methods.score import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.sensing.conversion import position_covariance
 
 WINDOWS = (8, 12, 16, 24, 32, 48, 64)
 RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)

@@ -22,15 +22,15 @@ from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.conversion import convert, major_sigma, position_covariance
 from tsepm_ros.estimation import fit
 from tsepm_ros.evaluation import clutter_statistic, normalized_distance
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.conversion import convert, major_sigma, position_covariance
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, Simulator
 
 PATCH_SIGMAS = 4.0

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros.analysis.truth import Judged, Outcome
-from tsepm_ros.conversion import convert
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.recording import RecordedMotion
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session import ScanResult
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
 

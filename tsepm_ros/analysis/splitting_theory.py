@@ -37,10 +37,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.conversion import major_sigma, position_covariance
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.conversion import major_sigma, position_covariance
+from tsepm_ros.sensing.sensor import SensorModel
 
 RINGS = 60
 """Rings into which the disc is divided."""

@@ -16,7 +16,7 @@ from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.split_merge import SplitMerge
 from tsepm_ros.methods.tsepm import Tsepm
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 
 METHODS: dict[str, type[Initiator]] = {
     "tsepm": Tsepm,

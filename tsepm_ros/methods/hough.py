@@ -38,7 +38,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import NO_HIT, Paths, starting
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.track import TrackArrays
 
 MAX_VOTES = 5_000_000

@@ -38,7 +38,6 @@ from numpy.typing import NDArray
 
 from tsepm_ros import filtering, splitting
 from tsepm_ros.association import Pairs, nearest_first, within
-from tsepm_ros.conversion import major_sigma, turned
 from tsepm_ros.estimation import Fit
 from tsepm_ros.evaluation import normalized_distance
 from tsepm_ros.hit_counting import Estimates, PathFollower, check_rule
@@ -49,8 +48,9 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import Paths, starting
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.conversion import major_sigma, turned
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 
 MAX_FILTERS = 500_000
 """Filters held at most: bounds memory."""

@@ -42,8 +42,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import design, evidence, filtering, pruning, range_rates
-from tsepm_ros.detection_window import DetectionWindow
+from tsepm_ros import design, evidence, filtering, pruning
 from tsepm_ros.estimation import ESTIMATORS, fit
 from tsepm_ros.holding import LEAST_EXISTENCE
 from tsepm_ros.hypotheses import Hypotheses
@@ -55,8 +54,10 @@ from tsepm_ros.numerics.grouped import places, sums_over_hits
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.paths import NO_HIT, starting
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing import range_rates, sensor
+from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 MIN_HITS = 3
@@ -233,7 +234,7 @@ class Score(Initiator):
         self._observe(len(detections), interval)
         predicted = self._hypotheses.predicted(interval, self.options.process_noise)
         detectable = self._detectable(predicted.state[:, 0::2])
-        log_explained = np.log1p(self._explained / np.maximum(clutter, evidence.LEAST_DENSITY))
+        log_explained = np.log1p(self._explained / np.maximum(clutter, sensor.LEAST_DENSITY))
         children, cut_children = self._split(
             predicted, detectable, detections, ids, clutter, log_explained
         )

@@ -28,7 +28,7 @@ Readings
 - A target has one detection a scan, so a combination is one or the other: its moments are those of
   the mixture with equal weights, the spread of the two included. Averaging them as two measurements
   of one target, the other reading, would halve the variance.
-- The position is Eq. 4's, R is from the unscented transform (`tsepm_ros.conversion.unscented`).
+- The position is Eq. 4's, R is from the unscented transform (`conversion.unscented`).
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.conversion import unscented
 from tsepm_ros.hit_counting import check_rule
 from tsepm_ros.methods.tsepm import Candidates, Tsepm
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.conversion import unscented
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.track import ConfirmedTrack
 
 

@@ -44,7 +44,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import evaluation, merging, pruning, splitting
-from tsepm_ros.detection_window import DetectionWindow
 from tsepm_ros.estimation import ESTIMATORS, Fit, fit
 from tsepm_ros.hit_counting import check_rule
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
@@ -55,8 +54,9 @@ from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.path_counts import PathCounts
 from tsepm_ros.paths import Paths, starting
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 MERGING_COST = 10.0

@@ -28,7 +28,7 @@ from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, Parame
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event, Playback
 from tsepm_ros.nodes.running import run
 from tsepm_ros.parameter_groups import SONAR_SIMULATOR, SimulatorNodeOptions
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 
 

@@ -15,8 +15,8 @@ import numpy as np
 import yaml
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.plot_features import NAMES
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.plot_features import NAMES
+from tsepm_ros.sensing.sensor import SensorModel
 
 PLACEMENT_TRIES = 10_000
 LARGEST_SCANS = 10_000_000

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.plot_features import NAMES
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.plot_features import NAMES
+from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation.scenario import Scenario
 
 CLUTTER = -1

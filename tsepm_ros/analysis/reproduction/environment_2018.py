@@ -16,7 +16,7 @@ from tsepm_ros.analysis.reproduction.paired import FAILS, HOLDS
 from tsepm_ros.analysis.reproduction.runs import Setting
 from tsepm_ros.encounters import closest_approach, distance_at
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.plot_features import decision
+from tsepm_ros.sensing.plot_features import decision
 
 FEATURES = 3
 TRIALS = 50

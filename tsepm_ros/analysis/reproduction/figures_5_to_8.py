@@ -32,9 +32,9 @@ from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
 )
 from tsepm_ros.analysis.reproduction.runs import Result, Setting, column
 from tsepm_ros.analysis.rules import rule_detection_probability
-from tsepm_ros.conversion import position_covariance
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.sensing.conversion import position_covariance
 
 EQUAL = 0.05
 """Difference up to which two P_D count as approximately equal: a choice."""

@@ -34,7 +34,7 @@ from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
 from tsepm_ros.pruning import READINGS
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.simulator import CLUTTER
 from tsepm_ros.splitting import Gated, gate_within

@@ -28,7 +28,7 @@ from scipy.special import chdtri, fdtrc
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.rows import Rows
-from tsepm_ros.scan import Scan
+from tsepm_ros.sensing.scan import Scan
 
 NAMES = ("intensity", "range_width", "azimuth_width")
 """The features, in the order of their columns."""

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 
 EDGE_DEVIATIONS = 3.0
 """Standard deviations by which a target's detection may lie beyond the edge of the coverage."""

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.scan import LARGEST, Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing.scan import LARGEST, Scan
+from tsepm_ros.sensing.sensor import SensorModel
 
 LEAST_DISTANCE = 1e-3
 """Distance from the sensor below which the line of sight is not turned any faster, m."""

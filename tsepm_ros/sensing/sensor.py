@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.scan import LARGEST, SMALLEST
+from tsepm_ros.sensing.scan import LARGEST, SMALLEST
 
 NARROWEST_SECTOR = 1e-6
 """Least width of the azimuth sector covered, rad."""
@@ -179,3 +179,7 @@ class SensorModel:
             & (distance <= self.max_range + beyond)
             & (turned <= self.sector_width + 2.0 * aside)
         )
+
+
+LEAST_DENSITY = 1e-12
+"""Floor of the clutter density, 1/m^2: nothing is free of false detections."""

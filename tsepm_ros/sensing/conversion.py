@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros import plot_features, range_rates
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.scan import Scan
-from tsepm_ros.sensor import SensorModel
+from tsepm_ros.sensing import plot_features, range_rates
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 
 DETECTION = np.dtype(
     [

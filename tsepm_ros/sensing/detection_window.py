@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.conversion import DETECTION
+from tsepm_ros.sensing.conversion import DETECTION
 
 
 class DetectionWindow:

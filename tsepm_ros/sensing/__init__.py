@@ -1,0 +1,1 @@
+"""The sensor, its scans, and their detections in the fixed frame."""
