@@ -41,11 +41,11 @@ from tsepm_ros.analysis.run_records import RunRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import score
 from tsepm_ros.numerics import grouped
 from tsepm_ros.paths import NO_HIT
 from tsepm_ros.simulation import Scenario, load_scenario
-from tsepm_ros.track import TrackArrays
 
 SCENE = "box"
 PINGS = (8, 16)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.track_markers import track_markers
-from tsepm_ros.track import ConfirmedTrack
+from tsepm_ros.kinematics.track import ConfirmedTrack
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header

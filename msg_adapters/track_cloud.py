@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import cloud_of, read_fields
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.grouped import summed
-from tsepm_ros.track import TrackArrays
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
     from visualization_msgs.msg import Marker, MarkerArray
 
-    from tsepm_ros.track import ConfirmedTrack
+    from tsepm_ros.kinematics.track import ConfirmedTrack
 
 Color = tuple[float, float, float]
 

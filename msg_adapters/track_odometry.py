@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from nav_msgs.msg import Odometry
     from std_msgs.msg import Header
 
-    from tsepm_ros.track import ConfirmedTrack
+    from tsepm_ros.kinematics.track import ConfirmedTrack
 
 
 def track_odometry(header: Header, track: ConfirmedTrack) -> Odometry:

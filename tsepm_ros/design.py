@@ -21,7 +21,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import evidence, filtering
+from tsepm_ros import evidence
+from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, position_covariance
@@ -247,11 +248,11 @@ def _scores(
     everyone, at_once = np.arange(n), np.zeros(n)
     missed = evidence.miss_gain(np.full(n, sensor.detection_probability), gate_probability)
     for scan in range(first + 1, window):
-        state, covariance = filtering.predict(state, covariance, interval, process_noise)
+        state, covariance = kalman.predict(state, covariance, interval, process_noise)
         found = targets.found[:, scan]
         innovation = found["position"] - state[:, 0::2]
         spread = covariance[:, 0::2, 0::2] + _errors(state, sensor)
-        density = filtering.log_likelihood(
+        density = kalman.log_likelihood(
             state, covariance, everyone, at_once, innovation, spread, found, gate_probability
         )
         hit = targets.detected[:, scan] & np.isfinite(density)
@@ -259,7 +260,7 @@ def _scores(
         gain = evidence.hit_gain(density, sensor.detection_probability, clutter)
         scores[:, scan] = scores[:, scan - 1] + np.where(hit, gain, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
-        state[hit], covariance[hit] = filtering.update(
+        state[hit], covariance[hit] = kalman.update(
             state[hit], covariance[hit], at_once[hit], innovation[hit], spread[hit]
         )
         state[hit], covariance[hit] = range_rates.update(

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros import filtering
+from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing.conversion import major_sigma
 
@@ -96,7 +96,7 @@ def meeting(
     time = np.clip(time, -within, within)
 
     def reach(rows: IntArray) -> FloatArray:
-        spread = filtering.position_covariance_after(covariance[rows], time)
+        spread = kalman.position_covariance_after(covariance[rows], time)
         return gate * np.hypot(major_sigma(spread), error[rows])
 
     met = distance_at(state[one], state[two], time) <= reach(one) + reach(two)

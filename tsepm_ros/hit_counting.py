@@ -13,6 +13,7 @@ from tsepm_ros import evaluation, pruning, splitting
 from tsepm_ros.association import Pairs, best_of_each, disjoint
 from tsepm_ros.estimation import Fit, fit
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.numerics.rows import Rows
@@ -23,7 +24,6 @@ from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.steps import Steps
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""

@@ -5,7 +5,7 @@ association", IEEE Trans. Autom. Control 39(6), 1994): each track has a probabil
 exists, which falls with every miss, and is updated by the mean of its detections, each weighted by
 the probability that it is the target's. What exists may fade and be seen again (their Markov chain
 two): misses come in runs where scans follow quickly, and a run of them does not end a track. The
-modes in which a target moves are weighed by what the detections say of them (`tsepm_ros.motion`;
+modes in which a target moves are weighed by what the detections say of them (`kinematics.interacting_models`;
 together: Musicki, Suvorova, "Tracking in clutter using IMM-IPDA-based algorithms", IEEE Trans.
 Aerosp. Electron. Syst. 44(1), 2008).
 
@@ -23,11 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros import filtering
 from tsepm_ros.association import Pairs
 from tsepm_ros.detection_probability import DetectionProbability
 from tsepm_ros.environment import Environment
-from tsepm_ros.motion import Motion, stay_or_change
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.kinematics.interacting_models import Motion, stay_or_change
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.paths import NO_HIT
@@ -35,7 +36,6 @@ from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
-from tsepm_ros.track import TrackArrays
 
 GATE_PROBABILITY = 0.99
 GATE_MARGIN = 1.5
@@ -535,9 +535,9 @@ def _neighbours(
     middle = 0.5 * (lag.min() + lag.max())
     centre = expected[:, 0::2] + middle * expected[:, 1::2]
     reach = np.zeros(len(expected))
-    gate = filtering.gate_reach(GATE_PROBABILITY, detections)
+    gate = kalman.gate_reach(GATE_PROBABILITY, detections)
     for _, state, covariance in motion.modes():
-        spread = filtering.position_covariance_after(covariance, np.full(len(state), middle))
+        spread = kalman.position_covariance_after(covariance, np.full(len(state), middle))
         sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
         offset = state[:, 0::2] + middle * state[:, 1::2] - centre
         of_mode = 1.1 * gate * sigma + np.hypot(*offset.T)
@@ -565,20 +565,18 @@ def _associated(
     nearest = detections[near.nearest]
     lag = nearest["time"] - stamp
     expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
-    spread = filtering.position_covariance_after(covariance, lag)
+    spread = kalman.position_covariance_after(covariance, lag)
     spread += covariance_at(nearest, expected, sensor)
     # Each detection at its own time; their covariance is that at the nearest one's.
     own_lag = (detections["time"][row] - stamp)[:, None]
     innovation = detections["position"][row] - state[owner, 0::2] - own_lag * state[owner, 1::2]
     found, own_step = detections[row], own_lag[:, 0]
-    density = filtering.log_likelihood(
+    density = kalman.log_likelihood(
         state, covariance, owner, own_step, innovation, spread[owner], found, GATE_PROBABILITY
     )
     updated = None
     if range_rates.measured(found).any():
-        placed = filtering.update(
-            state[owner], covariance[owner], own_step, innovation, spread[owner]
-        )
+        placed = kalman.update(state[owner], covariance[owner], own_step, innovation, spread[owner])
         updated = range_rates.update(*placed, own_step, found)
     return Association(innovation, np.exp(density), lag, spread, updated)
 
@@ -603,7 +601,7 @@ def _mixed(
     some, *sums = (np.bincount(near.owner, weight * part, minlength=n) for part in parts)
     mean = np.stack(sums[:2], axis=-1)
     square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
-    gain = filtering.gain(covariance, found.lag, found.spread)
+    gain = kalman.gain(covariance, found.lag, found.spread)
     change = square - mean[:, :, None] * mean[:, None, :] - some[:, None, None] * found.spread
     state = state + (gain @ mean[..., None])[..., 0]
     return _symmetric(state, covariance + gain @ change @ np.swapaxes(gain, 1, 2))

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import filtering, splitting
+from tsepm_ros import splitting
+from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.grouped import places, sums_over_hits
@@ -65,7 +66,7 @@ class Hypotheses(Paths):
 
     def predicted(self, interval: float, process_noise: float) -> Hypotheses:
         """The hypotheses after a time interval, s, with nearly constant velocity."""
-        state, covariance = filtering.predict(self.state, self.covariance, interval, process_noise)
+        state, covariance = kalman.predict(self.state, self.covariance, interval, process_noise)
         return replace(self, state=state, covariance=covariance)
 
     def near(
@@ -103,7 +104,7 @@ class Hypotheses(Paths):
         drift = major_sigma(self.covariance[:, 1::2, 1::2])
         sigma = np.hypot(spread + lag * drift, GATE_MARGIN * error)
         speed = np.hypot(self.state[:, 1], self.state[:, 3])
-        radius = filtering.gate_reach(gate_probability, detections) * sigma + lag * speed
+        radius = kalman.gate_reach(gate_probability, detections) * sigma + lag * speed
         return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
 
     def innovations(
@@ -132,7 +133,7 @@ class Hypotheses(Paths):
         lag = found["time"] - stamp
         state = self.state[parent]
         expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
-        spread = filtering.position_covariance_after(self.covariance[parent], lag)
+        spread = kalman.position_covariance_after(self.covariance[parent], lag)
         spread += covariance_at(found, expected, sensor)
         return lag, found["position"] - expected, spread
 
@@ -152,7 +153,7 @@ class Hypotheses(Paths):
         """
         lag, innovation, spread = self.innovations(parent, found, stamp, sensor)
         children = self.extended(parent, ids)
-        state, covariance = filtering.update(
+        state, covariance = kalman.update(
             children.state, children.covariance, lag, innovation, spread
         )
         state, covariance = range_rates.update(state, covariance, lag, found)

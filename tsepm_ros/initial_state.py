@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import filtering
 from tsepm_ros.estimation import Fit, fit
+from tsepm_ros.kinematics.kalman import predict, update
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -145,8 +145,8 @@ def kalman(
         covariance[:, [1, 3], [1, 3]] += noise * np.abs(interval[:, None]) / 3.0
     for hit in range(2, m):
         step = tau[:, hit] - tau[:, hit - 1]
-        state, covariance = filtering.predict(state, covariance, step, noise)
+        state, covariance = predict(state, covariance, step, noise)
         spread = covariance[:, 0::2, 0::2] + covariances[:, hit]
         innovation = positions[:, hit] - state[:, 0::2]
-        state, covariance = filtering.update(state, covariance, np.zeros(n), innovation, spread)
-    return filtering.predict(state, covariance, -tau[:, -1], noise)
+        state, covariance = update(state, covariance, np.zeros(n), innovation, spread)
+    return predict(state, covariance, -tau[:, -1], noise)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.environment import Surroundings
 from tsepm_ros.holding import TrackHold
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter
@@ -24,7 +25,6 @@ from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.coverage import PosesByRange, inside
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, as the hold begins, at the most: a choice."""

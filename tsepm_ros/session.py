@@ -20,12 +20,12 @@ from tsepm_ros.clocks import Now, waited
 from tsepm_ros.health import Figures
 from tsepm_ros.holding import Tracker
 from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample
 from tsepm_ros.placing import SensorScan
 from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.settings import Settings
-from tsepm_ros.track import TrackArrays
 from tsepm_ros.tracked import TrackerReport, usable
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK

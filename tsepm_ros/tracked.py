@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.sensing.scan import LARGEST, SMALLEST
-from tsepm_ros.track import TrackArrays
 
 LARGEST_STATE = LARGEST["sensor_pose"]
 """Largest magnitude of a state's numbers that is taken, m and m/s."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contenders import Contender, FloatArray, Hits, RawScan, Sea
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.track import TrackArrays
+from tsepm_ros.kinematics.track import TrackArrays
 
 
 class TsepmContender(Contender):

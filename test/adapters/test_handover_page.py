@@ -13,7 +13,7 @@ from msg_adapters import (
     track_odometry,
     tracker_report,
 )
-from tsepm_ros import filtering
+from tsepm_ros.kinematics import kalman
 from tsepm_ros.sensing.scan import FEATURES
 from tsepm_ros.tracked import usable
 
@@ -45,8 +45,8 @@ def test_a_detection_updates_as_the_package_s_own_filter_does(make_track, over_t
     state, covariance = run_page()["update"](track.state, track.covariance, cloud, 1)
     step, before = placed.time_offset[1:], track.covariance[None]
     innovation = placed.position[1:] - track.position - step * track.velocity
-    S = filtering.position_covariance_after(before, step) + placed.covariance[1:]
-    [after], [spread] = filtering.update(track.state[None], before, step, innovation, S)
+    S = kalman.position_covariance_after(before, step) + placed.covariance[1:]
+    [after], [spread] = kalman.update(track.state[None], before, step, innovation, S)
     np.testing.assert_allclose(state, after, rtol=1e-9)
     np.testing.assert_allclose(covariance, spread, rtol=1e-9, atol=1e-9)
 

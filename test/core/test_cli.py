@@ -162,7 +162,7 @@ def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path, m
     pytest.importorskip("matplotlib")
     from tsepm_ros.analysis import plan_animation
     from tsepm_ros.analysis.run_scene import RunScene, ScanView
-    from tsepm_ros.track import TrackArrays
+    from tsepm_ros.kinematics.track import TrackArrays
 
     nothing = TrackArrays.of([])
     views = [ScanView(float(k), np.zeros((0, 2)), None, nothing, nothing) for k in range(8)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros import filtering
+from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
 
 
@@ -23,7 +23,7 @@ def transition(step: float) -> np.ndarray:
 @pytest.mark.parametrize("step", [0.0, 12.0, -12.0])
 def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
     state, covariance = states(1)
-    found, spread = filtering.predict(state, covariance, step, noise)
+    found, spread = kalman.predict(state, covariance, step, noise)
     # Backward as well, uncertainty grows with the time between; only its correlation turns over.
     time = abs(step)
     block = noise * np.array([[time**3 / 3, step * time / 2], [step * time / 2, time]])
@@ -36,9 +36,9 @@ def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
 
 def test_each_state_has_a_step_of_its_own():
     state, covariance = states(2, 3)
-    together = filtering.predict(state, covariance, np.array([1.0, -5.0, 9.0]), 0.1)
+    together = kalman.predict(state, covariance, np.array([1.0, -5.0, 9.0]), 0.1)
     for row, step in enumerate([1.0, -5.0, 9.0]):
-        alone = filtering.predict(state[row : row + 1], covariance[row : row + 1], step, 0.1)
+        alone = kalman.predict(state[row : row + 1], covariance[row : row + 1], step, 0.1)
         np.testing.assert_allclose(together[0][row], alone[0][0])
         np.testing.assert_allclose(together[1][row], alone[1][0])
 
@@ -46,7 +46,7 @@ def test_each_state_has_a_step_of_its_own():
 def test_prediction_changes_nothing_in_place():
     state, covariance = states(3)
     before = state.copy(), covariance.copy()
-    filtering.predict(state, covariance, 5.0, 0.1)
+    kalman.predict(state, covariance, 5.0, 0.1)
     np.testing.assert_array_equal(state, before[0])
     np.testing.assert_array_equal(covariance, before[1])
 
@@ -57,9 +57,9 @@ def test_the_update_is_kalman_s_with_the_echo_at_its_own_time():
     lag = rng.uniform(0.0, 6.0, len(state))
     measured = state[:, 0::2] + rng.standard_normal((len(state), 2))
     error = np.array([[2.0, 0.5], [0.5, 1.0]])
-    spread = filtering.position_covariance_after(covariance, lag) + error
+    spread = kalman.position_covariance_after(covariance, lag) + error
     innovation = measured - state[:, 0::2] - lag[:, None] * state[:, 1::2]
-    found, updated = filtering.update(state, covariance, lag, innovation, spread)
+    found, updated = kalman.update(state, covariance, lag, innovation, spread)
     for row in range(len(state)):
         H = np.array([[1.0, lag[row], 0.0, 0.0], [0.0, 0.0, 1.0, lag[row]]])
         P = covariance[row]

@@ -13,7 +13,6 @@ from scipy.linalg import expm
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros import holding as holding_module
-from tsepm_ros import motion as motion_module
 from tsepm_ros.holding import (
     GATE_PROBABILITY,
     LEAST_EXISTENCE,
@@ -25,9 +24,10 @@ from tsepm_ros.holding import (
     Tracker,
     TrackHold,
 )
-from tsepm_ros.motion import PROCESS_NOISE
+from tsepm_ros.kinematics import interacting_models as motion_module
+from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.sensing.conversion import convert, covariance_at
-from tsepm_ros.track import TrackArrays
 
 NOTHING = detections(np.zeros((0, 2)), 0.0)
 CLUTTER = 1e-6

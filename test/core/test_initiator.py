@@ -14,8 +14,8 @@ from scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.initiator import CommonOptions, ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.track import TrackArrays
 
 HERE = (3000.0, 0.0)
 

@@ -16,9 +16,9 @@ from scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import METHODS
 from tsepm_ros.parameters import check_group, parameter, table
-from tsepm_ros.track import TrackArrays
 
 EVERY_METHOD = pytest.mark.parametrize("method", available_methods())
 FEW_FALSE = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)

@@ -7,9 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros import motion as motion_module
-from tsepm_ros.filtering import predict
-from tsepm_ros.motion import PROCESS_NOISE, TIME_OF_TURN, TIME_TO_TURN, Motion, stay_or_change
+from tsepm_ros.kinematics import interacting_models as motion_module
+from tsepm_ros.kinematics.interacting_models import (
+    PROCESS_NOISE,
+    TIME_OF_TURN,
+    TIME_TO_TURN,
+    Motion,
+    stay_or_change,
+)
+from tsepm_ros.kinematics.kalman import predict
 
 MAX_SPEED = 15.0
 STATE = np.array([[100.0, 5.0, -200.0, 3.0], [0.0, -8.0, 900.0, 0.0]])

@@ -11,12 +11,13 @@ from builders import assert_same_tracks, fit_matrix
 from scipy.optimize import least_squares
 from scipy.stats import cauchy, kstest
 
-from tsepm_ros import Scan, SensorModel, filtering, make_initiator
+from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.estimation import ESTIMATORS, fit
+from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
@@ -119,7 +120,7 @@ def test_position_and_then_range_rate_are_one_joint_update():
     stacked = np.stack([fit_matrix([t]) for t in lag])
     spread = stacked @ covariance @ np.swapaxes(stacked, 1, 2) + noise
     innovation = measured - (stacked @ state[..., None])[..., 0]
-    placed = filtering.update(state, covariance, lag, innovation, spread)
+    placed = kalman.update(state, covariance, lag, innovation, spread)
     updated, spreads = range_rates.update(*placed, lag, found)
     for i in range(n):
         sight = np.array([0.0, -1.0, 0.0, 0.0])  # the sensor is far along x
@@ -233,7 +234,7 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
     found["position"] = truth[:, 0::2] + rng.multivariate_normal((0, 0), error, n)
     state, covariance = np.tile(mean, (n, 1)), np.tile(prior, (n, 1, 1))
     inside = np.isfinite(
-        filtering.log_likelihood(
+        kalman.log_likelihood(
             state,
             covariance,
             np.arange(n),

@@ -12,6 +12,7 @@ from tsepm_ros.analysis.run_scene import (
     truth_paths,
     velocity_seconds,
 )
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.offline import recording_results
 from tsepm_ros.own_ship import Mounting
 from tsepm_ros.recording import RecordedMotion
@@ -20,7 +21,6 @@ from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.simulation.recorded import simulated_recording
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
 SAILING = {"own_ship": {"x": 100.0, "y": -50.0, "yaw_deg": 40.0, "speed": 5.0}, "scans": 6}

@@ -20,13 +20,13 @@ from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.estimation import fit
 from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import Score
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import read_recording
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import load_scenario
-from tsepm_ros.track import TrackArrays
 
 NEVER = 1e-30
 """A wish for so few false tracks that nothing is confirmed."""

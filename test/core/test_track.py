@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.track import TrackArrays
+from tsepm_ros.kinematics.track import TrackArrays
 
 
 def track(track_id: int = 3, stamp: float = 100.0) -> ConfirmedTrack:

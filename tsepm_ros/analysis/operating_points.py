@@ -11,10 +11,10 @@ from typing import Any, Protocol
 
 import tsepm_ros
 from tsepm_ros.initiator import Initiator
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods import METHODS, make_initiator, option_names
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import Scenario
-from tsepm_ros.track import ConfirmedTrack
 
 NO_TRACKS = ("analysis", "nodes")
 """Packages that no track comes from. All others count, so that a new one is not forgotten."""

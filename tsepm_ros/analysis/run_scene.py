@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros.analysis.truth import Judged, Outcome
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.recording import RecordedMotion
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session import ScanResult
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing.conversion import major_sigma, position_covariance
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.track import ConfirmedTrack
 
 NO_TARGET = -1
 SIGMAS = 3.0

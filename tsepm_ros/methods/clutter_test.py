@@ -29,9 +29,9 @@ from typing import ClassVar
 
 from tsepm_ros.estimation import ESTIMATORS
 from tsepm_ros.hit_counting import check_rule
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm import Candidates, Tsepm
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.track import TrackArrays
 
 
 @dataclass(frozen=True, kw_only=True)

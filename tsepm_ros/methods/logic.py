@@ -45,11 +45,11 @@ from numpy.typing import NDArray
 from tsepm_ros import splitting
 from tsepm_ros.association import Pairs, within
 from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.kinematics.polynomials import Polynomials
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.polynomials import Polynomials
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,13 +36,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import filtering, splitting
+from tsepm_ros import splitting
 from tsepm_ros.association import Pairs, nearest_first, within
 from tsepm_ros.estimation import Fit
 from tsepm_ros.evaluation import normalized_distance
 from tsepm_ros.hit_counting import Estimates, PathFollower, check_rule
 from tsepm_ros.initiator import CommonOptions
-from tsepm_ros.motion import combined
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.kinematics.interacting_models import combined
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
@@ -111,7 +112,7 @@ class Banks(Paths):
 
     def predicted(self, step: float, noise: float) -> Banks:
         """The banks after a time step, s, with a process noise, m^2/s^3."""
-        state, covariance = filtering.predict(
+        state, covariance = kalman.predict(
             self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4), step, noise
         )
         return replace(
@@ -126,9 +127,9 @@ class Banks(Paths):
         state, covariance = self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4)
         lags, hits = lag.repeat(number), found.repeat(number)
         innovation = hits["position"] - state[:, 0::2] - lags[:, None] * state[:, 1::2]
-        spread = filtering.position_covariance_after(covariance, lags) + hits["covariance"]
+        spread = kalman.position_covariance_after(covariance, lags) + hits["covariance"]
         density, _ = gaussian.log_density(innovation, spread)
-        state, covariance = filtering.update(state, covariance, lags, innovation, spread)
+        state, covariance = kalman.update(state, covariance, lags, innovation, spread)
         density = density.reshape(n, number)
         likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
         # A floor, so that no filter is lost to rounding.
@@ -198,7 +199,7 @@ class MultipleModel(PathFollower):
             found = detections[row]
             lag = found["time"] - self._now
             expected = state[parent, 0::2] + lag[:, None] * state[parent, 1::2]
-            spread = filtering.position_covariance_after(covariance[parent], lag)
+            spread = kalman.position_covariance_after(covariance[parent], lag)
             return squared_distance(found["position"] - expected, spread + found["covariance"])
 
         return within(parent, row, distance, factor**2), cut
@@ -226,7 +227,7 @@ class MultipleModel(PathFollower):
         covariance[..., 0::2, 0::2] = found["covariance"][:, None]
         covariance[..., 1::2, 1::2] = spread
         step = (self._bank_stamp - found["time"]).repeat(number)
-        state, covariance = filtering.predict(
+        state, covariance = kalman.predict(
             state.reshape(-1, 4), covariance.reshape(-1, 4, 4), step, self.options.process_noise
         )
         return Banks(

@@ -42,11 +42,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import design, evidence, filtering, pruning
+from tsepm_ros import design, evidence, pruning
 from tsepm_ros.estimation import ESTIMATORS, fit
 from tsepm_ros.holding import LEAST_EXISTENCE
 from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import mixture
@@ -58,7 +60,6 @@ from tsepm_ros.sensing import range_rates, sensor
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 MIN_HITS = 3
 """A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
@@ -430,7 +431,7 @@ class Score(Initiator):
     ) -> FloatArray:
         """Score of each child; -inf outside the gate, or where P_D (of the parents) is 0."""
         lag, innovation, spread = predicted.innovations(parent, found, self._now, self.sensor)
-        density = filtering.log_likelihood(
+        density = kalman.log_likelihood(
             predicted.state,
             predicted.covariance,
             parent,
@@ -468,7 +469,7 @@ class Score(Initiator):
         )
         # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
         lag = detections["time"] - self._now
-        state, covariance = filtering.predict(state, covariance, -lag)
+        state, covariance = kalman.predict(state, covariance, -lag)
         beside = gain - log_explained
         return Hypotheses(
             path.hits, path.hit_count, path.first_scan, state, covariance, gain, beside

@@ -42,12 +42,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.hit_counting import check_rule
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.tsepm import Candidates, Tsepm
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.conversion import unscented
 from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.track import ConfirmedTrack
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -47,6 +47,7 @@ from tsepm_ros import evaluation, merging, pruning, splitting
 from tsepm_ros.estimation import ESTIMATORS, Fit, fit
 from tsepm_ros.hit_counting import check_rule
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
@@ -57,7 +58,6 @@ from tsepm_ros.paths import Paths, starting
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.track import ConfirmedTrack, TrackArrays
 
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""

@@ -16,6 +16,7 @@ from msg_adapters import time_to_ns, track_states
 from tsepm_ros.analysis.plan_position import Picture
 from tsepm_ros.analysis.report import counts_line, target_table, text_table
 from tsepm_ros.analysis.truth import Outcome, judge, origins_of
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.run_recorder import RunRecorder
 from tsepm_ros.numerics.arrays import FloatArray
@@ -30,7 +31,6 @@ from tsepm_ros.recording import RecordedMotion, Recording
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session import ScanResult, Session
 from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.track import ConfirmedTrack
 
 
 @dataclass

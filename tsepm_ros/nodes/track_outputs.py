@@ -24,11 +24,11 @@ from msg_adapters import (
     track_markers,
     track_odometry,
 )
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session import ScanResult, Session
-from tsepm_ros.track import ConfirmedTrack
 
 
 def _latched(depth: int) -> QoSProfile:

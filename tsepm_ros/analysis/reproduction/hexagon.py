@@ -16,13 +16,13 @@ from tsepm_ros.analysis.reproduction.runs import Result
 from tsepm_ros.analysis.reproduction.scene import Scene, Started
 from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.sequential import Sequential, SequentialOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario
 from tsepm_ros.simulation.scenario import WaypointMotion
-from tsepm_ros.track import ConfirmedTrack
 
 DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
 ASSUMED = 0.9

@@ -30,6 +30,7 @@ from tsepm_ros.analysis.reproduction.runs import Result
 from tsepm_ros.analysis.reproduction.scene import Scene, Started
 from tsepm_ros.analysis.truth import measurement_sigma
 from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
@@ -38,7 +39,6 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.simulator import CLUTTER
 from tsepm_ros.splitting import Gated, gate_within
-from tsepm_ros.track import TrackArrays
 
 RULE = (5, 8)
 DENSITIES = (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import filtering
+from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 PROCESS_NOISE = 0.01
@@ -94,7 +94,7 @@ class Motion:
         longest = max(float(np.abs(step).max(initial=0.0)), TIME_OF_TURN)
         turn = (0.5 * max_speed) ** 2 / longest
         modes = [
-            filtering.predict(*combined(share, self.state, self.covariance), step, noise)
+            kalman.predict(*combined(share, self.state, self.covariance), step, noise)
             for share, noise in zip(
                 np.swapaxes(joint / probability, 0, 1),
                 (PROCESS_NOISE, PROCESS_NOISE + turn),

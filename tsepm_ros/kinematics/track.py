@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.filtering import predict
+from tsepm_ros.kinematics.kalman import predict
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""States of motion: filters, models, and tracks as arrays."""
