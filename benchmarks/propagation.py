@@ -44,7 +44,7 @@ from tsepm_ros.analysis.report import text_table
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import METHODS
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Scenario, Simulator

@@ -70,7 +70,7 @@ class DetectionMessage:
         The azimuth comes from true bearings: it is measured in the axes of the fixed ENU frame,
         counter-clockwise from east, and the own ship's heading must not be applied to it.
     axes : str
-        Which of the sensor frame's axes are ahead, port and up, see `tsepm_ros.attitude.AXES`.
+        Which of the sensor frame's axes are ahead, port and up, see `attitude.AXES`.
     dropped : dict of str to int
         How many detections of the message were left out, by reason.
     index : (n,) ndarray of int

@@ -18,8 +18,8 @@ from msg_adapters.odometry_covariance import (
     odometry_covariance,
 )
 from msg_adapters.stamps import make_header, time_to_ns
-from tsepm_ros.attitude import angles_of, rotation_of
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.attitude import angles_of, rotation_of
 
 if TYPE_CHECKING:
     from nav_msgs.msg import Odometry

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from msg_adapters import MessageError, read_recorded_scan, sensor_scan, with_echo_times
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
 from tsepm_ros.message_input import MessageInput
-from tsepm_ros.own_ship import SHORTEST_PERIOD, PoseSample, known_rates
+from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD, PoseSample, known_rates
 from tsepm_ros.recording import RecordedMotion, Recording
 from tsepm_ros.session import ScanResult, Session
 from tsepm_ros.settings import Settings

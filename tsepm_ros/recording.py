@@ -11,7 +11,7 @@ A recording is a folder with
   ``intensity``, ``range_width_m``, ``azimuth_width_rad`` and ``range_rate_mps``;
 - optionally ``own_ship.csv``: ``time_s``, ``east_m``, ``north_m``; optionally ``east_mps``,
   ``north_mps``, ``heading_rad`` (clockwise from north), ``roll_rad`` (above 0 with the port side
-  up), ``pitch_rad`` (above 0 with the bow down), both as in `tsepm_ros.attitude`, and ``scan``:
+  up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.attitude`, and ``scan``:
   then scans that appear here but have no detections are known to have been empty;
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` where it is several.
 """
@@ -74,7 +74,7 @@ class RecordedMotion:
     yaw : float or None
         Heading, rad, counter-clockwise from east; None if not recorded.
     roll, pitch : float
-        Attitude, rad, as in `tsepm_ros.attitude`; 0 if not recorded.
+        Attitude, rad, as in `tsepm_ros.own_ship.attitude`; 0 if not recorded.
     """
 
     time: float

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros import placing
 from tsepm_ros.clocks import Now, waited
 from tsepm_ros.health import Figures
 from tsepm_ros.holding import Tracker
 from tsepm_ros.initiator import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.own_ship import Coverage, PoseHistory, PoseSample
-from tsepm_ros.placing import SensorScan
+from tsepm_ros.own_ship import registration
+from tsepm_ros.own_ship.pose_history import Coverage, PoseHistory, PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.settings import Settings
@@ -433,7 +433,7 @@ class Session:
         """Whether the first scan needs own-ship data that may still come."""
         if not self._moves or self._arrival in UNUSABLE:
             return False
-        first, last = placing.echo_span(arrived)
+        first, last = registration.echo_span(arrived)
         if self.look_up is not None:
             self.look_up(arrived.frame_id, first, last, arrived.axes)
         timed_out = waiting >= self._settings.session.own_ship_timeout
@@ -466,8 +466,8 @@ class Session:
             if sector and arrived.north_referenced:
                 self.drop("heading_unknown", "no heading: bearings from north need it in a sector")
                 return None
-            return self._with_usable_rates(scan, placing.at_rest(arrived))
-        first, last = placing.echo_span(arrived)
+            return self._with_usable_rates(scan, registration.at_rest(arrived))
+        first, last = registration.echo_span(arrived)
         coverage = self._poses.coverage(first, last)
         if coverage is Coverage.NEVER or not (
             coverage is Coverage.YES or self._poses.can_extrapolate(last)
@@ -481,7 +481,7 @@ class Session:
         if needed and covariance is not None and covariance[2, 2] > MAX_YAW_VARIANCE:
             self.drop("heading_unknown", "the own-ship data has no heading, but it is needed")
             return None
-        found = placing.placed(arrived, self._poses, self._settings.mounting, sector=sector)
+        found = registration.placed(arrived, self._poses, self._settings.mounting, sector=sector)
         lost = len(scan) - len(found)
         if lost:
             self.drop(

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import LaserScan
 
 from msg_adapters import make_header, pose_sample, read_detections, read_own_ship, sensor_scan
-from tsepm_ros.own_ship import Mounting
+from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 

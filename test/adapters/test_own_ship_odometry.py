@@ -16,7 +16,7 @@ from msg_adapters import (
     pose_sample,
     read_own_ship,
 )
-from tsepm_ros.own_ship import PoseHistory
+from tsepm_ros.own_ship.pose_history import PoseHistory
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session import MAX_YAW_VARIANCE
 

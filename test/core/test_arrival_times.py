@@ -12,8 +12,8 @@ from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 
 from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship import PoseSample
-from tsepm_ros.placing import SensorScan
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.scan_order import Arrival
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings

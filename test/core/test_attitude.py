@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tsepm_ros.attitude import AXES, angles_of, levelled, rotation_of
+from tsepm_ros.own_ship.attitude import AXES, angles_of, levelled, rotation_of
 
 N = 500
 

@@ -12,8 +12,8 @@ from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import available_methods
 from tsepm_ros.methods.score import ScoreOptions
-from tsepm_ros.own_ship import PoseSample
-from tsepm_ros.placing import SensorScan
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.coverage import PosesByRange, inside
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings

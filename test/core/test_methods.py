@@ -291,7 +291,7 @@ METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.analysis.operating_points import operating_points
 from tsepm_ros.parameter_groups import NODES, as_markdown, as_yaml, make_groups, settings_from
-from tsepm_ros.placing import SensorScan
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session import Session
 
 assert "toy" in available_methods()

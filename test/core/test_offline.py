@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros.offline import process_recording
-from tsepm_ros.own_ship import PoseSample
-from tsepm_ros.placing import SensorScan
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings

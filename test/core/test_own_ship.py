@@ -10,15 +10,14 @@ from builders import whitened
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation, Slerp
 
-from tsepm_ros.own_ship import (
+from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
+from tsepm_ros.own_ship.pose_history import (
     SHORTEST_PERIOD,
     Coverage,
-    Mounting,
     PoseHistory,
     PoseSample,
     echo_poses,
     known_rates,
-    sensor_covariance,
 )
 
 YES, NOT_YET, NEVER = Coverage.YES, Coverage.NOT_YET, Coverage.NEVER

@@ -13,9 +13,10 @@ from scipy.stats import chi2
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship import Mounting, PoseSample
+from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.placing import SensorScan
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 

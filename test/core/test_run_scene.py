@@ -14,7 +14,7 @@ from tsepm_ros.analysis.run_scene import (
 )
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.offline import recording_results
-from tsepm_ros.own_ship import Mounting
+from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.recording import RecordedMotion
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session import Session

@@ -15,8 +15,8 @@ from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.initiator import CommonOptions, ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship import PoseSample
-from tsepm_ros.placing import SensorScan
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.scan_order import Arrival
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
@@ -242,7 +242,7 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track(monkeypatch):
         raise ValueError("sensor_pose must be at most 1e9")
 
     with monkeypatch.context() as patch:
-        patch.setattr("tsepm_ros.placing.placed", fail)
+        patch.setattr("tsepm_ros.own_ship.registration.placed", fail)
         assert play(one, [36], now=0.0) == []
     assert (one.dropped, one.waiting) == ({"internal_error": 1}, 0)
     (result,) = play(one, [48], now=0.0)

@@ -12,7 +12,7 @@ from tsepm_ros.analysis.operating_points import OperatingPoint, TrackStarter
 from tsepm_ros.analysis.truth import Judged, judge
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship import echo_poses
+from tsepm_ros.own_ship.pose_history import echo_poses
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import Scenario, Simulator
 from tsepm_ros.simulation.scenario import Motion

@@ -10,9 +10,9 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
-from tsepm_ros.attitude import AXES, angles_of, rotation_of
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.own_ship import PoseSample
+from tsepm_ros.own_ship.attitude import AXES, angles_of, rotation_of
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session import Session
 
 CACHE_TIME = 120.0
@@ -58,7 +58,7 @@ class TfOwnShip:
         """Give the session the poses of a frame from `first` to `last` (s), as far as tf knows.
 
         Which of the frame's axes are ahead, port and up, `axes` says: see
-        `tsepm_ros.attitude.AXES`.
+        `tsepm_ros.own_ship.attitude.AXES`.
         """
         steps = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
         for stamp in np.linspace(first, last, steps + 1).tolist():

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.attitude import horizontal_range_rate, levelled
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship import Mounting, PoseHistory, echo_poses, sensor_covariance
+from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
+from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
+from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan
 
 
@@ -38,7 +39,7 @@ class SensorScan:
     height : (n,) ndarray or None
         Height of each detection above the sensor's own x-y plane, m; None: 0.
     axes : str
-        Which of the sensor frame's axes are ahead, port and up, see `tsepm_ros.attitude.AXES`.
+        Which of the sensor frame's axes are ahead, port and up, see `attitude.AXES`.
     """
 
     scan: Scan
