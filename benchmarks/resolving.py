@@ -44,8 +44,8 @@ from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import score
 from tsepm_ros.numerics import grouped
-from tsepm_ros.paths import NO_HIT
 from tsepm_ros.simulation import Scenario, load_scenario
+from tsepm_ros.stages.paths import NO_HIT
 
 SCENE = "box"
 PINGS = (8, 16)

@@ -26,10 +26,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros import encounters
-from tsepm_ros.association import Pairs, nearest_first
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import NAMES, Histories
+from tsepm_ros.stages.association import Pairs, nearest_first
 
 MOST_CLUTTER = 200
 """Plots that tell the features of clutter, the latest."""

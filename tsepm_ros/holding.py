@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.association import Pairs
 from tsepm_ros.detection_probability import DetectionProbability
 from tsepm_ros.environment import Environment
 from tsepm_ros.kinematics import kalman
@@ -31,11 +30,12 @@ from tsepm_ros.kinematics.interacting_models import Motion, stay_or_change
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.paths import NO_HIT
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
+from tsepm_ros.stages.association import Pairs
+from tsepm_ros.stages.paths import NO_HIT
 
 GATE_PROBABILITY = 0.99
 GATE_MARGIN = 1.5

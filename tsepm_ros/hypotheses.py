@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import splitting
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.grouped import places, sums_over_hits
-from tsepm_ros.paths import Paths
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages import splitting
+from tsepm_ros.stages.paths import Paths
 
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""

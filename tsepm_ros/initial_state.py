@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.estimation import Fit, fit
 from tsepm_ros.kinematics.kalman import predict, update
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages.estimation import Fit, fit
 
 ESTIMATORS = ("least_squares", "linear_fitting", "kalman_filter")
 

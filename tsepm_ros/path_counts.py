@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from tsepm_ros.numerics.arrays import IntArray
-from tsepm_ros.paths import Paths
-from tsepm_ros.splitting import Gated
+from tsepm_ros.stages.paths import Paths
+from tsepm_ros.stages.splitting import Gated
 
 LARGEST = 2**40
 """Numbers stop here: sums over the detections of a scan still fit 64 bits."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros import association
-from tsepm_ros.association import Pairs, best_of_each, disjoint, nearest_first, oldest_first
-from tsepm_ros.paths import NO_HIT
+from tsepm_ros.stages import association
+from tsepm_ros.stages.association import Pairs, best_of_each, disjoint, nearest_first, oldest_first
+from tsepm_ros.stages.paths import NO_HIT
 
 
 def plain_disjoint(members, cost):

@@ -9,13 +9,13 @@ import pytest
 from builders import assert_same_tracks, scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.association import Pairs
 from tsepm_ros.clutter_map import ClutterMap
 from tsepm_ros.environment import MEMORY, Environment, Surroundings
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.simulation.scenario import Scenario
+from tsepm_ros.stages.association import Pairs
 
 BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])
 

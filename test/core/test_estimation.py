@@ -9,9 +9,11 @@ import pytest
 from builders import detections, fit_matrix, whitened
 from scipy.optimize import least_squares
 
-from tsepm_ros import Scan, SensorModel, estimation
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.analysis.bounds import cramer_rao
-from tsepm_ros.estimation import (
+from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
+from tsepm_ros.stages import estimation
+from tsepm_ros.stages.estimation import (
     ESTIMATORS,
     fit,
     position_covariances_at,
@@ -19,7 +21,6 @@ from tsepm_ros.estimation import (
     unweighted,
     weighted,
 )
-from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
 

@@ -10,9 +10,9 @@ from builders import detections
 from scipy import stats
 
 from tsepm_ros import SensorModel
-from tsepm_ros.estimation import fit
-from tsepm_ros.evaluation import clutter_statistic, normalized_distance
 from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.stages.estimation import fit
+from tsepm_ros.stages.evaluation import clutter_statistic, normalized_distance
 
 SENSOR = SensorModel()
 

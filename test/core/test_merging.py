@@ -12,9 +12,10 @@ from scipy import stats
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros import SensorModel, make_initiator, merging
-from tsepm_ros.merging import close, groups, merging_threshold, moments
+from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.numerics.grouped import members_of_groups
+from tsepm_ros.stages import merging
+from tsepm_ros.stages.merging import close, groups, merging_threshold, moments
 
 P_TM = 0.9
 

@@ -9,7 +9,7 @@ import pytest
 
 from tsepm_ros import path_counts
 from tsepm_ros.path_counts import LARGEST, PathCounts
-from tsepm_ros.splitting import Gated
+from tsepm_ros.stages.splitting import Gated
 
 Path = tuple[int, int, int]
 

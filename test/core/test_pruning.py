@@ -10,13 +10,7 @@ from builders import FIXED_RANGE_ERROR, scan_at
 from scipy import stats
 
 from tsepm_ros import make_initiator
-from tsepm_ros.pruning import (
-    clutter_threshold,
-    confirmed,
-    distance_threshold,
-    expired,
-    keep,
-)
+from tsepm_ros.stages.pruning import clutter_threshold, confirmed, distance_threshold, expired, keep
 
 HERE = (2000.0, 0.0)
 FAR = (-2000.0, 0.0)

@@ -16,13 +16,13 @@ from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.estimation import ESTIMATORS, fit
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
 from tsepm_ros.simulation import CLUTTER, Scenario, Simulator
 from tsepm_ros.simulation.scenario import OwnShipMotion, TargetArea
+from tsepm_ros.stages.estimation import ESTIMATORS, fit
 
 SENSOR = SensorModel(
     range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0), range_rate_std=0.25

@@ -9,8 +9,8 @@ from scipy.stats import norm
 from tsepm_ros.analysis.reproduction import environment_2018 as environment
 from tsepm_ros.analysis.reproduction import published_environment as published
 from tsepm_ros.analysis.reproduction.paired import FAILS, HOLDS
-from tsepm_ros.association import Pairs, nearest_first
 from tsepm_ros.cli import main
+from tsepm_ros.stages.association import Pairs, nearest_first
 
 TIMES = np.arange(0.0, 240.0, 0.01)
 

@@ -18,7 +18,6 @@ from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_records import record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.estimation import fit
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import Score
@@ -27,6 +26,7 @@ from tsepm_ros.recording import read_recording
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import load_scenario
+from tsepm_ros.stages.estimation import fit
 
 NEVER = 1e-30
 """A wish for so few false tracks that nothing is confirmed."""

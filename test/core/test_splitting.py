@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from builders import FIXED_RANGE_ERROR, detections, scan_at
 
-from tsepm_ros import make_initiator, splitting
+from tsepm_ros import make_initiator
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.splitting import Gated, gate, left_out, residual, split, split_within
+from tsepm_ros.stages import splitting
+from tsepm_ros.stages.splitting import Gated, gate, left_out, residual, split, split_within
 
 
 def rows_of(gated: Gated) -> list[list[int]]:

@@ -15,15 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import pruning
 from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.estimation import fit
-from tsepm_ros.evaluation import clutter_statistic, normalized_distance
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
@@ -32,6 +29,9 @@ from tsepm_ros.sensing.conversion import convert, major_sigma, position_covarian
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, Simulator
+from tsepm_ros.stages import pruning
+from tsepm_ros.stages.estimation import fit
+from tsepm_ros.stages.evaluation import clutter_statistic, normalized_distance
 
 PATCH_SIGMAS = 4.0
 PATHS = 10_000

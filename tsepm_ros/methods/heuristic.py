@@ -33,11 +33,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.association import Pairs
-from tsepm_ros.estimation import Fit
 from tsepm_ros.hit_counting import PathFollower, check_rule
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.stages.association import Pairs
+from tsepm_ros.stages.estimation import Fit
 from tsepm_ros.steps import Steps
 
 

@@ -38,8 +38,8 @@ from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.paths import NO_HIT, Paths, starting
 from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.stages.paths import NO_HIT, Paths, starting
 
 MAX_VOTES = 5_000_000
 """Curves times angles of an image, at most: bounds time and memory."""

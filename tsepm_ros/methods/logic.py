@@ -42,14 +42,14 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import splitting
-from tsepm_ros.association import Pairs, within
 from tsepm_ros.hit_counting import PathFollower, check_rule
 from tsepm_ros.kinematics.polynomials import Polynomials
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.stages import splitting
+from tsepm_ros.stages.association import Pairs, within
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,9 +36,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.association import Pairs
 from tsepm_ros.hit_counting import PathFollower, check_rule
 from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.stages.association import Pairs
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,10 +36,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import splitting
-from tsepm_ros.association import Pairs, nearest_first, within
-from tsepm_ros.estimation import Fit
-from tsepm_ros.evaluation import normalized_distance
 from tsepm_ros.hit_counting import Estimates, PathFollower, check_rule
 from tsepm_ros.initiator import CommonOptions
 from tsepm_ros.kinematics import kalman
@@ -48,10 +44,14 @@ from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.paths import Paths, starting
 from tsepm_ros.sensing.conversion import major_sigma, turned
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages import splitting
+from tsepm_ros.stages.association import Pairs, nearest_first, within
+from tsepm_ros.stages.estimation import Fit
+from tsepm_ros.stages.evaluation import normalized_distance
+from tsepm_ros.stages.paths import Paths, starting
 
 MAX_FILTERS = 500_000
 """Filters held at most: bounds memory."""

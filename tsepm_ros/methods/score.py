@@ -42,8 +42,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import design, evidence, pruning
-from tsepm_ros.estimation import ESTIMATORS, fit
+from tsepm_ros import design, evidence
 from tsepm_ros.holding import LEAST_EXISTENCE
 from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
@@ -55,11 +54,13 @@ from tsepm_ros.numerics.gaussian import mixture
 from tsepm_ros.numerics.grouped import places, sums_over_hits
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.paths import NO_HIT, starting
 from tsepm_ros.sensing import range_rates, sensor
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages import pruning
+from tsepm_ros.stages.estimation import ESTIMATORS, fit
+from tsepm_ros.stages.paths import NO_HIT, starting
 
 MIN_HITS = 3
 """A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""

@@ -41,12 +41,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import initial_state
-from tsepm_ros.association import Pairs, best_of_each, nearest_first, oldest_first
-from tsepm_ros.estimation import Fit
 from tsepm_ros.hit_counting import PathFollower, check_rule
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.conversion import measured_polar, range_variance_at
+from tsepm_ros.stages.association import Pairs, best_of_each, nearest_first, oldest_first
+from tsepm_ros.stages.estimation import Fit
 
 
 @dataclass(frozen=True, kw_only=True)

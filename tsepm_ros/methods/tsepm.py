@@ -43,8 +43,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import evaluation, merging, pruning, splitting
-from tsepm_ros.estimation import ESTIMATORS, Fit, fit
 from tsepm_ros.hit_counting import check_rule
 from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
@@ -54,10 +52,12 @@ from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.path_counts import PathCounts
-from tsepm_ros.paths import Paths, starting
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages import evaluation, merging, pruning, splitting
+from tsepm_ros.stages.estimation import ESTIMATORS, Fit, fit
+from tsepm_ros.stages.paths import Paths, starting
 
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""

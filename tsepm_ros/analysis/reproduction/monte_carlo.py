@@ -34,11 +34,11 @@ from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
-from tsepm_ros.pruning import READINGS
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.simulator import CLUTTER
-from tsepm_ros.splitting import Gated, gate_within
+from tsepm_ros.stages.pruning import READINGS
+from tsepm_ros.stages.splitting import Gated, gate_within
 
 RULE = (5, 8)
 DENSITIES = (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import merging
 from tsepm_ros.analysis.intervals import mean_count, proportion
 from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
 from tsepm_ros.analysis.reproduction.monte_carlo import FourTargets, run_four_targets
@@ -26,6 +25,7 @@ from tsepm_ros.analysis.reproduction.runs import Result, Setting, column
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.simulation import load_scenario
+from tsepm_ros.stages import merging
 
 
 def track_ids() -> IntArray:

@@ -37,8 +37,8 @@ from tsepm_ros.analysis.rules import (
     rule_detection_probability,
 )
 from tsepm_ros.analysis.truth import measurement_sigma
-from tsepm_ros.pruning import READINGS
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages.pruning import READINGS
 
 FITTED_MARGIN = 159.78
 """g that fits most of P_F(1), m. It is fitted to the column, so it shows only the form."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.rows import Rows
-from tsepm_ros.paths import NO_HIT
+from tsepm_ros.stages.paths import NO_HIT
 
 BLOCK = 50_000
 """Rows looked at together."""

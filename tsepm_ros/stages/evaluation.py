@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.estimation import Fit, position_covariances_at, positions_at
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.stages.estimation import Fit, position_covariances_at, positions_at
 
 EVALUATIONS = ("normalized_distance", "clutter_statistic")
 
