@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.detection_probability import DetectionProbability
-from tsepm_ros.environment import Environment
+from tsepm_ros.environment.detection_probability import DetectionProbability
+from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.interacting_models import Motion, stay_or_change
 from tsepm_ros.kinematics.track import TrackArrays

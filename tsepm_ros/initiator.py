@@ -13,8 +13,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.clutter_map import ClutterMap
-from tsepm_ros.environment import Surroundings
+from tsepm_ros.environment import clutter_range_rates
+from tsepm_ros.environment.clutter_map import ClutterMap
+from tsepm_ros.environment.feature_association import Surroundings
 from tsepm_ros.holding import TrackHold
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
@@ -313,7 +314,7 @@ class Initiator(ABC):
         self._outside_coverage = 0
         self._explained = np.zeros(0)
         self._clutter_map = ClutterMap(self.sensor)
-        self._clutter_rates = range_rates.ClutterRates()
+        self._clutter_rates = clutter_range_rates.ClutterRates()
         self._clutter_share = np.zeros(0)
         self._surroundings = Surroundings()
         self._in_zone = np.zeros(0, bool)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.clutter_map import ClutterMap
+from tsepm_ros.environment.clutter_map import ClutterMap
 
 SONAR = SensorModel(max_range=9000.0)
 

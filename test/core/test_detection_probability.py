@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.detection_probability import DATA_SHEET_SCANS, DetectionProbability
+from tsepm_ros.environment.detection_probability import DATA_SHEET_SCANS, DetectionProbability
 from tsepm_ros.initiator import Initiator
 from tsepm_ros.methods.score import Score
 

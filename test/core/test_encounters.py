@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from tsepm_ros.encounters import closest_approach, distance_at, meeting
+from tsepm_ros.environment.encounters import closest_approach, distance_at, meeting
 from tsepm_ros.simulation import load_scenario
 
 

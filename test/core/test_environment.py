@@ -9,8 +9,8 @@ import pytest
 from builders import assert_same_tracks, scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.clutter_map import ClutterMap
-from tsepm_ros.environment import MEMORY, Environment, Surroundings
+from tsepm_ros.environment.clutter_map import ClutterMap
+from tsepm_ros.environment.feature_association import MEMORY, Environment, Surroundings
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.simulation import Simulator, load_scenario

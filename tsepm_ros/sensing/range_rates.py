@@ -10,9 +10,6 @@ measurements", IEEE Trans. Aerosp. Electron. Syst. 37(3), 2001).
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
@@ -25,12 +22,6 @@ LEAST_DISTANCE = 1e-3
 """Distance from the sensor below which the line of sight is not turned any faster, m."""
 PASSES = 2
 """Linearisations of a fit."""
-LEAST_RATES = 20
-"""Detections whose range rates tell clutter's: below, the given figure counts."""
-LARGEST_SPREAD = 1e4
-"""Median range rate of clutter that is taken, m/s."""
-MEMORY = 50
-"""Scans over which that is taken."""
 
 
 def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
@@ -103,30 +94,6 @@ def clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatA
     half = sensor.clutter_range_rate
     density = half / (np.pi * (half**2 + np.square(over_ground(detections))))
     return np.where(measured(detections), density, 1.0)
-
-
-class ClutterRates:
-    """The spread of clutter's range rates, learned from the last scans: nearly all is clutter."""
-
-    def __init__(self) -> None:
-        self._rates: deque[FloatArray] = deque(maxlen=MEMORY)
-
-    def update(self, detections: NDArray[np.void]) -> None:
-        """Take the range rates of a scan's detections, as far as they have any."""
-        rated = detections[measured(detections)]
-        if len(rated):
-            self._rates.append(np.abs(over_ground(rated)))
-
-    def estimate(self, sensor: SensorModel) -> SensorModel:
-        """The sensor with the median of the range rates over ground as `clutter_range_rate`.
-
-        With what is given, while there are fewer than `LEAST_RATES`.
-        """
-        found = np.concatenate(self._rates) if self._rates else np.zeros(0)
-        if len(found) < LEAST_RATES:
-            return sensor
-        half = max(float(np.median(found)), 0.5 * sensor.range_rate_std)
-        return replace(sensor, clutter_range_rate=min(half, LARGEST_SPREAD))
 
 
 def innovations(

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros import encounters
+from tsepm_ros.environment import encounters
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import NAMES, Histories

@@ -1,0 +1,1 @@
+"""What is learned of the surroundings: clutter, detection probability, encounters."""
