@@ -8,10 +8,10 @@ from msg_adapters.detections import DetectionMessage
 from msg_adapters.own_ship_odometry import OwnShipSample
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.track_cloud import read_track_cloud, track_arrays
+from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.tracked import TrackerReport
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from tsepm_ros.environment import clutter_range_rates
 from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.feature_association import Surroundings
-from tsepm_ros.holding import TrackHold
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.maintenance.held_tracks import TrackHold
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.parameters import check_group, parameter

@@ -17,16 +17,16 @@ import numpy as np
 
 from tsepm_ros.clocks import Now, waited
 from tsepm_ros.health import Figures
-from tsepm_ros.holding import Tracker
 from tsepm_ros.initiator import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance.downstream_tracker import TrackerReport, usable
+from tsepm_ros.maintenance.held_tracks import Tracker
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import Coverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.settings import Settings
-from tsepm_ros.tracked import TrackerReport, usable
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
 """Arrivals of scans that are dropped."""
@@ -293,7 +293,7 @@ class Session:
     def add_tracked(self, report: TrackerReport) -> None:
         """Take what a downstream tracker says that it tracks; the newest counts at the next scan.
 
-        Targets that cannot be used are left out, see `tsepm_ros.tracked.usable`.
+        Targets that cannot be used are left out, see `downstream_tracker.usable`.
         """
         if self._fixed_frame is not None and not self._is_in_fixed_frame(report):
             return

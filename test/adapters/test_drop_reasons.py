@@ -34,7 +34,7 @@ def literals(path: Path) -> Iterator[str]:
         elif isinstance(node, ast.Assign) and isinstance(node.value, ast.IfExp):
             if getattr(node.targets[0], "id", "") == "reason":
                 yield from (one.value for one in ast.walk(node.value) if is_text(one))
-        elif isinstance(node, ast.Dict) and path.name == "tracked.py":
+        elif isinstance(node, ast.Dict) and path.name == "downstream_tracker.py":
             yield from (key.value for key in node.keys if is_text(key))
 
 

@@ -14,8 +14,8 @@ from msg_adapters import (
     tracker_report,
 )
 from tsepm_ros.kinematics import kalman
+from tsepm_ros.maintenance.downstream_tracker import usable
 from tsepm_ros.sensing.scan import FEATURES
-from tsepm_ros.tracked import usable
 
 STAMP = 1_700_000_000_123_456_789
 

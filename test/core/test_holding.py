@@ -12,8 +12,11 @@ from builders import FIXED_RANGE_ERROR, detections
 from scipy.linalg import expm
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros import holding as holding_module
-from tsepm_ros.holding import (
+from tsepm_ros.kinematics import interacting_models as motion_module
+from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance import held_tracks as holding_module
+from tsepm_ros.maintenance.held_tracks import (
     GATE_PROBABILITY,
     LEAST_EXISTENCE,
     SAME_SCANS,
@@ -24,9 +27,6 @@ from tsepm_ros.holding import (
     Tracker,
     TrackHold,
 )
-from tsepm_ros.kinematics import interacting_models as motion_module
-from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.sensing.conversion import convert, covariance_at
 
 NOTHING = detections(np.zeros((0, 2)), 0.0)

@@ -14,6 +14,7 @@ from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.initiator import CommonOptions, ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
@@ -21,7 +22,6 @@ from tsepm_ros.scan_order import Arrival
 from tsepm_ros.session import Session
 from tsepm_ros.settings import SessionOptions, Settings
 from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.tracked import TrackerReport
 
 BOX = dataclasses.replace(load_scenario("box"), scans=10)
 RULE = TsepmOptions(min_hits=3, window=4)

@@ -43,11 +43,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros import design, evidence
-from tsepm_ros.holding import LEAST_EXISTENCE
 from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import mixture

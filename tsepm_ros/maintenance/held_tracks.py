@@ -306,7 +306,7 @@ class TrackHold:
             Time at which the tracker says so, s; it may be later than the next step's.
         tracks : TrackArrays
             With stamps of their own, finite numbers and an id each, see
-            `tsepm_ros.tracked.usable`.
+            `tsepm_ros.maintenance.downstream_tracker.usable`.
         """
         self._listen(stamp)
         if self.tracker is not Tracker.ALIVE:

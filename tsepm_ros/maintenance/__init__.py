@@ -1,0 +1,1 @@
+"""Confirmed tracks carried on: association, existence, and a downstream tracker's reports."""
