@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.splitting_theory import Expected, Gating, expected_counts
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.numerics.arrays import FloatArray
 
 REFERENCE = "tsepm-5/8"

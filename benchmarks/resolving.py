@@ -40,7 +40,7 @@ from tsepm_ros.analysis.report import text_table
 from tsepm_ros.analysis.run_records import RunRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.hypotheses import Hypotheses
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import score
 from tsepm_ros.numerics import grouped

@@ -20,7 +20,7 @@ import numpy as np
 from scenes import make_scene
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.tsepm import Tsepm, TsepmOptions
 
 STAGES = {

@@ -17,7 +17,7 @@ from itertools import pairwise
 
 from tsepm_ros.clocks import Now, waited
 from tsepm_ros.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRACKER, reason_of
-from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.parameters import check_group, parameter
 
 SCANS = 50

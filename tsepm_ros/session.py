@@ -17,7 +17,7 @@ import numpy as np
 
 from tsepm_ros.clocks import Now, waited
 from tsepm_ros.health import Figures
-from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport, usable
 from tsepm_ros.maintenance.held_tracks import Tracker

@@ -6,7 +6,8 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
-from tsepm_ros.initiator import CommonOptions, Initiator
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.methods import METHODS, available_methods, make_initiator
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import check_group, parameter

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods import available_methods
 from tsepm_ros.methods.score import ScoreOptions
 from tsepm_ros.own_ship.pose_history import PoseSample

@@ -20,7 +20,7 @@ from tsepm_ros.health import (
     Level,
     Status,
 )
-from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.parameters import table
 
 GOOD = Figures(

@@ -7,7 +7,7 @@ import pytest
 from builders import detections, whitened
 
 from tsepm_ros import SensorModel
-from tsepm_ros.initial_state import ESTIMATORS, estimate, kalman, line
+from tsepm_ros.initiation.initial_state import ESTIMATORS, estimate, kalman, line
 from tsepm_ros.stages.estimation import unweighted, weighted
 
 TIMES = np.array([-60.0, -48.0, -24.0, -12.0, -5.0])

@@ -13,7 +13,8 @@ from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 from scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.initiator import CommonOptions, ScanStatistics
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm import TsepmOptions
 

@@ -13,9 +13,9 @@ from builders import FIXED_RANGE_ERROR, scan_at
 from scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.methods.tsepm import Tsepm
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
-from tsepm_ros.path_counts import PathCounts
 
 
 @pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])

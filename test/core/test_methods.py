@@ -15,7 +15,9 @@ from builders import assert_same_tracks, scan_at
 from scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import METHODS
 from tsepm_ros.parameters import check_group, parameter, table

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel, available_methods
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods import METHODS
 from tsepm_ros.parameter_groups import (
     NODES,

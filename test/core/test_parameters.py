@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.parameter_groups import (
     InitiatorNodeOptions,

@@ -7,8 +7,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from tsepm_ros import path_counts
-from tsepm_ros.path_counts import LARGEST, PathCounts
+from tsepm_ros.initiation import path_counts
+from tsepm_ros.initiation.path_counts import LARGEST, PathCounts
 from tsepm_ros.stages.splitting import Gated
 
 Path = tuple[int, int, int]

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_history import PoseSample

@@ -18,7 +18,7 @@ from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_records import record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import Score
 from tsepm_ros.offline import process_recording

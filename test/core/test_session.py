@@ -12,7 +12,8 @@ import pytest
 from builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.initiator import CommonOptions, ScanStatistics
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 from tsepm_ros.methods.tsepm import TsepmOptions

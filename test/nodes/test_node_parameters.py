@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from sonar_driver import pings
 
 from tsepm_ros import SensorModel, available_methods
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
 from tsepm_ros.nodes.scan_player import ScanPlayer

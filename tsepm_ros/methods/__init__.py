@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from tsepm_ros.initiator import CommonOptions, Initiator
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.methods.clutter_test import ClutterTest
 from tsepm_ros.methods.heuristic import Heuristic
 from tsepm_ros.methods.hough import Hough
@@ -55,7 +56,7 @@ def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initi
         The sensor's errors and coverage.
     **options
         Options common to all methods (`max_speed` and the limits, see
-        `tsepm_ros.initiator.CommonOptions`) and the method's own (its class's `Options`).
+        `common_options.CommonOptions`) and the method's own (its class's `Options`).
 
     Returns
     -------

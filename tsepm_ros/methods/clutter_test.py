@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
-from tsepm_ros.hit_counting import check_rule
+from tsepm_ros.initiation.hit_counting import check_rule
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm import Candidates, Tsepm
 from tsepm_ros.parameters import check_group, parameter

@@ -33,12 +33,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.initiation.displacements import Steps
+from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.stages.association import Pairs
 from tsepm_ros.stages.estimation import Fit
-from tsepm_ros.steps import Steps
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,8 +32,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from tsepm_ros.hit_counting import Estimates, HitCounter, check_rule
-from tsepm_ros.initiator import ScanStatistics
+from tsepm_ros.initiation.hit_counting import Estimates, HitCounter, check_rule
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best

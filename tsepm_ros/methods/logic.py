@@ -42,7 +42,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.kinematics.polynomials import Polynomials
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray

@@ -36,8 +36,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.hit_counting import Estimates, PathFollower, check_rule
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.hit_counting import Estimates, check_rule
+from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.interacting_models import combined
 from tsepm_ros.numerics import gaussian

@@ -44,7 +44,9 @@ from numpy.typing import NDArray
 
 from tsepm_ros import design, evidence
 from tsepm_ros.hypotheses import Hypotheses
-from tsepm_ros.initiator import NEW_TRACK_EXISTENCE, CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE, Initiator
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE

@@ -40,8 +40,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import initial_state
-from tsepm_ros.hit_counting import PathFollower, check_rule
+from tsepm_ros.initiation import initial_state
+from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.conversion import measured_polar, range_variance_at

@@ -41,7 +41,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.hit_counting import check_rule
+from tsepm_ros.initiation.hit_counting import check_rule
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.tsepm import Candidates, Tsepm
 from tsepm_ros.numerics.arrays import FloatArray

@@ -43,15 +43,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.hit_counting import check_rule
-from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.initiation.path_counts import PathCounts
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.path_counts import PathCounts
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel

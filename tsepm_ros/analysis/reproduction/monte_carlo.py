@@ -29,7 +29,7 @@ from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
 from tsepm_ros.analysis.reproduction.runs import Result
 from tsepm_ros.analysis.reproduction.scene import Scene, Started
 from tsepm_ros.analysis.truth import measurement_sigma
-from tsepm_ros.initiator import CommonOptions
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions

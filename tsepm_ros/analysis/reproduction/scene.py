@@ -8,7 +8,7 @@ import numpy as np
 
 from tsepm_ros.analysis.simulated_run import placed
 from tsepm_ros.analysis.truth import Judged, Outcome, judge
-from tsepm_ros.initiator import Initiator
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.sensing.scan import Scan

@@ -1,184 +1,30 @@
-"""Confirming tracks by counting their hits within a window of scans: what such methods share."""
+"""Hit counting along paths: potential tracks extended from scan to scan."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.initiator import CommonOptions, Initiator, ScanStatistics
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.displacements import Steps
+from tsepm_ros.initiation.hit_counting import HitCounter
+from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
-from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.sensing.conversion import DETECTION
-from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.stages import evaluation, pruning, splitting
-from tsepm_ros.stages.association import Pairs, best_of_each, disjoint
-from tsepm_ros.stages.estimation import Fit, fit
+from tsepm_ros.stages import pruning, splitting
+from tsepm_ros.stages.association import Pairs, best_of_each
 from tsepm_ros.stages.paths import NO_HIT, Paths, starting
-from tsepm_ros.steps import Steps
 
-BLOCK = 16_384
-"""Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 MAX_PAIRS = 1_000_000
 """Pairs of potential tracks and detections looked at in a scan; of more, the shortest steps."""
-
-
-def check_rule(min_hits: int, window: int) -> None:
-    """Refuse an M/N rule that nothing can satisfy.
-
-    Raises
-    ------
-    ValueError
-        If the window is shorter than the number of hits.
-    """
-    if window < min_hits:
-        raise ValueError(f"window must be at least min_hits; got {window} and {min_hits}")
-
-
-@dataclass(frozen=True)
-class Estimates(Rows):
-    """Tracks as estimated from their hits.
-
-    Attributes
-    ----------
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        At the last scan's stamp.
-    evaluation : (n,) ndarray
-        The method's figure; smaller is better.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-    evaluation: FloatArray
-
-
-@dataclass(frozen=True)
-class Confirmation:
-    """What became of the tracks that reached confirmation in a scan.
-
-    Attributes
-    ----------
-    tracks : TrackArrays
-        Those put out.
-    hits : (n, most) ndarray of int
-        Their detections' ids, with NO_HIT.
-    pruned, merged : int
-        The others: refused, and with a hit of a better one.
-    """
-
-    tracks: TrackArrays
-    hits: IntArray
-    pruned: int
-    merged: int
-
-
-class HitCounter(Initiator):
-    """A method that confirms tracks of M hits within N scans.
-
-    Its `Options` have `min_hits` (M) and `window` (N).
-    """
-
-    def forget_potential_tracks(self) -> None:
-        """See `Initiator.forget_potential_tracks`."""
-        self._window = DetectionWindow()
-
-    def _fit(self, hits: NDArray[np.void]) -> Fit:
-        """Fit the states to the hits (n, m) of n tracks."""
-        return fit(hits, self._now, self.sensor, "unweighted")
-
-    def _evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
-        """The method's figure, (n,), small for a target; f_1 (TSEPM 2018, Eq. 23) if not another.
-
-        Parameters
-        ----------
-        hits : (n, m) ndarray of DETECTION
-        fitted : Fit
-        """
-        return evaluation.normalized_distance(hits, fitted)
-
-    def _accept(self, estimates: Estimates) -> BoolArray:
-        """Which tracks may be put out, (n,): those whose hits tell a state at all."""
-        finite = np.isfinite(estimates.covariance).all(axis=(1, 2))
-        return np.asarray(finite & np.isfinite(estimates.state).all(axis=1))
-
-    def _estimate(self, paths: Paths) -> Estimates:
-        n = len(paths)
-        made = Estimates(np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
-        for count in np.unique(paths.hit_count):
-            rows = np.flatnonzero(paths.hit_count == count)
-            for first in range(0, len(rows), BLOCK):
-                part = rows[first : first + BLOCK]
-                hits = self._window[paths.hits[part, :count]]
-                fitted = self._fit(hits)
-                made.state[part], made.covariance[part] = fitted.state, fitted.covariance
-                made.evaluation[part] = self._evaluate(hits, fitted)
-        return made
-
-    def _preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
-        """Which of the tracks that share a detection is put out: that of the smallest, (n,)."""
-        return estimates.evaluation
-
-    def _best(self, paths: Paths) -> tuple[Paths, Estimates, int]:
-        """The best paths that share no detection, and how many are refused before."""
-        estimates = self._estimate(paths)
-        accepted = self._accept(estimates)
-        candidates, estimates = paths[accepted], estimates[accepted]
-        rows = disjoint(candidates.hits, self._preference(candidates, estimates))
-        return candidates[rows], estimates[rows], len(paths) - len(candidates)
-
-    def _confirm(self, raw: Paths) -> Confirmation:
-        """Estimate the tracks that reached M hits and put out the best that share no detection."""
-        best, estimates, refused = self._best(raw)
-        tracks = self._tracks(best, estimates)
-        return Confirmation(
-            tracks.numbered(self._take_track_ids(len(tracks))),
-            best.hits,
-            pruned=refused,
-            merged=len(raw) - refused - len(best),
-        )
-
-    def _tracks(self, paths: Paths, estimates: Estimates) -> TrackArrays:
-        """Paths as tracks, without ids yet."""
-        n = len(paths)
-        hits = [
-            self._window[ids[:count]]
-            for ids, count in zip(paths.hits, paths.hit_count.tolist(), strict=True)
-        ]
-        first = self._window[paths.hits[:, 0]]
-        return TrackArrays(
-            track_id=np.zeros(n, np.int64),
-            stamp=np.full(n, self.stamp or 0.0),
-            state=estimates.state,
-            covariance=estimates.covariance,
-            hits=[
-                tuple(zip(found["scan"].tolist(), found["index"].tolist(), strict=True))
-                for found in hits
-            ],
-            hit_count=paths.hit_count,
-            evaluation=estimates.evaluation,
-            score=np.full(n, np.nan),
-            scan_count=self.scan_index + 1 - first["scan"],
-            age=(self.stamp or 0.0) - first["time"],
-        )
-
-    def _expired(self, first_scan: IntArray) -> BoolArray:
-        return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
-
-    def reason(self, track: ConfirmedTrack) -> str:
-        """Its rule.
-
-        See `Initiator.reason`.
-        """
-        rule = f"{self.options.min_hits}/{self.options.window}"
-        return f"{super().reason(track)}, by the rule {rule}"
 
 
 class PathFollower(HitCounter):

@@ -7,7 +7,6 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -16,11 +15,12 @@ from numpy.typing import NDArray
 from tsepm_ros.environment import clutter_range_rates
 from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.feature_association import Surroundings
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance.held_tracks import TrackHold
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.limits import TimeLimit
-from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.coverage import PosesByRange, inside
@@ -31,139 +31,6 @@ NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, as the hold begins, at the most: a choice."""
 TRACK_IDS = 2**32
 """Track ids count from 0 up to this, then start again: messages hold 32 bits."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CommonOptions:
-    """Options that mean the same in every method.
-
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    max_speed: float = parameter(
-        10.0, "Maximum speed of a target", unit="m/s", positive=True, maximum=1e4
-    )
-    max_detections: int = parameter(
-        200_000, "Detections in a scan above which the scan is refused", minimum=1
-    )
-    max_potential_tracks: int = parameter(
-        250_000, "Potential tracks held at most; the worst beyond are cut and counted", minimum=1
-    )
-    max_raw_confirmations: int = parameter(
-        250_000,
-        "Tracks that reach confirmation in one scan, before pruning and merging, at most; the "
-        "worst beyond are cut and counted",
-        minimum=1,
-    )
-    hold_time: float = parameter(
-        120.0,
-        "Time for which a confirmed track is held, and stays on tracks/current, without a "
-        "detection of its own; it ends sooner where its target is missed again and again",
-        unit="s",
-        minimum=0.0,
-    )
-    detection_probability: str = parameter(
-        "given",
-        "Detection probability: sensor.detection_probability as given; or estimated from the scans "
-        "after confirmation of the tracks held, beginning with what is given; that is right where "
-        "most of them are true, as with the method score",
-        choices=("given", "estimated"),
-    )
-    clutter_density: str = parameter(
-        "given",
-        "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
-        "polar grid, also where clutter ends or changes within the sensor's coverage",
-        choices=("given", "estimated"),
-    )
-    plot_features: bool = parameter(
-        False,
-        "In clutter zones, and where targets meet, the intensity, range width and azimuth width "
-        "of a detection, if measured, must resemble those of a track's own to extend it; where "
-        "held targets meet, each detection goes to one of them",
-    )
-    encounter_time: float = parameter(
-        60.0,
-        "Targets meet from this long before their closest approach to as long after it, where "
-        "their gates overlap; with plot_features",
-        unit="s",
-        minimum=0.0,
-        maximum=3600.0,
-    )
-    tracked_timeout: float = parameter(
-        60.0,
-        "A downstream tracker whose last message on tracked is older than this at a scan is "
-        "silent, and its tracks are held as all others; for as long it may leave a new track "
-        "unlisted before that ends",
-        unit="s",
-        positive=True,
-        maximum=3600.0,
-    )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-
-
-@dataclass(frozen=True)
-class ScanStatistics:
-    """Counts of one scan, or summed over scans.
-
-    Attributes
-    ----------
-    scans : int
-        Scans counted.
-    detections : int
-        Detections in the sensor's coverage.
-    potential_tracks : int
-        Potential tracks held after the scan (in a sum: the most held at once).
-    hopeless_tracks : int
-        Beside them, paths that no further hit can save and that are held only as numbers, with
-        their gates (in a sum: the most held at once).
-    started : int
-        Potential tracks started.
-    terminated : int
-        Potential tracks ended by the method's own rule.
-    raw_confirmations : int
-        Tracks that reached confirmation, before pruning and merging; hopeless ones included.
-    pruned : int
-        Of these, removed by their evaluation; hopeless ones included.
-    merged : int
-        Of these, removed by merging into another.
-    confirmed : int
-        Confirmed tracks put out.
-    cut_potential_tracks, cut_confirmations : int
-        Removed because a limit was reached. Potential tracks count once, when they are cut, as does
-        a pair of gate and detection that was left out; the confirmations are all that would have
-        come of the potential tracks cut in this and in earlier scans.
-    outside_coverage : int
-        Detections received beside those in the coverage; they are not used.
-    """
-
-    scans: int = 0
-    detections: int = 0
-    potential_tracks: int = 0
-    hopeless_tracks: int = 0
-    started: int = 0
-    terminated: int = 0
-    raw_confirmations: int = 0
-    pruned: int = 0
-    merged: int = 0
-    confirmed: int = 0
-    cut_potential_tracks: int = 0
-    cut_confirmations: int = 0
-    outside_coverage: int = 0
-
-    def __add__(self, other: ScanStatistics) -> ScanStatistics:
-        """Sum of the counts; of the tracks held the larger."""
-        values = {
-            field.name: getattr(self, field.name) + getattr(other, field.name)
-            for field in dataclasses.fields(self)
-        }
-        for held in ("potential_tracks", "hopeless_tracks"):
-            values[held] = max(getattr(self, held), getattr(other, held))
-        return ScanStatistics(**values)
 
 
 class Initiator(ABC):

@@ -1,0 +1,1 @@
+"""What track initiation methods share."""

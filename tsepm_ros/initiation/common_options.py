@@ -1,0 +1,80 @@
+"""Options that all methods share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tsepm_ros.parameters import check_group, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """Options that mean the same in every method.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    max_speed: float = parameter(
+        10.0, "Maximum speed of a target", unit="m/s", positive=True, maximum=1e4
+    )
+    max_detections: int = parameter(
+        200_000, "Detections in a scan above which the scan is refused", minimum=1
+    )
+    max_potential_tracks: int = parameter(
+        250_000, "Potential tracks held at most; the worst beyond are cut and counted", minimum=1
+    )
+    max_raw_confirmations: int = parameter(
+        250_000,
+        "Tracks that reach confirmation in one scan, before pruning and merging, at most; the "
+        "worst beyond are cut and counted",
+        minimum=1,
+    )
+    hold_time: float = parameter(
+        120.0,
+        "Time for which a confirmed track is held, and stays on tracks/current, without a "
+        "detection of its own; it ends sooner where its target is missed again and again",
+        unit="s",
+        minimum=0.0,
+    )
+    detection_probability: str = parameter(
+        "given",
+        "Detection probability: sensor.detection_probability as given; or estimated from the scans "
+        "after confirmation of the tracks held, beginning with what is given; that is right where "
+        "most of them are true, as with the method score",
+        choices=("given", "estimated"),
+    )
+    clutter_density: str = parameter(
+        "given",
+        "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
+        "polar grid, also where clutter ends or changes within the sensor's coverage",
+        choices=("given", "estimated"),
+    )
+    plot_features: bool = parameter(
+        False,
+        "In clutter zones, and where targets meet, the intensity, range width and azimuth width "
+        "of a detection, if measured, must resemble those of a track's own to extend it; where "
+        "held targets meet, each detection goes to one of them",
+    )
+    encounter_time: float = parameter(
+        60.0,
+        "Targets meet from this long before their closest approach to as long after it, where "
+        "their gates overlap; with plot_features",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    tracked_timeout: float = parameter(
+        60.0,
+        "A downstream tracker whose last message on tracked is older than this at a scan is "
+        "silent, and its tracks are held as all others; for as long it may leave a new track "
+        "unlisted before that ends",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
