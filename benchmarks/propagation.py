@@ -42,7 +42,7 @@ from tsepm_ros import SensorModel
 from tsepm_ros.analysis.intervals import mean
 from tsepm_ros.analysis.report import text_table
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods import METHODS
+from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session import Session

@@ -32,24 +32,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from tsepm_ros import evidence
 from tsepm_ros.analysis.figures import Figures, figures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.report import text_table
 from tsepm_ros.analysis.run_records import RunRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods import score
+from tsepm_ros.methods.score import method, options
+from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.numerics import grouped
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.stages.paths import NO_HIT
 
 SCENE = "box"
 PINGS = (8, 16)
-BUILT = score.RESOLVED
+BUILT = method.RESOLVED
 SETTINGS = {
     "waiting": [("summed evidence", 20.0, share) for share in (0.0, 0.8, BUILT, 0.95, 0.97)],
     "rules": [
@@ -68,7 +67,7 @@ passes less often: it takes a larger wish for as many false tracks."""
 Confirmed = tuple[TrackArrays, list[Any]]
 
 
-class BestPath(score.Score):
+class BestPath(method.Score):
     """The largest score of a hypothesis is tested instead of the sum."""
 
     def _confirm(
@@ -78,7 +77,7 @@ class BestPath(score.Score):
             return super()._confirm(updated, missed, ids)
 
 
-class IndependentSet(score.Score):
+class IndependentSet(method.Score):
     """The hypotheses of the best set without shared detections, each a start."""
 
     def _confirm(
@@ -86,9 +85,9 @@ class IndependentSet(score.Score):
     ) -> Confirmed:
         threshold = self._threshold_if_near(updated.score.max(initial=-np.inf))
         found = updated[updated.score >= threshold]
-        found = found[self._spread_in_time(found, score.MIN_HITS)]
+        found = found[self._spread_in_time(found, options.MIN_HITS)]
         share = self._claimed_share(found, np.arange(len(found)), len(found))
-        found = found[share <= score.CLAIMED]
+        found = found[share <= method.CLAIMED]
         found = found[best_set(found)]
         hits = [path[path != NO_HIT] for path in found.hits]
         for ids_of_one in hits:
@@ -109,16 +108,16 @@ def best_set(paths: Hypotheses) -> NDArray[np.int64]:
     return np.flatnonzero(solved.x > 0.5)
 
 
-RULES: dict[str, type[score.Score]] = {
-    "summed evidence": score.Score,
+RULES: dict[str, type[method.Score]] = {
+    "summed evidence": method.Score,
     "best path alone": BestPath,
     "weighted independent set": IndependentSet,
 }
 
 
-def make(scenario: Scenario, rule: str, options: Mapping[str, Any]) -> score.Score:
+def make(scenario: Scenario, rule: str, options: Mapping[str, Any]) -> method.Score:
     """Make a rule for a scenario's sensor."""
-    return RULES[rule](scenario.sensor, CommonOptions(), score.ScoreOptions(**options))
+    return RULES[rule](scenario.sensor, CommonOptions(), options.ScoreOptions(**options))
 
 
 def one_run(run: int, *, seed: int, rule: str, wish: float, resolved: float) -> RunRecord:

@@ -23,7 +23,7 @@ from tsepm_ros.analysis.report import text_table, with_progress
 from tsepm_ros.analysis.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.analysis.run_command import add_recording_arguments, run_recording
 from tsepm_ros.analysis.study import study
-from tsepm_ros.methods import METHODS, available_methods
+from tsepm_ros.methods.registry import METHODS, available_methods
 from tsepm_ros.parameter_groups import (
     NODES,
     as_markdown,

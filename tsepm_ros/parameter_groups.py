@@ -11,7 +11,7 @@ import yaml
 
 from tsepm_ros.health import DiagnosticsOptions
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods import METHODS
+from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import (
     Parameter,

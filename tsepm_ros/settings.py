@@ -8,7 +8,7 @@ from typing import Any
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.methods import METHODS, available_methods, make_initiator
+from tsepm_ros.methods.registry import METHODS, available_methods, make_initiator
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.sensor import SensorModel

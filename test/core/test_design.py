@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tsepm_ros import SensorModel, design
+from tsepm_ros import SensorModel
+from tsepm_ros.methods.score import threshold_plan
 
 RULE = {
     "max_speed": 10.0,
@@ -21,8 +22,8 @@ RULE = {
 }
 
 
-def plan(**sensor: float) -> design.ScorePlan:
-    return design.score_plan(replace(SensorModel(), **sensor), **RULE)
+def plan(**sensor: float) -> threshold_plan.ScorePlan:
+    return threshold_plan.score_plan(replace(SensorModel(), **sensor), **RULE)
 
 
 def test_fewer_false_tracks_need_a_higher_threshold():
@@ -35,13 +36,17 @@ def test_fewer_false_tracks_need_a_higher_threshold():
 @pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6, 1e-30, 1e-60])
 def test_no_threshold_is_above_the_one_that_holds_for_every_target(share):
     threshold = plan().threshold(share)
-    assert -math.log(share) - design.LARGEST_GAIN <= threshold <= -math.log(share)
+    assert -math.log(share) - threshold_plan.LARGEST_GAIN <= threshold <= -math.log(share)
 
 
 def test_the_same_question_is_answered_from_memory():
     assert plan() is plan()
-    assert design.rounded(12.0) == design.rounded(12.2) == pytest.approx(12.0, rel=0.05)
-    assert design.rounded(0.0012) == pytest.approx(0.0012, rel=0.05)
+    assert (
+        threshold_plan.rounded(12.0)
+        == threshold_plan.rounded(12.2)
+        == pytest.approx(12.0, rel=0.05)
+    )
+    assert threshold_plan.rounded(0.0012) == pytest.approx(0.0012, rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -59,7 +64,7 @@ def test_the_same_question_is_answered_from_memory():
 )
 @pytest.mark.parametrize("window", [3, 8, 16])
 def test_a_rarer_wish_has_a_higher_threshold_whatever_the_sensor(sensor, window):
-    made = design.score_plan(replace(SensorModel(), **sensor), **{**RULE, "window": window})
+    made = threshold_plan.score_plan(replace(SensorModel(), **sensor), **{**RULE, "window": window})
     thresholds = [made.threshold(10.0**-power) for power in (1, 3, 6, 12, 24)]
     assert np.diff(thresholds) == pytest.approx(np.log(10.0) * np.array([2, 3, 6, 12]), abs=2.5)
     assert thresholds[2] > 10.0

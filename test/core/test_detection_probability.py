@@ -11,7 +11,7 @@ import pytest
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.environment.detection_probability import DATA_SHEET_SCANS, DetectionProbability
 from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.methods.score import Score
+from tsepm_ros.methods.score.method import Score
 
 SENSOR = SensorModel(clutter_density=3e-7)
 TARGETS = np.array(

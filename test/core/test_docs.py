@@ -15,7 +15,7 @@ import pytest
 
 from tsepm_ros import available_methods
 from tsepm_ros.cli import _parser
-from tsepm_ros.methods import option_names
+from tsepm_ros.methods.registry import option_names
 from tsepm_ros.parameter_groups import NODES, as_page, full_table
 
 ROOT = Path(__file__).parents[2]

@@ -19,7 +19,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods import METHODS
+from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.parameters import check_group, parameter, table
 
 EVERY_METHOD = pytest.mark.parametrize("method", available_methods())
@@ -288,7 +288,7 @@ class Toy(Initiator):
 
 TOY = """
 import test_methods
-from tsepm_ros.methods import METHODS
+from tsepm_ros.methods.registry import METHODS
 METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.analysis.operating_points import operating_points

@@ -7,7 +7,7 @@ import pickle
 import pytest
 
 from tsepm_ros.analysis.operating_points import operating_points
-from tsepm_ros.methods import METHODS, available_methods
+from tsepm_ros.methods.registry import METHODS, available_methods
 from tsepm_ros.simulation import load_scenario
 
 BOX = load_scenario("box")

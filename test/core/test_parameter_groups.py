@@ -10,7 +10,7 @@ import yaml
 
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods import METHODS
+from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.parameter_groups import (
     NODES,
     TRACK_INITIATOR,

@@ -15,7 +15,7 @@ from tsepm_ros.analysis.run_records import RunRecord, record, start_bound
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.study import run
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.methods import available_methods
+from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.simulation import Scenario, load_scenario
 
 MANY = {

@@ -20,7 +20,7 @@ from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.score import Score
+from tsepm_ros.methods.score.method import Score
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import read_recording
 from tsepm_ros.sensing.conversion import convert
@@ -182,7 +182,7 @@ def test_blocks_do_not_change_the_hypotheses(monkeypatch):
         return sorted(zip(found.hits, found.score.tolist(), strict=True))
 
     expected = run()
-    monkeypatch.setattr("tsepm_ros.methods.score.BLOCK", 7)
+    monkeypatch.setattr("tsepm_ros.methods.score.method.BLOCK", 7)
     assert run() == expected
     assert len(expected) > 100
 
@@ -485,7 +485,7 @@ def test_limits_hold_and_are_counted(limit):
 
 
 def test_a_time_limit_cuts_and_counts(monkeypatch):
-    monkeypatch.setattr("tsepm_ros.methods.score.BLOCK", 10)
+    monkeypatch.setattr("tsepm_ros.methods.score.method.BLOCK", 10)
     initiator = score()
     initiator.max_scan_time = 1e-9
     for scan in sea(np.random.default_rng(1), 3, []):
@@ -494,7 +494,7 @@ def test_a_time_limit_cuts_and_counts(monkeypatch):
 
 
 def test_a_time_limit_that_is_not_reached_changes_nothing(monkeypatch):
-    monkeypatch.setattr("tsepm_ros.methods.score.BLOCK", 50)
+    monkeypatch.setattr("tsepm_ros.methods.score.method.BLOCK", 50)
     scans = sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)])
     free, limited = score(), score()
     limited.max_scan_time = 1e6

@@ -23,7 +23,7 @@ from tsepm_ros.analysis.evaluate_command import positive
 from tsepm_ros.analysis.prediction import Case
 from tsepm_ros.analysis.report import with_progress
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.score import ScoreOptions
+from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.parameter_groups import TRACK_INITIATOR, make_groups, parse_values
 from tsepm_ros.parameters import Value

@@ -9,7 +9,7 @@ from tsepm_ros.analysis.designing import WINDOWS, Candidate, Rule, Worth
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.prediction import Case
 from tsepm_ros.analysis.report import text_table
-from tsepm_ros.methods.score import MIN_HITS
+from tsepm_ros.methods.score.options import MIN_HITS
 
 
 def case_lines(case: Case, false_per_hour: float) -> str:

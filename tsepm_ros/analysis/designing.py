@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import design
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.prediction import (
     Case,
@@ -23,8 +22,9 @@ from tsepm_ros.analysis.prediction import (
 )
 from tsepm_ros.analysis.rules import confirmed_by, rule_detection_probability
 from tsepm_ros.analysis.splitting_theory import Gating, expected_counts
-from tsepm_ros.evidence import LARGEST_DETECTION_PROBABILITY, miss_gain
-from tsepm_ros.methods.score import MIN_HITS, ScoreOptions
+from tsepm_ros.methods.score import threshold_plan
+from tsepm_ros.methods.score.likelihood_ratio import LARGEST_DETECTION_PROBABILITY, miss_gain
+from tsepm_ros.methods.score.options import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
@@ -173,10 +173,10 @@ def score_thresholds(
 
     The share is that within the case's scans, without clutter.
     """
-    plans = design.score_plans(
+    plans = threshold_plan.score_plans(
         case.sensor,
         max_speed=case.max_speed,
-        interval=design.rounded(case.interval),
+        interval=threshold_plan.rounded(case.interval),
         windows=windows,
         scans=max(case.scans, *windows),
         gate_probability=options.gate_probability,

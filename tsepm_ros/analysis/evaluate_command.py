@@ -12,7 +12,7 @@ from tsepm_ros.analysis.evaluation_report import markdown, short_text, write_csv
 from tsepm_ros.analysis.operating_points import OperatingPoint, operating_points
 from tsepm_ros.analysis.report import with_progress
 from tsepm_ros.analysis.study import Workers
-from tsepm_ros.methods import available_methods
+from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.parameter_groups import parse_values
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 

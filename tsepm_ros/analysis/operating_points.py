@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import tsepm_ros
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.methods import METHODS, make_initiator, option_names
+from tsepm_ros.methods.registry import METHODS, make_initiator, option_names
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import Scenario
 

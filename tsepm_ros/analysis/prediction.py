@@ -22,7 +22,7 @@ from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods import make_initiator
+from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import convert, major_sigma, position_covariance

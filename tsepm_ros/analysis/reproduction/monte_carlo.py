@@ -31,7 +31,7 @@ from tsepm_ros.analysis.reproduction.scene import Scene, Started
 from tsepm_ros.analysis.truth import measurement_sigma
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods import make_initiator
+from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
 from tsepm_ros.sensing.sensor import SensorModel

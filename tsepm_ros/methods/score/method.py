@@ -20,8 +20,8 @@ hypothesis i::
     state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
-The full references are in `tsepm_ros.evidence`; the jump is found by simulation in
-`tsepm_ros.design`.
+The full references are in `score.likelihood_ratio`; the jump is found by simulation in
+`tsepm_ros.methods.score.threshold_plan`.
 
 Readings
 --------
@@ -42,30 +42,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import design, evidence
-from tsepm_ros.hypotheses import Hypotheses
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE, Initiator
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE
+from tsepm_ros.methods.score import likelihood_ratio, threshold_plan
+from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.options import MIN_HITS, ScoreOptions
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import mixture
 from tsepm_ros.numerics.grouped import places, sums_over_hits
 from tsepm_ros.numerics.limits import keep_best
-from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing import range_rates, sensor
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import pruning
-from tsepm_ros.stages.estimation import ESTIMATORS, fit
+from tsepm_ros.stages.estimation import fit
 from tsepm_ros.stages.paths import NO_HIT, starting
 
-MIN_HITS = 3
-"""A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
 CREDIBLE = 0.9
 """Posterior probability from which a detection counts as a hit of a confirmed track: a choice."""
 RESOLVED = 0.9
@@ -111,60 +109,6 @@ BLOCK = 50_000
 """Pairs of hypotheses and detections looked at together: bounds memory."""
 MEMORY = 50
 """Scans over which the mean of the detections and the median of the interval are taken."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScoreOptions:
-    """Options of the likelihood-ratio method.
-
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    false_tracks_per_hour: float = parameter(
-        1.0,
-        "False tracks per hour that are wanted, over the whole coverage; sets the threshold",
-        positive=True,
-        maximum=1e6,
-    )
-    miss_probability: float = parameter(
-        0.005,
-        "Probability that a target's hypothesis is deleted wrongly; sets the deletion threshold",
-        positive=True,
-        maximum=0.5,
-    )
-    window: int = parameter(
-        16, "Scans after which a hypothesis that is not confirmed ends", minimum=3, maximum=64
-    )
-    gate_probability: float = parameter(
-        0.99,
-        "Probability that a detected target falls into the gate",
-        positive=True,
-        maximum=0.999999,
-    )
-    process_noise: float = parameter(
-        0.001,
-        "Spectral density of a target's acceleration: the variance of each velocity component "
-        "grows by this per second",
-        unit="m^2/s^3",
-        minimum=0.0,
-        maximum=100.0,
-    )
-    estimator: str = parameter(
-        "weighted",
-        "Fit of a confirmed track: weighted least squares on positions; or polar, the maximum "
-        "likelihood of ranges and azimuths under the errors that a data sheet gives, slower and "
-        "equal within 2 % for azimuth errors up to 3 degrees",
-        choices=ESTIMATORS[1:],
-    )
-    max_per_detection: int = parameter(
-        100, "Hypotheses kept with the same last detection; the best are", minimum=1
-    )
-
-    def __post_init__(self) -> None:
-        check_group(self)
 
 
 @dataclass(frozen=True)
@@ -282,10 +226,10 @@ class Score(Initiator):
             sensor = replace(sensor, clutter_density=coarse, clutter_range_rate=half)
         if not self._has_range_rates:
             sensor = replace(sensor, range_rate_std=0.0)
-        plan = design.score_plan(
+        plan = threshold_plan.score_plan(
             sensor,
             max_speed=self.common.max_speed,
-            interval=design.rounded(self._interval),
+            interval=threshold_plan.rounded(self._interval),
             window=self.options.window,
             gate_probability=self.options.gate_probability,
             process_noise=self.options.process_noise,
@@ -444,12 +388,12 @@ class Score(Initiator):
             found,
             self.options.gate_probability,
         )
-        gain = evidence.hit_gain(density, detectable[parent], clutter)
+        gain = likelihood_ratio.hit_gain(density, detectable[parent], clutter)
         return predicted.score[parent] + gain
 
     def _miss(self, predicted: Hypotheses, detectable: FloatArray) -> Hypotheses:
         """The branches of all hypotheses that leave the scan out."""
-        gain = evidence.miss_gain(detectable, self.options.gate_probability)
+        gain = likelihood_ratio.miss_gain(detectable, self.options.gate_probability)
         return replace(predicted, score=predicted.score + gain, beside=predicted.beside + gain)
 
     def _start(
@@ -601,7 +545,10 @@ class Score(Initiator):
     def _threshold_if_near(self, evidence_found: float) -> float:
         """The threshold; infinite where the evidence is below any that it may be."""
         share = self._false_share
-        if share is None or evidence_found < design.ville_threshold(share) - design.LARGEST_GAIN:
+        if (
+            share is None
+            or evidence_found < threshold_plan.ville_threshold(share) - threshold_plan.LARGEST_GAIN
+        ):
             return math.inf
         return self.threshold
 

@@ -21,8 +21,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros import evidence
 from tsepm_ros.kinematics import kalman
+from tsepm_ros.methods.score import likelihood_ratio
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, position_covariance
@@ -246,7 +246,7 @@ def _scores(
     scores = np.full((n, window), -np.inf)
     scores[:, first] = np.where(targets.detected[:, first], start, -np.inf)
     everyone, at_once = np.arange(n), np.zeros(n)
-    missed = evidence.miss_gain(np.full(n, sensor.detection_probability), gate_probability)
+    missed = likelihood_ratio.miss_gain(np.full(n, sensor.detection_probability), gate_probability)
     for scan in range(first + 1, window):
         state, covariance = kalman.predict(state, covariance, interval, process_noise)
         found = targets.found[:, scan]
@@ -257,7 +257,7 @@ def _scores(
         )
         hit = targets.detected[:, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(found, sensor)
-        gain = evidence.hit_gain(density, sensor.detection_probability, clutter)
+        gain = likelihood_ratio.hit_gain(density, sensor.detection_probability, clutter)
         scores[:, scan] = scores[:, scan - 1] + np.where(hit, gain, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
         state[hit], covariance[hit] = kalman.update(

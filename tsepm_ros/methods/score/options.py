@@ -1,0 +1,65 @@
+"""Options of the likelihood-ratio method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.stages.estimation import ESTIMATORS
+
+MIN_HITS = 3
+"""A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreOptions:
+    """Options of the likelihood-ratio method.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    false_tracks_per_hour: float = parameter(
+        1.0,
+        "False tracks per hour that are wanted, over the whole coverage; sets the threshold",
+        positive=True,
+        maximum=1e6,
+    )
+    miss_probability: float = parameter(
+        0.005,
+        "Probability that a target's hypothesis is deleted wrongly; sets the deletion threshold",
+        positive=True,
+        maximum=0.5,
+    )
+    window: int = parameter(
+        16, "Scans after which a hypothesis that is not confirmed ends", minimum=3, maximum=64
+    )
+    gate_probability: float = parameter(
+        0.99,
+        "Probability that a detected target falls into the gate",
+        positive=True,
+        maximum=0.999999,
+    )
+    process_noise: float = parameter(
+        0.001,
+        "Spectral density of a target's acceleration: the variance of each velocity component "
+        "grows by this per second",
+        unit="m^2/s^3",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    estimator: str = parameter(
+        "weighted",
+        "Fit of a confirmed track: weighted least squares on positions; or polar, the maximum "
+        "likelihood of ranges and azimuths under the errors that a data sheet gives, slower and "
+        "equal within 2 % for azimuth errors up to 3 degrees",
+        choices=ESTIMATORS[1:],
+    )
+    max_per_detection: int = parameter(
+        100, "Hypotheses kept with the same last detection; the best are", minimum=1
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
