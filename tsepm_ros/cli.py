@@ -24,14 +24,9 @@ from tsepm_ros.analysis.reproduce_command import add_reproduction_arguments, run
 from tsepm_ros.analysis.run_command import add_recording_arguments, run_recording
 from tsepm_ros.analysis.study import study
 from tsepm_ros.methods.registry import METHODS, available_methods
-from tsepm_ros.parameter_groups import (
-    NODES,
-    as_markdown,
-    as_page,
-    as_yaml,
-    parse_values,
-)
-from tsepm_ros.settings import SessionOptions
+from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.tables import NODES, parse_values
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
 INTERRUPTED = 130

@@ -14,8 +14,8 @@ from msg_adapters import (
     tracker_report,
 )
 from tsepm_ros.clocks import Now
-from tsepm_ros.parameter_groups import InitiatorNodeOptions
 from tsepm_ros.session import Session
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
 
 
 class MessageInput:

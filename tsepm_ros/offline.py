@@ -14,7 +14,7 @@ from tsepm_ros.message_input import MessageInput
 from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD, PoseSample, known_rates
 from tsepm_ros.recording import RecordedMotion, Recording
 from tsepm_ros.session import ScanResult, Session
-from tsepm_ros.settings import Settings
+from tsepm_ros.settings.settings import Settings
 
 FRAME = "recording"
 UNKNOWN_YAW_VARIANCE = 1e6

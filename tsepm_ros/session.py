@@ -26,7 +26,7 @@ from tsepm_ros.own_ship.pose_history import Coverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.settings import Settings
+from tsepm_ros.settings.settings import Settings
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
 """Arrivals of scans that are dropped."""

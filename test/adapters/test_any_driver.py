@@ -24,7 +24,8 @@ from msg_adapters import (
 from msg_adapters.point_cloud_detections import NO_TIMES
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.session import Session
-from tsepm_ros.settings import SessionOptions, Settings
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
 
 START = 1_700_000_000
 PERIOD = 12

@@ -12,15 +12,11 @@ from scipy.spatial.transform import Rotation
 from msg_adapters import detections_cloud, make_header
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.offline import process_recording
-from tsepm_ros.parameter_groups import (
-    TRACK_INITIATOR,
-    InitiatorNodeOptions,
-    make_groups,
-    settings_from,
-)
 from tsepm_ros.recording import read_recording
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session import Session
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 
 SCANS, DETECTIONS = 3, 40
 UNITS = {"range": "m", "azimuth": "rad", "elevation": "rad", "range_rate": "mps"}

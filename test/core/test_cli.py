@@ -13,7 +13,8 @@ import yaml
 from tsepm_ros.analysis.report import text_table
 from tsepm_ros.cli import main
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.parameter_groups import NODES, as_page
+from tsepm_ros.settings.rendering import as_page
+from tsepm_ros.settings.tables import NODES
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ from tsepm_ros.analysis.study import study
 from tsepm_ros.cli import main
 from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.parameter_groups import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.simulation import Scenario
 from tsepm_ros.simulation.scenario import TargetArea
 

@@ -16,7 +16,8 @@ import pytest
 from tsepm_ros import available_methods
 from tsepm_ros.cli import _parser
 from tsepm_ros.methods.registry import option_names
-from tsepm_ros.parameter_groups import NODES, as_page, full_table
+from tsepm_ros.settings.rendering import as_page
+from tsepm_ros.settings.tables import NODES, full_table
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

@@ -292,7 +292,8 @@ from tsepm_ros.methods.registry import METHODS
 METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.analysis.operating_points import operating_points
-from tsepm_ros.parameter_groups import NODES, as_markdown, as_yaml, make_groups, settings_from
+from tsepm_ros.settings.rendering import as_markdown, as_yaml
+from tsepm_ros.settings.tables import NODES, make_groups, settings_from
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session import Session
 

@@ -11,12 +11,11 @@ import yaml
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
-from tsepm_ros.parameter_groups import (
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.rendering import as_markdown, as_yaml
+from tsepm_ros.settings.tables import (
     NODES,
     TRACK_INITIATOR,
-    InitiatorNodeOptions,
-    as_markdown,
-    as_yaml,
     full_table,
     make_groups,
     parse_values,

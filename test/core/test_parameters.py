@@ -11,14 +11,14 @@ import pytest
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.parameter_groups import (
+from tsepm_ros.parameters import check_group, parameter, table
+from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
     PlayerNodeOptions,
     SimulatorNodeOptions,
 )
-from tsepm_ros.parameters import check_group, parameter, table
-from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.settings import SessionOptions
+from tsepm_ros.settings.session_options import SessionOptions
 
 GROUPS = [
     CommonOptions,

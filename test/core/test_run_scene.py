@@ -18,7 +18,8 @@ from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.recording import RecordedMotion
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session import Session
-from tsepm_ros.settings import SessionOptions, Settings
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.simulation.recorded import simulated_recording
 

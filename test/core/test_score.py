@@ -24,7 +24,8 @@ from tsepm_ros.methods.score.method import Score
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import read_recording
 from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.settings import SessionOptions, Settings
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import load_scenario
 from tsepm_ros.stages.estimation import fit
 

@@ -26,7 +26,7 @@ from tsepm_ros.cli import main
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.parameter_groups import parse_values
+from tsepm_ros.settings.tables import parse_values
 
 FAST = {"rate_factor": 1e5, "settling_time": 0.0}
 BOTH = pytest.mark.parametrize("storage", STORAGES)

@@ -26,7 +26,8 @@ from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session import Session
-from tsepm_ros.settings import SessionOptions, Settings
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 SONAR_DETECTIONS = "marine_acoustic_msgs/msg/SonarDetections"

@@ -27,8 +27,8 @@ from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, Parame
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.parameter_groups import NODES, full_table
-from tsepm_ros.settings import SessionOptions
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.tables import NODES, full_table
 
 INITIATOR = "/track_initiator"
 ROS_TYPES = {

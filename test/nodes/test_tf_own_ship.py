@@ -22,7 +22,8 @@ from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session import Session
-from tsepm_ros.settings import SessionOptions, Settings
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
 
 START = START_NS * 1e-9
 SENSOR = np.array([10.0, 20.0])

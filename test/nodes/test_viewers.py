@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy
 
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.parameter_groups import SimulatorNodeOptions
+from tsepm_ros.settings.node_options import SimulatorNodeOptions
 
 ROOT = Path(__file__).parents[2]
 RVIZ = yaml.safe_load((ROOT / "rviz/track_initiator.rviz").read_text())["Visualization Manager"]

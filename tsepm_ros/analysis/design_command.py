@@ -25,9 +25,9 @@ from tsepm_ros.analysis.report import with_progress
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.parameter_groups import TRACK_INITIATOR, make_groups, parse_values
 from tsepm_ros.parameters import Value
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values
 
 REMEDY_RUNS = 100
 """Targets simulated, at most, for each change that may help."""

@@ -13,7 +13,7 @@ from tsepm_ros.analysis.operating_points import OperatingPoint, operating_points
 from tsepm_ros.analysis.report import with_progress
 from tsepm_ros.analysis.study import Workers
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.parameter_groups import parse_values
+from tsepm_ros.settings.tables import parse_values
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
 

@@ -21,16 +21,11 @@ from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.offline import bag_results, recording_results
-from tsepm_ros.parameter_groups import (
-    TRACK_INITIATOR,
-    InitiatorNodeOptions,
-    make_groups,
-    parse_values,
-    settings_from,
-)
 from tsepm_ros.parameters import Value
 from tsepm_ros.recording import read_recording
 from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.simulation.recorded import simulated_recording
 

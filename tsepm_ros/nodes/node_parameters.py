@@ -16,8 +16,8 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from tsepm_ros.parameter_groups import Groups, full_table, make_groups
 from tsepm_ros.parameters import Parameter, Value, unknown_parameter
+from tsepm_ros.settings.tables import Groups, full_table, make_groups
 
 _INT64 = 2**63 - 1
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")

@@ -15,7 +15,7 @@ from msg_adapters import MessageError
 from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, BagMessage, find_topics
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event
-from tsepm_ros.parameter_groups import PlayerNodeOptions
+from tsepm_ros.settings.node_options import PlayerNodeOptions
 
 LOG_PERIOD = 5.0
 TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"

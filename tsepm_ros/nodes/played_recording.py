@@ -24,8 +24,8 @@ from msg_adapters import (
 )
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event
-from tsepm_ros.parameter_groups import PlayerNodeOptions
 from tsepm_ros.recording import RecordedMotion, RecordedScan, read_recording
+from tsepm_ros.settings.node_options import PlayerNodeOptions
 
 LOG_PERIOD = 5.0
 LARGEST_STAMP = 2.0**31 - 1

@@ -13,7 +13,8 @@ from tsepm_ros.nodes.playback import Playback
 from tsepm_ros.nodes.played_bag import PlayedBag
 from tsepm_ros.nodes.played_recording import PlayedRecording
 from tsepm_ros.nodes.running import run
-from tsepm_ros.parameter_groups import SCAN_PLAYER, PlayerNodeOptions
+from tsepm_ros.settings.node_options import PlayerNodeOptions
+from tsepm_ros.settings.tables import SCAN_PLAYER
 
 
 class ScanPlayer(Node):

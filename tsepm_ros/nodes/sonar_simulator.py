@@ -27,8 +27,9 @@ from msg_adapters import (
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event, Playback
 from tsepm_ros.nodes.running import run
-from tsepm_ros.parameter_groups import SONAR_SIMULATOR, SimulatorNodeOptions
 from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.settings.node_options import SimulatorNodeOptions
+from tsepm_ros.settings.tables import SONAR_SIMULATOR
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 
 

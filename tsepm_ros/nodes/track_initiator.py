@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, make_header, time_to_ns
 from tsepm_ros.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.health import Connections, DiagnosticsOptions, Health, Latency, unused_own_ship
+from tsepm_ros.health import Connections, Health, Latency, unused_own_ship
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
@@ -24,9 +24,11 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_outputs import TrackOutputs
-from tsepm_ros.parameter_groups import TRACK_INITIATOR, InitiatorNodeOptions, settings_from
 from tsepm_ros.session import FAILURES, ScanResult, Session
-from tsepm_ros.settings import SessionOptions
+from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.tables import TRACK_INITIATOR, settings_from
 
 WAIT_PERIOD = 0.05
 """Time between looks at the scans that wait for own-ship data, s."""

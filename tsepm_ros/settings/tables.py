@@ -1,0 +1,144 @@
+"""The parameter tables of the nodes: every group with the prefix of its names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import yaml
+
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.methods.registry import METHODS
+from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.parameters import (
+    Parameter,
+    Value,
+    table,
+    unknown_parameter,
+)
+from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
+from tsepm_ros.settings.node_options import (
+    InitiatorNodeOptions,
+    PlayerNodeOptions,
+    SimulatorNodeOptions,
+)
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+
+EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
+"""A number with an exponent, with or without its point."""
+
+Groups = tuple[tuple[str, type[Any]], ...]
+
+TRACK_INITIATOR: Groups = (
+    ("", SessionOptions),
+    ("", InitiatorNodeOptions),
+    ("", CommonOptions),
+    ("diagnostics.", DiagnosticsOptions),
+    ("sensor.", SensorModel),
+    ("mounting.", Mounting),
+    *((f"{name}.", kind.Options) for name, kind in METHODS.items()),
+)
+SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions),)
+SCAN_PLAYER: Groups = (("", PlayerNodeOptions),)
+
+NODES: dict[str, Groups] = {
+    "track_initiator": TRACK_INITIATOR,
+    "sonar_simulator": SONAR_SIMULATOR,
+    "scan_player": SCAN_PLAYER,
+}
+"""Every node's groups of parameters."""
+
+
+def full_table(groups: Groups) -> Iterator[Parameter]:
+    """Iterate over all parameters of some groups, with their full names."""
+    for prefix, group in groups:
+        for row in table(group):
+            yield replace(row, name=prefix + row.name)
+
+
+def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], Any]:
+    """Make every group from values by full name; a missing one has its default.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or a value is not allowed, by itself or together with another; the
+        sentence has the full name.
+    """
+    known = {row.name for row in full_table(groups)}
+    for name in values:
+        if name not in known:
+            raise ValueError(unknown_parameter(name, known))
+    made = {}
+    for prefix, group in groups:
+        given = {
+            row.name: values[prefix + row.name]
+            for row in table(group)
+            if prefix + row.name in values
+        }
+        try:
+            made[group] = group(**given)
+        except ValueError as error:
+            raise ValueError(f"{prefix}{error}") from None
+    if groups is TRACK_INITIATOR:
+        _refuse_what_does_not_go_together(made)
+    return made
+
+
+def _refuse_what_does_not_go_together(made: Mapping[type[Any], Any]) -> None:
+    settings_from(made)
+    session: SessionOptions = made[SessionOptions]
+    from_north = made[InitiatorNodeOptions].bearing_reference == "north"
+    if from_north and session.own_ship_source == "none" and not session.fixed_frame:
+        raise ValueError(
+            "fixed_frame must be given where bearing_reference is north and own_ship_source none: "
+            "the tracks are then in an east-north frame, not in the sensor's"
+        )
+    if from_north and session.own_ship_source == "none" and not made[SensorModel].all_round:
+        raise ValueError(
+            "own_ship_source must not be none where bearing_reference is north and "
+            "sensor.azimuth_min to sensor.azimuth_max a sector: that turns with the heading"
+        )
+
+
+def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
+    """Values from the command line's ``name:=value``, typed as in YAML.
+
+    Raises
+    ------
+    ValueError
+        If one is not of this form.
+    """
+    values = {}
+    for assignment in assignments:
+        name, separator, value = assignment.partition(":=")
+        if not separator or not name:
+            raise ValueError(f"a parameter is given as NAME:=VALUE; got {assignment!r}")
+        try:
+            values[name] = _typed(value)
+        except yaml.YAMLError:
+            raise ValueError(f"{name}: {value!r} is not a value") from None
+    return values
+
+
+def _typed(text: str) -> Value:
+    """A value as in YAML; but 1e-9, to YAML 1.1 a text, is a number."""
+    if EXPONENT.fullmatch(text.strip()):
+        return float(text)
+    value: Value = yaml.safe_load(text)
+    return value
+
+
+def settings_from(made: Mapping[type[Any], Any]) -> Settings:
+    """Settings of a session, from the groups of TRACK_INITIATOR."""
+    return Settings(
+        session=made[SessionOptions],
+        sensor=made[SensorModel],
+        common=made[CommonOptions],
+        methods={name: made[kind.Options] for name, kind in METHODS.items()},
+        mounting=made[Mounting],
+    )
