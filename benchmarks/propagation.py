@@ -45,7 +45,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Scenario, Simulator

@@ -13,8 +13,8 @@ from msg_adapters import (
     sensor_scan,
     tracker_report,
 )
-from tsepm_ros.clocks import Now
-from tsepm_ros.session import Session
+from tsepm_ros.session.clocks import Now
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 
 

@@ -13,7 +13,8 @@ from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD, PoseSample, known_rates
 from tsepm_ros.recording import RecordedMotion, Recording
-from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 
 FRAME = "recording"

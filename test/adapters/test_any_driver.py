@@ -23,7 +23,7 @@ from msg_adapters import (
 )
 from msg_adapters.point_cloud_detections import NO_TIMES
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 

@@ -19,7 +19,7 @@ from sensor_msgs.msg import LaserScan
 
 from msg_adapters import make_header, pose_sample, read_detections, read_own_ship, sensor_scan
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 

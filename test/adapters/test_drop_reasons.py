@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from msg_adapters.detections import good_detections
-from tsepm_ros.drop_reasons import DROP_REASONS, as_markdown, reason_of
+from tsepm_ros.session.drop_reasons import DROP_REASONS, as_markdown, reason_of
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [

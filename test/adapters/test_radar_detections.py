@@ -9,7 +9,7 @@ import pytest
 from foreign_messages import RadarReturn, RadarScan
 
 from msg_adapters import make_header, read_detections, sensor_scan
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 
 NAN, INF = math.nan, math.inf

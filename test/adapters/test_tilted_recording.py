@@ -14,7 +14,7 @@ from tsepm_ros.message_input import MessageInput
 from tsepm_ros.offline import process_recording
 from tsepm_ros.recording import read_recording
 from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 

@@ -14,8 +14,8 @@ from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.scan_order import Arrival
-from tsepm_ros.session import Session
+from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator, load_scenario

@@ -15,7 +15,7 @@ from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.coverage import PosesByRange, inside
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator

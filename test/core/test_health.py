@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros.clocks import waited
-from tsepm_ros.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.health import Connections, Figures, Health, Latency, Level, Status
+from tsepm_ros.health import Connections, Health, Latency, Level, Status
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.parameters import table
+from tsepm_ros.session.clocks import waited
+from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
+from tsepm_ros.session.snapshot import Figures
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
 GOOD = Figures(

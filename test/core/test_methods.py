@@ -295,7 +295,7 @@ from tsepm_ros.analysis.operating_points import operating_points
 from tsepm_ros.settings.rendering import as_markdown, as_yaml
 from tsepm_ros.settings.tables import NODES, make_groups, settings_from
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 
 assert "toy" in available_methods()
 made = make_initiator("toy", sensor=SensorModel(), window=3, max_speed=5.0)

@@ -16,7 +16,7 @@ from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from

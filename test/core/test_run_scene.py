@@ -17,7 +17,7 @@ from tsepm_ros.offline import recording_results
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.recording import RecordedMotion
 from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator, load_scenario

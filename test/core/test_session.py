@@ -19,8 +19,8 @@ from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.scan_order import Arrival
-from tsepm_ros.session import Session
+from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator, load_scenario
@@ -365,7 +365,7 @@ def test_a_hole_of_an_hour_in_the_own_ship_data_is_not_interpolated_across():
 
 
 def test_the_queue_of_waiting_scans_is_bounded_and_drops_the_oldest(monkeypatch):
-    monkeypatch.setattr("tsepm_ros.session.QUEUE_LENGTH", QUEUE_LENGTH)
+    monkeypatch.setattr("tsepm_ros.session.session.QUEUE_LENGTH", QUEUE_LENGTH)
     one = moving()
     for k in range(QUEUE_LENGTH + 3):
         one.add_scan(ping(float(k)), 0.0)
@@ -378,7 +378,7 @@ def test_the_queue_of_waiting_scans_is_bounded_and_drops_the_oldest(monkeypatch)
 
 
 def test_a_restart_whose_first_scan_gave_way_in_the_queue_is_still_a_restart(monkeypatch):
-    monkeypatch.setattr("tsepm_ros.session.QUEUE_LENGTH", QUEUE_LENGTH)
+    monkeypatch.setattr("tsepm_ros.session.session.QUEUE_LENGTH", QUEUE_LENGTH)
     one = moving()
     sail(one, 999.0, 1100.0)
     one.add_scan(ping(1000.0), 0.0)

@@ -21,7 +21,7 @@ from msg_adapters import make_header, read_detections, sensor_scan
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 

@@ -23,7 +23,8 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.offline import bag_results, recording_results
 from tsepm_ros.parameters import Value
 from tsepm_ros.recording import read_recording
-from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios

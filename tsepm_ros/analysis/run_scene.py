@@ -13,7 +13,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.recording import RecordedMotion
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.session import ScanResult
+from tsepm_ros.session.result import ScanResult
 
 
 @dataclass(frozen=True)

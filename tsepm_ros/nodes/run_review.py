@@ -22,7 +22,8 @@ from tsepm_ros.nodes.run_recorder import RunRecorder
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.recording import RecordedMotion, Recording
 from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from
 from tsepm_ros.simulation import Scenario, Simulator

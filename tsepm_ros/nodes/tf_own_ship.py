@@ -13,7 +13,7 @@ from rclpy.time import Time
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.own_ship.attitude import AXES, angles_of, rotation_of
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.session import Session
+from tsepm_ros.session.session import Session
 
 CACHE_TIME = 120.0
 """Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""

@@ -14,7 +14,6 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, make_header, time_to_ns
-from tsepm_ros.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.health import Connections, Health, Latency, unused_own_ship
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
@@ -24,7 +23,9 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_outputs import TrackOutputs
-from tsepm_ros.session import FAILURES, ScanResult, Session
+from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import FAILURES, Session
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.session_options import SessionOptions

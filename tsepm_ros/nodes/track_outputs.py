@@ -28,7 +28,8 @@ from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.session import ScanResult, Session
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import Session
 
 
 def _latched(depth: int) -> QoSProfile:

@@ -11,21 +11,20 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.clocks import Now, waited
-from tsepm_ros.health import Figures
 from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport, usable
 from tsepm_ros.maintenance.held_tracks import Tracker
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import Coverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.scan_order import Arrival, ScanOrder
 from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.session.clocks import Now, waited
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.scan_order import Arrival, ScanOrder
+from tsepm_ros.session.snapshot import Figures
 from tsepm_ros.settings.settings import Settings
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
@@ -39,50 +38,6 @@ MAX_YAW_VARIANCE = math.pi**2
 
 FAILURES = (ArithmeticError, LookupError, MemoryError, ValueError)
 """What a scan may bring about; it is lost then, and the next one is processed."""
-
-
-@dataclass(frozen=True)
-class ScanResult:
-    """What one processed scan gave.
-
-    Attributes
-    ----------
-    stamp : float
-        The scan's stamp, s.
-    stamp_ns : int
-        The stamp as received, ns.
-    scan : Scan
-        The scan as processed, with its sensor pose.
-    frame_id : str
-        The fixed frame.
-    arrival : Arrival
-        How the scan followed on; before it, RESTART dropped everything and GAP the potential
-        tracks.
-    new : TrackArrays
-        Newly confirmed tracks.
-    current : TrackArrays
-        Every track held, at `stamp`.
-    ended : list of int
-        Ids of the tracks that are held no longer.
-    statistics : ScanStatistics
-        The initiator's counts.
-    core_seconds : float
-        Time that the initiator took, s.
-    waiting : float
-        Time that the scan waited for own-ship data, s; infinite where no time is given.
-    """
-
-    stamp: float
-    stamp_ns: int
-    scan: Scan
-    frame_id: str
-    arrival: Arrival
-    new: TrackArrays
-    current: TrackArrays
-    ended: list[int]
-    statistics: ScanStatistics
-    core_seconds: float
-    waiting: float
 
 
 def _ignore(reason: str, sentence: str) -> None:

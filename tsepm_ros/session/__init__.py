@@ -1,0 +1,1 @@
+"""From arriving messages to results, without ROS."""

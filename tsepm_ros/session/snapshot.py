@@ -1,0 +1,55 @@
+"""The state of a session, by which its health is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tsepm_ros.initiation.statistics import ScanStatistics
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """State of a session.
+
+    Attributes
+    ----------
+    totals : ScanStatistics
+        Sums since the start or the last reset.
+    potential_tracks : int
+        Potential tracks held.
+    tracks : int
+        Confirmed tracks held.
+    dropped : mapping of str to int
+        Drops by reason.
+    waiting : int
+        Scans that wait for own-ship data.
+    detection_probability, detection_probability_estimated : float
+        In use, and as the tracks held tell it.
+    clutter_density : float
+        In use, the mean over the coverage, 1/m^2.
+    coverage_area : float
+        m^2.
+    own_ship_source : str
+    mounting : str
+        Of the sensor on the vessel: given, assumed, not needed or unknown.
+    own_ship_stamp, scan_stamp : float or None
+        Newest stamps, s.
+    tracker : str
+        What is known of the downstream tracker.
+    """
+
+    totals: ScanStatistics
+    potential_tracks: int
+    tracks: int
+    dropped: Mapping[str, int]
+    waiting: int
+    detection_probability: float
+    detection_probability_estimated: float
+    clutter_density: float
+    coverage_area: float
+    own_ship_source: str
+    mounting: str
+    own_ship_stamp: float | None
+    scan_stamp: float | None
+    tracker: str
