@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros.health import Connections, Health, Latency, Level, Status
+from tsepm_ros.diagnostics.health import Health
+from tsepm_ros.diagnostics.status import Connections, Latency, Level, Status
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.parameters import table
 from tsepm_ros.session.clocks import waited

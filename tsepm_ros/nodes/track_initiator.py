@@ -14,7 +14,8 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, make_header, time_to_ns
-from tsepm_ros.health import Connections, Health, Latency, unused_own_ship
+from tsepm_ros.diagnostics.health import Health, unused_own_ship
+from tsepm_ros.diagnostics.status import Connections, Latency
 from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters

@@ -1,0 +1,1 @@
+"""The health of a session, judged by rules over its figures."""
