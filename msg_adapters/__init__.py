@@ -29,7 +29,6 @@ from msg_adapters.placed_detections import (
 )
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.point_cloud_detections import detections_cloud
-from msg_adapters.recorded_scan import read_recorded_scan
 from msg_adapters.session_input import pose_sample, sensor_scan, tracker_report
 from msg_adapters.stamps import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
 from msg_adapters.track_cloud import (
@@ -63,7 +62,6 @@ __all__ = [
     "read_fields",
     "read_own_ship",
     "read_placed_detections",
-    "read_recorded_scan",
     "read_track_cloud",
     "seconds_to_ns",
     "sensor_scan",

@@ -23,7 +23,7 @@ from bag_files import Entry, write_bag
 from driver_messages import MAKERS, echoes_of
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from tsepm_ros.bag import Bag
+from tsepm_ros.replay.bag import Bag
 
 DEFINITIONS = {
     "marine_acoustic_msgs/msg/PingInfo": """float64 frequency

@@ -10,9 +10,9 @@ from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 
 from msg_adapters import detections_cloud, make_header
-from tsepm_ros.message_input import MessageInput
-from tsepm_ros.offline import process_recording
-from tsepm_ros.recording import read_recording
+from tsepm_ros.replay.message_input import MessageInput
+from tsepm_ros.replay.offline import process_recording
+from tsepm_ros.replay.recording import read_recording
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions

@@ -26,9 +26,9 @@ from bag_files import (
 
 from msg_adapters import MessageError
 from msg_adapters.track_cloud import track_points
-from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
-from tsepm_ros.message_input import MessageInput
-from tsepm_ros.offline import bag_results
+from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
+from tsepm_ros.replay.message_input import MessageInput
+from tsepm_ros.replay.offline import bag_results
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from

@@ -114,7 +114,7 @@ def test_a_folder_gets_tracks_and_what_the_run_gave_is_said(capsys, recording, t
 def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
     pytest.importorskip("rosbags")
     from msg_adapters import read_track_cloud, time_to_ns
-    from tsepm_ros.bag import Bag
+    from tsepm_ros.replay.bag import Bag
 
     assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
     with Bag(tmp_path / "out" / "tracks.mcap") as bag:

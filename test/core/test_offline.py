@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.offline import process_recording
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
+from tsepm_ros.replay.offline import process_recording
+from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, Recording
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings

@@ -13,15 +13,15 @@ from tsepm_ros.analysis.run_scene import (
     velocity_seconds,
 )
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.offline import recording_results
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.recording import RecordedMotion
+from tsepm_ros.replay.offline import recording_results
+from tsepm_ros.replay.recording import RecordedMotion
+from tsepm_ros.replay.simulated_recording import simulated_recording
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.recorded import simulated_recording
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
 SAILING = {"own_ship": {"x": 100.0, "y": -50.0, "yaw_deg": 40.0, "speed": 5.0}, "scans": 6}
@@ -169,7 +169,7 @@ def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():
 
 def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):
     pytest.importorskip("rosbags")
-    from tsepm_ros.analysis.track_files import TrackBag
+    from tsepm_ros.replay.track_files import TrackBag
 
     path = tmp_path / "tracks.mcap"
     with pytest.raises(RuntimeError, match="midway"), TrackBag(path):

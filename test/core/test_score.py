@@ -21,8 +21,8 @@ from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score.method import Score
-from tsepm_ros.offline import process_recording
-from tsepm_ros.recording import read_recording
+from tsepm_ros.replay.offline import process_recording
+from tsepm_ros.replay.recording import read_recording
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings

@@ -21,11 +21,11 @@ from ros_world import RELIABLE, World
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from tsepm_ros.bag import Bag
 from tsepm_ros.cli import main
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.replay.bag import Bag
 from tsepm_ros.settings.tables import parse_values
 
 FAST = {"rate_factor": 1e5, "settling_time": 0.0}

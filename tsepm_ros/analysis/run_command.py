@@ -15,20 +15,20 @@ import numpy as np
 
 from msg_adapters import MessageError, read_track_cloud, time_to_ns
 from tsepm_ros.analysis.run_scene import RunScene, ScanView, truth_paths
-from tsepm_ros.analysis.track_files import TrackBag, TrackTable
 from tsepm_ros.analysis.truth import judge, origins_of
-from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
-from tsepm_ros.message_input import MessageInput
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.offline import bag_results, recording_results
 from tsepm_ros.parameters import Value
-from tsepm_ros.recording import read_recording
+from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
+from tsepm_ros.replay.message_input import MessageInput
+from tsepm_ros.replay.offline import bag_results, recording_results
+from tsepm_ros.replay.recording import read_recording
+from tsepm_ros.replay.simulated_recording import simulated_recording
+from tsepm_ros.replay.track_files import TrackBag, TrackTable
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.simulation.recorded import simulated_recording
 
 TOPIC_OPTIONS = {
     DETECTIONS: "detections",

@@ -10,7 +10,7 @@ import numpy as np
 from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.recording import RecordedMotion
+from tsepm_ros.replay.recording import RecordedMotion
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session.result import ScanResult

@@ -24,7 +24,7 @@ from rclpy.executors import SingleThreadedExecutor
 from tsepm_ros.analysis.plan_position import save
 from tsepm_ros.nodes.run_recorder import RunRecorder
 from tsepm_ros.nodes.run_review import Review, review_recording, review_simulation
-from tsepm_ros.recording import Recording, read_recording
+from tsepm_ros.replay.recording import Recording, read_recording
 from tsepm_ros.simulation import Scenario, load_scenario
 
 PATIENCE = 20.0

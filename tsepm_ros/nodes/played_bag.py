@@ -12,9 +12,9 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from msg_adapters import MessageError
-from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, BagMessage, find_topics
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event
+from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, BagMessage, find_topics
 from tsepm_ros.settings.node_options import PlayerNodeOptions
 
 LOG_PERIOD = 5.0

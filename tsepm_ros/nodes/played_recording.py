@@ -24,7 +24,7 @@ from msg_adapters import (
 )
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event
-from tsepm_ros.recording import RecordedMotion, RecordedScan, read_recording
+from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, read_recording
 from tsepm_ros.settings.node_options import PlayerNodeOptions
 
 LOG_PERIOD = 5.0

@@ -17,10 +17,10 @@ from tsepm_ros.analysis.plan_position import Picture
 from tsepm_ros.analysis.report import counts_line, target_table, text_table
 from tsepm_ros.analysis.truth import Outcome, judge, origins_of
 from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.run_recorder import RunRecorder
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.recording import RecordedMotion, Recording
+from tsepm_ros.replay.message_input import MessageInput
+from tsepm_ros.replay.recording import RecordedMotion, Recording
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session

@@ -7,12 +7,12 @@ from typing import Any
 
 from rclpy.node import Node
 
-from tsepm_ros.bag import is_bag
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
 from tsepm_ros.nodes.playback import Playback
 from tsepm_ros.nodes.played_bag import PlayedBag
 from tsepm_ros.nodes.played_recording import PlayedRecording
 from tsepm_ros.nodes.running import run
+from tsepm_ros.replay.bag import is_bag
 from tsepm_ros.settings.node_options import PlayerNodeOptions
 from tsepm_ros.settings.tables import SCAN_PLAYER
 

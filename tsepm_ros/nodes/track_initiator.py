@@ -16,7 +16,6 @@ from std_srvs.srv import Trigger
 from msg_adapters import diagnostics, make_header, time_to_ns
 from tsepm_ros.diagnostics.health import Health, unused_own_ship
 from tsepm_ros.diagnostics.status import Connections, Latency
-from tsepm_ros.message_input import MessageInput
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
@@ -24,6 +23,7 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_outputs import TrackOutputs
+from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import FAILURES, Session

@@ -8,11 +8,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters import MessageError, read_recorded_scan, sensor_scan, with_echo_times
-from tsepm_ros.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
-from tsepm_ros.message_input import MessageInput
+from msg_adapters import MessageError, sensor_scan, with_echo_times
 from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD, PoseSample, known_rates
-from tsepm_ros.recording import RecordedMotion, Recording
+from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
+from tsepm_ros.replay.message_input import MessageInput
+from tsepm_ros.replay.recorded_scan import read_recorded_scan
+from tsepm_ros.replay.recording import RecordedMotion, Recording
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
@@ -81,7 +82,7 @@ def bag_results(
     ----------
     bag : Bag
     topics : mapping of str to str
-        Topics by role, as of `tsepm_ros.bag.find_topics`.
+        Topics by role, as of `tsepm_ros.replay.bag.find_topics`.
     session : Session
     given : MessageInput
         Of that session. Messages that are corrupt are dropped and counted.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.recording import RecordedMotion, RecordedScan, Recording
+from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, Recording
 from tsepm_ros.simulation.simulator import Simulator
 
 OWN_SHIP_PERIOD = 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msg_adapters.detections import DetectionMessage, ReadingOptions
 from msg_adapters.point_cloud_detections import detections_of_fields
 from msg_adapters.stamps import seconds_to_ns
-from tsepm_ros.recording import RecordedScan
+from tsepm_ros.replay.recording import RecordedScan
 
 
 def read_recorded_scan(

@@ -14,8 +14,8 @@ import numpy as np
 from msg_adapters.point_cloud import point_fields
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND
 from msg_adapters.track_cloud import COVARIANCE_FIELDS, STATE_FIELDS, track_points
-from tsepm_ros.bag import POINTS
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.replay.bag import POINTS
 from tsepm_ros.session.result import ScanResult
 
 COLUMNS = (

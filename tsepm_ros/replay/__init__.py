@@ -1,0 +1,1 @@
+"""Recordings and bags, and running a session on them."""
