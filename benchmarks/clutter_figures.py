@@ -16,7 +16,7 @@ from scenes import Scene
 from scipy.optimize import nnls
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.splitting_theory import Expected, Gating, expected_counts
+from tsepm_ros.design.expected_counts import Expected, Gating, expected_counts
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.numerics.arrays import FloatArray
 

@@ -37,7 +37,7 @@ import numpy as np
 from tsepm_ros import make_initiator
 from tsepm_ros.analysis.intervals import mean, mean_count, proportion
 from tsepm_ros.analysis.pool import mapped
-from tsepm_ros.analysis.report import text_table, with_progress
+from tsepm_ros.analysis.terminal_tables import text_table, with_progress
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.simulation.scenario import Scenario

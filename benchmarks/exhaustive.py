@@ -51,7 +51,7 @@ from tsepm_ros.analysis.operating_points import (
     operating_points,
     package_version,
 )
-from tsepm_ros.analysis.run_records import RunRecord, ScanRecord, StartRecord, record
+from tsepm_ros.analysis.run_summary import RunRecord, ScanRecord, StartRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome, measurement_sigma
 from tsepm_ros.simulation import Scenario, SimulatedScan, Simulator, load_scenario

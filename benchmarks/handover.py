@@ -46,8 +46,8 @@ from tsepm_ros import ConfirmedTrack
 from tsepm_ros.analysis.intervals import Estimate, mean, proportion, rms_ratio, root_mean_square
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
-from tsepm_ros.analysis.report import text_table, with_progress
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
+from tsepm_ros.analysis.terminal_tables import text_table, with_progress
 from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.simulation import load_scenario

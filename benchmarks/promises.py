@@ -27,13 +27,13 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 from promises_footing import CHANGED, CLOSE, closeness, difference, footing
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis import designing
-from tsepm_ros.analysis.evaluation import Evaluated, Plan, evaluate
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_points import OperatingPoint, package_version
-from tsepm_ros.analysis.prediction import Case, false_tracks_per_hour, targets_found
-from tsepm_ros.analysis.report import with_progress
+from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
 from tsepm_ros.analysis.study import Workers
+from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.design import search
+from tsepm_ros.design.prediction import Case, false_tracks_per_hour, targets_found
 from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.scenario import TargetArea
@@ -175,12 +175,12 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     sensor = replace(SensorModel(), clutter_density=density)
     case = Case(sensor=sensor, scans=scans, target_speed=SPEED)
     wanted = ScoreOptions(false_tracks_per_hour=WISH)
-    wanted = replace(wanted, window=designing.score_window(case, wanted))
-    [(_, planned)] = designing.score_thresholds(case, wanted, [wanted.window])
+    wanted = replace(wanted, window=search.score_window(case, wanted))
+    [(_, planned)] = search.score_thresholds(case, wanted, [wanted.window])
     given = {**asdict(case.common), **asdict(wanted)}
     simulation = {"seed": options.seed, "workers": options.workers, "progress": with_progress}
     found = targets_found(case, "score", given, runs=options.runs, **simulation).detection
-    clutter = designing.clutter_scans(case, WISH)
+    clutter = search.clutter_scans(case, WISH)
     false = false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
     anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))

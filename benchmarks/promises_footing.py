@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
-from tsepm_ros.analysis.evaluation import Evaluated
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_curve import Comparison
+from tsepm_ros.analysis.performance import Evaluated
 
 HOLDS, DOES_NOT, OPEN = "holds", "does not", "cannot tell"
 CLOSE = 0.03

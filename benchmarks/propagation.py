@@ -40,7 +40,7 @@ from msg_adapters import (
 )
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.intervals import mean
-from tsepm_ros.analysis.report import text_table
+from tsepm_ros.analysis.terminal_tables import text_table
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.numerics.arrays import FloatArray

@@ -32,12 +32,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from tsepm_ros.analysis.figures import Figures, figures_of
+from tsepm_ros.analysis.measures import Figures, figures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
-from tsepm_ros.analysis.report import text_table
-from tsepm_ros.analysis.run_records import RunRecord, record
+from tsepm_ros.analysis.run_summary import RunRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
+from tsepm_ros.analysis.terminal_tables import text_table
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import method, options

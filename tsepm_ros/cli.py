@@ -16,13 +16,13 @@ from tsepm_ros.analysis.evaluate_command import (
     run_evaluation,
     workers_of,
 )
-from tsepm_ros.analysis.figures import HEADINGS, SPECS, Figures, figures_of
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.measures import HEADINGS, SPECS, Figures, figures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.report import text_table, with_progress
 from tsepm_ros.analysis.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.analysis.run_command import add_recording_arguments, run_recording
 from tsepm_ros.analysis.study import study
+from tsepm_ros.analysis.terminal_tables import text_table, with_progress
 from tsepm_ros.methods.registry import METHODS, available_methods
 from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
 from tsepm_ros.settings.session_options import SessionOptions

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from tsepm_ros.analysis.run_records import RunRecord, ScanRecord, StartRecord
+from tsepm_ros.analysis.run_summary import RunRecord, ScanRecord, StartRecord
 from tsepm_ros.analysis.truth import Outcome
 
 NOTHING = ScanRecord(false=0, held=0, localisation=0.0, missed=0.0, false_held=0.0)

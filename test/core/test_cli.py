@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tsepm_ros.analysis.report import text_table
+from tsepm_ros.analysis.terminal_tables import text_table
 from tsepm_ros.cli import main
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.rendering import as_page
@@ -161,9 +161,9 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
 
 def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.analysis import plan_animation
-    from tsepm_ros.analysis.run_scene import RunScene, ScanView
     from tsepm_ros.kinematics.track import TrackArrays
+    from tsepm_ros.pictures import plan_animation
+    from tsepm_ros.pictures.run_scene import RunScene, ScanView
 
     nothing = TrackArrays.of([])
     views = [ScanView(float(k), np.zeros((0, 2)), None, nothing, nothing) for k in range(8)]
@@ -208,7 +208,7 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     bag_files = pytest.importorskip("bag_files")
     from msg_adapters.track_cloud import TRACK_DTYPE
-    from tsepm_ros.analysis import plan_position
+    from tsepm_ros.pictures import plan_position
 
     entries = bag_files.simulated()
     for stamp in (1000.0, 1010.0):
@@ -297,7 +297,7 @@ def test_an_evaluation_draws_three_pictures_of_each_scene(tmp_path):
 
 
 def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "tsepm_ros.analysis.evaluation_picture", None)
+    monkeypatch.setitem(sys.modules, "tsepm_ros.pictures.operating_curve_picture", None)
     evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
     assert "no pictures: they need matplotlib" in capsys.readouterr().out
     assert (tmp_path / "evaluation.csv").exists()

@@ -10,19 +10,19 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis import designing
-from tsepm_ros.analysis.figures import figures_of
+from tsepm_ros.analysis.measures import figures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.prediction import (
+from tsepm_ros.analysis.study import study
+from tsepm_ros.cli import main
+from tsepm_ros.design import search
+from tsepm_ros.design.expected_counts import Gating
+from tsepm_ros.design.prediction import (
     Case,
     clutter_pass_share,
     false_tracks_per_hour,
     target_pass_share,
     targets_found,
 )
-from tsepm_ros.analysis.splitting_theory import Gating
-from tsepm_ros.analysis.study import study
-from tsepm_ros.cli import main
 from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
@@ -50,7 +50,7 @@ def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options
 
 def test_rules_confirm_no_more_clutter_than_they_are_said_to():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
-    rules = designing.rules_within(case, TsepmOptions(), 60.0)
+    rules = search.rules_within(case, TsepmOptions(), 60.0)
     assert [rule.window for rule in rules] == sorted({rule.window for rule in rules})
     rule = next(rule for rule in rules if rule.window == 8)
     options = {"min_hits": rule.min_hits, "window": rule.window}
@@ -61,23 +61,23 @@ def test_rules_confirm_no_more_clutter_than_they_are_said_to():
 
 def test_one_hit_fewer_would_break_the_wish():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
-    rule = next(r for r in designing.rules_within(case, TsepmOptions(), 30.0) if r.window == 8)
+    rule = next(r for r in search.rules_within(case, TsepmOptions(), 30.0) if r.window == 8)
     options = {"min_hits": rule.min_hits - 1, "window": rule.window}
     assert false_tracks_per_hour(case, "tsepm", options, scans=400, seed=3).low > 30.0
 
 
 def test_nothing_is_promised_where_a_hit_is_worth_nothing():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=5e-6))
-    assert designing.worth(case, 0.99).hit < 0.01
-    assert not designing.rules_within(case, TsepmOptions(), 1.0)
-    [(_, share)] = designing.score_thresholds(case, ScoreOptions(), [16])
+    assert search.worth(case, 0.99).hit < 0.01
+    assert not search.rules_within(case, TsepmOptions(), 1.0)
+    [(_, share)] = search.score_thresholds(case, ScoreOptions(), [16])
     assert share < 0.3
 
 
 @pytest.mark.parametrize("density", [1e-6, 5e-6])
 def test_the_worth_of_a_ping_is_that_of_simulated_ones(density):
     sensor = dataclasses.replace(SensorModel(), clutter_density=density)
-    worth = designing.worth(Case(sensor=sensor, target_range=5000.0), 0.99)
+    worth = search.worth(Case(sensor=sensor, target_range=5000.0), 0.99)
     rng = np.random.default_rng(1)
     sigma = np.array([0.015 * 5000.0, np.deg2rad(1.0) * 5000.0])
     peak = 1.0 / (2.0 * math.pi * sigma.prod())
@@ -107,9 +107,9 @@ def test_range_rates_add_their_information_to_the_worth_of_a_hit():
     clutter = np.log(2.0 / (math.pi * (4.0 + rate**2))).mean(axis=0)
     own = -0.5 * math.log(2.0 * math.pi * math.e * 0.2**2)
     expected = own - (weight * clutter).sum() / weight.sum()
-    gain = designing.worth(case, 0.99).hit - designing.worth(blind, 0.99).hit
+    gain = search.worth(case, 0.99).hit - search.worth(blind, 0.99).hit
     assert gain == pytest.approx(expected, abs=0.02)  # 100 000 pings: 0.003
-    assert designing.worth(case, 0.99).scan > designing.worth(blind, 0.99).scan + 0.5
+    assert search.worth(case, 0.99).scan > search.worth(blind, 0.99).scan + 0.5
 
 
 def test_the_share_of_targets_that_pass_the_evaluation():
@@ -126,7 +126,7 @@ def test_a_longer_window_is_chosen_where_it_pays():
     easy = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=1e-8), scans=24)
     hard = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=2e-6), scans=24)
     options = ScoreOptions()
-    assert designing.score_window(easy, options) < designing.score_window(hard, options)
+    assert search.score_window(easy, options) < search.score_window(hard, options)
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.analysis.evaluation import Plan, evaluate
-from tsepm_ros.analysis.evaluation_report import TABLES, markdown, write_csv
-from tsepm_ros.analysis.figures import HEADINGS, figures_of
+from tsepm_ros.analysis.measures import HEADINGS, figures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.performance import Plan, evaluate
+from tsepm_ros.analysis.performance_report import TABLES, markdown, write_csv
 from tsepm_ros.analysis.study import Workers, study
 from tsepm_ros.simulation import load_scenario
 

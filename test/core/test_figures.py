@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from run_records import NOTHING, run_of, start
 
-from tsepm_ros.analysis.figures import HEADINGS, figures_of
 from tsepm_ros.analysis.intervals import mean_count, proportion
-from tsepm_ros.analysis.run_records import RunRecord
+from tsepm_ros.analysis.measures import HEADINGS, figures_of
+from tsepm_ros.analysis.run_summary import RunRecord
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.simulation import Scenario
 

@@ -347,8 +347,7 @@ def test_importing_the_package_imports_no_ros_and_no_matplotlib():
     code = """
 import importlib, pkgutil, sys
 import tsepm_ros
-pictures = ("evaluation_picture", "plan_animation", "plan_position", "point_labels")
-without = ("tsepm_ros.nodes", *(f"tsepm_ros.analysis.{name}" for name in pictures))
+without = ("tsepm_ros.nodes", "tsepm_ros.pictures")
 names = [
     info.name
     for info in pkgutil.walk_packages(tsepm_ros.__path__, "tsepm_ros.", onerror=print)

@@ -17,11 +17,11 @@ import promises
 import promises_footing
 from promises_footing import closeness, difference, footing
 
-from tsepm_ros.analysis.evaluation import Evaluated
-from tsepm_ros.analysis.figures import figures_of
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.measures import figures_of
 from tsepm_ros.analysis.operating_curve import compare
 from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.performance import Evaluated
 from tsepm_ros.simulation import load_scenario
 
 SCENE = replace(load_scenario("box"), scans=4)

@@ -12,7 +12,13 @@ import pytest
 
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.reproduction import (
+from tsepm_ros.analysis.run_summary import record
+from tsepm_ros.analysis.simulated_run import simulate
+from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.cli import main
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
+from tsepm_ros.reproduction import (
     figures_5_to_8,
     monte_carlo,
     paired,
@@ -20,17 +26,11 @@ from tsepm_ros.analysis.reproduction import (
     split_merge_2016,
     table_1,
 )
-from tsepm_ros.analysis.reproduction import published_tsepm_2018 as published
-from tsepm_ros.analysis.reproduction.document import Column, Picture, Table, write
-from tsepm_ros.analysis.reproduction.runs import Setting
-from tsepm_ros.analysis.reproduction.scene import Scene
-from tsepm_ros.analysis.reproduction.sources import SOURCES, Source
-from tsepm_ros.analysis.run_records import record
-from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.cli import main
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
+from tsepm_ros.reproduction import published_tsepm_2018 as published
+from tsepm_ros.reproduction.document import Column, Picture, Table, write
+from tsepm_ros.reproduction.runs import Setting
+from tsepm_ros.reproduction.scene import Scene
+from tsepm_ros.reproduction.sources import SOURCES, Source
 from tsepm_ros.simulation import load_scenario
 
 ROWS = {row.name: row for row in published.TABLE_1}

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tsepm_ros.analysis.reproduction import environment_2018 as environment
-from tsepm_ros.analysis.reproduction import published_environment as published
-from tsepm_ros.analysis.reproduction.paired import FAILS, HOLDS
 from tsepm_ros.cli import main
+from tsepm_ros.reproduction import environment_2018 as environment
+from tsepm_ros.reproduction import published_environment as published
+from tsepm_ros.reproduction.paired import FAILS, HOLDS
 from tsepm_ros.stages.association import Pairs, nearest_first
 
 TIMES = np.arange(0.0, 240.0, 0.01)

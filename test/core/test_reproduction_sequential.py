@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tsepm_ros.analysis.reproduction import hexagon, sequential_2014
-from tsepm_ros.analysis.reproduction import published_2014 as published
-from tsepm_ros.analysis.reproduction.runs import Setting
-from tsepm_ros.analysis.reproduction.sequential_2014 import MAIN, Counts
 from tsepm_ros.cli import main
 from tsepm_ros.methods.sequential import SequentialOptions
+from tsepm_ros.reproduction import hexagon, sequential_2014
+from tsepm_ros.reproduction import published_2014 as published
+from tsepm_ros.reproduction.runs import Setting
+from tsepm_ros.reproduction.sequential_2014 import MAIN, Counts
 
 
 def test_the_scene_is_the_published_one():

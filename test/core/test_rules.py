@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros.analysis.reproduction import published_tsepm_2018 as published
-from tsepm_ros.analysis.rules import (
+from tsepm_ros.design.mn_rules import (
     confirmed_by,
     false_start_probability,
     gate_areas,
     rule_detection_probability,
 )
+from tsepm_ros.reproduction import published_tsepm_2018 as published
 
 TABLE_1 = {row.rule: (row.false_before, *row.detection) for row in published.TABLE_1}
 """P_F(1), and P_D at p_d = 1.0, 0.9 and 0.8."""

@@ -9,7 +9,7 @@ import pytest
 from run_records import run_of, start
 
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_files import RunFile
+from tsepm_ros.analysis.summary_files import RunFile
 from tsepm_ros.simulation import load_scenario
 
 BOX = load_scenario("box")

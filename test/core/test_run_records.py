@@ -11,7 +11,7 @@ from run_records import run_of, start
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_records import RunRecord, record, start_bound
+from tsepm_ros.analysis.run_summary import RunRecord, record, start_bound
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.study import run
 from tsepm_ros.analysis.truth import Outcome

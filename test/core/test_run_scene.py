@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros.analysis.run_scene import (
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.pictures.run_scene import (
     RunScene,
     ScanView,
     position_at,
     truth_paths,
     velocity_seconds,
 )
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.replay.offline import recording_results
 from tsepm_ros.replay.recording import RecordedMotion
 from tsepm_ros.replay.simulated_recording import simulated_recording
@@ -116,7 +116,7 @@ def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
 )
 def test_the_ship_points_to_its_heading(heading_deg, bow):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.analysis.plan_position import ship
+    from tsepm_ros.pictures.plan_position import ship
 
     np.testing.assert_allclose(ship(np.radians(heading_deg)).vertices[0], bow, atol=1e-3)
 
@@ -124,7 +124,7 @@ def test_the_ship_points_to_its_heading(heading_deg, bow):
 @pytest.mark.parametrize("velocity", [(6.0, 8.0), (-6.0, 8.0), (0.0, -9.0), (9.0, 0.0), (0.0, 0.0)])
 def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.analysis.plan_position import Picture, draw
+    from tsepm_ros.pictures.plan_position import Picture, draw
 
     track = ConfirmedTrack(
         track_id=1234,
@@ -157,7 +157,7 @@ def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():
     pytest.importorskip("matplotlib")
     from matplotlib.colors import rgb_to_hsv, to_rgb
 
-    from tsepm_ros.analysis import plan_animation
+    from tsepm_ros.pictures import plan_animation
 
     scene = RunScene("run", truth=[np.zeros((2, 3))])
     for entry in plan_animation._legend(scene, 60.0):

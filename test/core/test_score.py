@@ -15,7 +15,7 @@ from scenes import Scene, crowded_scene, random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_records import record
+from tsepm_ros.analysis.run_summary import record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.initiation.common_options import CommonOptions

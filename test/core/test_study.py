@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from run_records import as_json
 
-from tsepm_ros.analysis.figures import figures_of
+from tsepm_ros.analysis.measures import figures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_records import RunRecord
+from tsepm_ros.analysis.run_summary import RunRecord
 from tsepm_ros.analysis.simulated_run import placed
 from tsepm_ros.analysis.study import Workers, run, study
 from tsepm_ros.analysis.truth import Outcome

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.analysis import designing
-from tsepm_ros.analysis.design_report import (
+from tsepm_ros.analysis.evaluate_command import positive
+from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.design import search
+from tsepm_ros.design.design_report import (
     candidate_table,
     case_lines,
     remedy_table,
@@ -18,10 +20,8 @@ from tsepm_ros.analysis.design_report import (
     verdict,
     worth_line,
 )
-from tsepm_ros.analysis.designing import Candidate
-from tsepm_ros.analysis.evaluate_command import positive
-from tsepm_ros.analysis.prediction import Case
-from tsepm_ros.analysis.report import with_progress
+from tsepm_ros.design.prediction import Case
+from tsepm_ros.design.search import Candidate
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
@@ -71,10 +71,10 @@ def run_design(options: argparse.Namespace) -> None:
     wish = score.false_tracks_per_hour
     print(case_lines(case, wish), flush=True)
     if "score.window" not in values:
-        score = dataclasses.replace(score, window=designing.score_window(case, score))
-    [(threshold, _)] = designing.score_thresholds(case, score, [score.window])
-    print(worth_line(designing.worth(case, score.gate_probability), threshold), flush=True)
-    rules = designing.rules_within(case, tsepm, wish)
+        score = dataclasses.replace(score, window=search.score_window(case, score))
+    [(threshold, _)] = search.score_thresholds(case, score, [score.window])
+    print(worth_line(search.worth(case, score.gate_probability), threshold), flush=True)
+    rules = search.rules_within(case, tsepm, wish)
     print("\nM/N rules of the method tsepm that keep the wish:" + ("" if rules else " none"))
     if rules:
         print(rule_table(rules), flush=True)
@@ -84,8 +84,8 @@ def run_design(options: argparse.Namespace) -> None:
         "workers": options.workers,
         "progress": with_progress,
     }
-    found = list(designing.candidates(case, score, tsepm, rules, **simulation))
-    hours = designing.clutter_scans(case, wish) / case.scans_per_hour
+    found = list(search.candidates(case, score, tsepm, rules, **simulation))
+    hours = search.clutter_scans(case, wish) / case.scans_per_hour
     print(
         f"\nsimulated: {options.runs} targets, {hours:.1f} h of clutter alone, seed "
         f"{options.seed}; score with window {score.window}; 95 % intervals"
@@ -94,7 +94,7 @@ def run_design(options: argparse.Namespace) -> None:
     print(f"\n{verdict(found, options.wanted, wish)}", flush=True)
     if max(one.found.detection.high for one in found) < options.wanted:
         simulation["runs"] = min(options.runs, REMEDY_RUNS)
-        changed = designing.with_remedies(
+        changed = search.with_remedies(
             case, score, given_window="score.window" in values, **simulation
         )
         print(remedy_table(list(changed)))

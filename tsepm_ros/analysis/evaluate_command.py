@@ -7,11 +7,11 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from tsepm_ros.analysis.evaluation import Evaluated, Plan, evaluate
-from tsepm_ros.analysis.evaluation_report import markdown, short_text, write_csv
 from tsepm_ros.analysis.operating_points import OperatingPoint, operating_points
-from tsepm_ros.analysis.report import with_progress
+from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
+from tsepm_ros.analysis.performance_report import markdown, short_text, write_csv
 from tsepm_ros.analysis.study import Workers
+from tsepm_ros.analysis.terminal_tables import with_progress
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.tables import parse_values
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
@@ -126,7 +126,7 @@ def _write(plan: Plan, evaluated: Sequence[Evaluated], folder: Path, command: st
 
 def _pictures(plan: Plan, evaluated: Sequence[Evaluated], folder: Path) -> list[Path]:
     try:
-        from tsepm_ros.analysis.evaluation_picture import draw
+        from tsepm_ros.pictures.operating_curve_picture import draw
     except ImportError:
         print("no pictures: they need matplotlib, which comes with the extra plot")
         return []

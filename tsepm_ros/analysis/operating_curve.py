@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.analysis.intervals import RESAMPLES, TAILS, Estimate
-from tsepm_ros.analysis.run_records import RunRecord
+from tsepm_ros.analysis.run_summary import RunRecord
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.numerics.arrays import FloatArray
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from tsepm_ros.analysis.evaluate_command import positive
 from tsepm_ros.analysis.operating_points import package_version
-from tsepm_ros.analysis.report import with_progress
-from tsepm_ros.analysis.reproduction.document import Part, write
-from tsepm_ros.analysis.reproduction.runs import Setting
-from tsepm_ros.analysis.reproduction.sources import SOURCES
+from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.reproduction.document import Part, write
+from tsepm_ros.reproduction.runs import Setting
+from tsepm_ros.reproduction.sources import SOURCES
 
 RUNS = 300
 

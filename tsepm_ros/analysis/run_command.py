@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from msg_adapters import MessageError, read_track_cloud, time_to_ns
-from tsepm_ros.analysis.run_scene import RunScene, ScanView, truth_paths
 from tsepm_ros.analysis.truth import judge, origins_of
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
+from tsepm_ros.pictures.run_scene import RunScene, ScanView, truth_paths
 from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.offline import bag_results, recording_results
@@ -318,8 +318,8 @@ def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:
     if not picture and not options.animation:
         return
     try:
-        from tsepm_ros.analysis.plan_animation import animate
-        from tsepm_ros.analysis.plan_position import picture_of, save
+        from tsepm_ros.pictures.plan_animation import animate
+        from tsepm_ros.pictures.plan_position import picture_of, save
     except ImportError:
         print("no picture: it needs matplotlib, which comes with the extra plot", file=sys.stderr)
         return

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
-from tsepm_ros.analysis.run_records import RunRecord, record
+from tsepm_ros.analysis.run_summary import RunRecord, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.simulation import Scenario
 

@@ -10,9 +10,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
-from tsepm_ros.analysis.reproduction import paired
-from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.analysis.reproduction.monte_carlo import (
+from tsepm_ros.design.mn_rules import rule_detection_probability
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.reproduction import paired
+from tsepm_ros.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.reproduction.monte_carlo import (
     CURVES,
     ERRORS,
     RULE,
@@ -23,17 +26,14 @@ from tsepm_ros.analysis.reproduction.monte_carlo import (
     run_comparison,
     sensor_at,
 )
-from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
+from tsepm_ros.reproduction.published_tsepm_2018 import (
     FIGURE_7_DENSITY,
     FIGURE_7_MARKS,
     GATE_PROBABILITY,
     MAX_SPEED,
     PERIOD,
 )
-from tsepm_ros.analysis.reproduction.runs import Result, Setting, column
-from tsepm_ros.analysis.rules import rule_detection_probability
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.reproduction.runs import Result, Setting, column
 from tsepm_ros.sensing.conversion import position_covariance
 
 EQUAL = 0.05

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tsepm_ros.analysis.figures import Figures, figures_of
+from tsepm_ros.analysis.measures import Figures, figures_of
 from tsepm_ros.analysis.operating_curve import Comparison, compare
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_files import RunFile
-from tsepm_ros.analysis.run_records import RunRecord
+from tsepm_ros.analysis.run_summary import RunRecord
 from tsepm_ros.analysis.study import Workers, study
+from tsepm_ros.analysis.summary_files import RunFile
 from tsepm_ros.simulation import Scenario
 
 Progress = Callable[[Iterable[None], int], Iterable[Any]]

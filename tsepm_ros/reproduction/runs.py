@@ -25,7 +25,7 @@ RunFunction = Callable[[Any, list[int]], Result]
 JUDGES = tuple(
     Path(__file__).parents[1] / name
     for name in (
-        "truth.py",
+        "analysis/truth.py",
         "reproduction/scene.py",
         "reproduction/published_tsepm_2018.py",
         "reproduction/published_split_merge_2016.py",

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.prediction import (
+from tsepm_ros.design.expected_counts import Gating, expected_counts
+from tsepm_ros.design.mn_rules import confirmed_by, rule_detection_probability
+from tsepm_ros.design.prediction import (
     Case,
     Found,
     clutter_pass_share,
@@ -20,8 +22,6 @@ from tsepm_ros.analysis.prediction import (
     target_pass_share,
     targets_found,
 )
-from tsepm_ros.analysis.rules import confirmed_by, rule_detection_probability
-from tsepm_ros.analysis.splitting_theory import Gating, expected_counts
 from tsepm_ros.methods.score import threshold_plan
 from tsepm_ros.methods.score.likelihood_ratio import LARGEST_DETECTION_PROBABILITY, miss_gain
 from tsepm_ros.methods.score.options import MIN_HITS, ScoreOptions

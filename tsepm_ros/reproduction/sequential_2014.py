@@ -11,9 +11,10 @@ import numpy as np
 
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.intervals import Estimate, mean, proportion, root, root_mean_square
-from tsepm_ros.analysis.reproduction import published_2014 as published
-from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.analysis.reproduction.hexagon import (
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.reproduction import published_2014 as published
+from tsepm_ros.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.reproduction.hexagon import (
     ASSUMED,
     MATCHINGS,
     PLAIN,
@@ -22,8 +23,7 @@ from tsepm_ros.analysis.reproduction.hexagon import (
     cases,
     run_hexagon,
 )
-from tsepm_ros.analysis.reproduction.runs import Result, Setting
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.reproduction.runs import Result, Setting
 
 TIMES = np.array(list(published.FORMED))
 FORMED = np.array(list(published.FORMED.values()))

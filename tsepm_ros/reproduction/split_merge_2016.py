@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.analysis.intervals import mean_count, proportion
-from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.analysis.reproduction.monte_carlo import FourTargets, run_four_targets
-from tsepm_ros.analysis.reproduction.published_split_merge_2016 import (
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.reproduction.monte_carlo import FourTargets, run_four_targets
+from tsepm_ros.reproduction.published_split_merge_2016 import (
     AFTER_MERGING,
     AFTER_SPLITTING,
     SAID_NOT_TO_MERGE,
@@ -21,9 +23,7 @@ from tsepm_ros.analysis.reproduction.published_split_merge_2016 import (
     TABLE_II,
     TRUE_TRACK,
 )
-from tsepm_ros.analysis.reproduction.runs import Result, Setting, column
-from tsepm_ros.numerics import grouped
-from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.reproduction.runs import Result, Setting, column
 from tsepm_ros.simulation import load_scenario
 from tsepm_ros.stages import merging
 

@@ -8,11 +8,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, TextIO
 
-from tsepm_ros.analysis.evaluation import Evaluated, Plan
-from tsepm_ros.analysis.figures import HEADINGS, Figures
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.measures import HEADINGS, Figures
 from tsepm_ros.analysis.operating_curve import Comparison
-from tsepm_ros.analysis.report import text_table
+from tsepm_ros.analysis.performance import Evaluated, Plan
+from tsepm_ros.analysis.terminal_tables import text_table
 from tsepm_ros.simulation import Scenario
 
 TABLES = {

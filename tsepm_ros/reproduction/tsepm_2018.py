@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tsepm_ros.analysis.reproduction import figures_5_to_8, table_1
-from tsepm_ros.analysis.reproduction.document import Part
-from tsepm_ros.analysis.reproduction.runs import Setting
+from tsepm_ros.reproduction import figures_5_to_8, table_1
+from tsepm_ros.reproduction.document import Part
+from tsepm_ros.reproduction.runs import Setting
 
 
 def reproduce(setting: Setting) -> list[Part]:

@@ -13,8 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.analysis.reproduction.published_split_merge_2016 import AREA_SIDE, TABLE_I_RULE
-from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
+from tsepm_ros.analysis.truth import measurement_sigma
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.methods.registry import make_initiator
+from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
+from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
+from tsepm_ros.reproduction.published_split_merge_2016 import AREA_SIDE, TABLE_I_RULE
+from tsepm_ros.reproduction.published_tsepm_2018 import (
     COORDINATE,
     FIGURE_7_DENSITY,
     GATE_FACTOR,
@@ -26,14 +32,8 @@ from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
     TABLE_1_DENSITY,
     Table1Row,
 )
-from tsepm_ros.analysis.reproduction.runs import Result
-from tsepm_ros.analysis.reproduction.scene import Scene, Started
-from tsepm_ros.analysis.truth import measurement_sigma
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.registry import make_initiator
-from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
-from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
+from tsepm_ros.reproduction.runs import Result
+from tsepm_ros.reproduction.scene import Scene, Started
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.simulator import CLUTTER

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros.analysis.intervals import Estimate, proportion
-from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.analysis.reproduction.monte_carlo import (
-    STATED_MARGIN,
-    Counted,
-    run_table_1,
-    table_1_cases,
+from tsepm_ros.analysis.truth import measurement_sigma
+from tsepm_ros.design.mn_rules import (
+    false_start_probability,
+    gate_areas,
+    rule_detection_probability,
 )
-from tsepm_ros.analysis.reproduction.paired import ratio
-from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
+from tsepm_ros.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.reproduction.monte_carlo import STATED_MARGIN, Counted, run_table_1, table_1_cases
+from tsepm_ros.reproduction.paired import ratio
+from tsepm_ros.reproduction.published_tsepm_2018 import (
     COORDINATE,
     GATE_FACTOR,
     GATE_PROBABILITY,
@@ -30,13 +31,7 @@ from tsepm_ros.analysis.reproduction.published_tsepm_2018 import (
     TABLE_1_RUNS,
     Table1Row,
 )
-from tsepm_ros.analysis.reproduction.runs import Result, Setting, column
-from tsepm_ros.analysis.rules import (
-    false_start_probability,
-    gate_areas,
-    rule_detection_probability,
-)
-from tsepm_ros.analysis.truth import measurement_sigma
+from tsepm_ros.reproduction.runs import Result, Setting, column
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages.pruning import READINGS
 

@@ -19,8 +19,8 @@ from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.analysis.splitting_theory import Gating, error_radius, gate_areas
 from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.design.expected_counts import Gating, error_radius, gate_areas
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions

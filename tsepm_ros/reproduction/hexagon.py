@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.analysis.bounds import cramer_rao
-from tsepm_ros.analysis.reproduction import published_2014 as published
-from tsepm_ros.analysis.reproduction.runs import Result
-from tsepm_ros.analysis.reproduction.scene import Scene, Started
 from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.initiation import initial_state
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.sequential import Sequential, SequentialOptions
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.reproduction import published_2014 as published
+from tsepm_ros.reproduction.runs import Result
+from tsepm_ros.reproduction.scene import Scene, Started
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario

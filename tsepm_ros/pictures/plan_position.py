@@ -22,8 +22,8 @@ from matplotlib.patches import Ellipse
 from matplotlib.path import Path as MarkerPath
 from matplotlib.patheffects import withStroke
 
-from tsepm_ros.analysis.run_scene import RunScene, velocity_seconds
 from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.pictures.run_scene import RunScene, velocity_seconds
 
 CHI_95 = 2.447746830680816
 """Axis factor of the ellipse that holds a bivariate Gaussian with 95 %."""

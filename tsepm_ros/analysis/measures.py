@@ -19,7 +19,7 @@ from tsepm_ros.analysis.intervals import (
     root,
     root_mean_square,
 )
-from tsepm_ros.analysis.run_records import RunRecord, StartRecord
+from tsepm_ros.analysis.run_summary import RunRecord, StartRecord
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.simulation import Scenario
 

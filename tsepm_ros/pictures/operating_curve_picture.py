@@ -16,11 +16,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tsepm_ros.analysis.evaluation import Evaluated
-from tsepm_ros.analysis.figures import SECONDS_PER_HOUR
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.measures import SECONDS_PER_HOUR
 from tsepm_ros.analysis.operating_curve import LEAST_FALSE, Curve
-from tsepm_ros.analysis.point_labels import PointLabel, label_points
+from tsepm_ros.analysis.performance import Evaluated
+from tsepm_ros.pictures.point_labels import PointLabel, label_points
 
 # Colours that stay apart for colour-blind readers (Okabe and Ito).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

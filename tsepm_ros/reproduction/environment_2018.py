@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros.analysis.intervals import Estimate, mean, proportion
-from tsepm_ros.analysis.reproduction import published_environment as published
-from tsepm_ros.analysis.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.analysis.reproduction.paired import FAILS, HOLDS
-from tsepm_ros.analysis.reproduction.runs import Setting
 from tsepm_ros.environment.encounters import closest_approach, distance_at
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.reproduction import published_environment as published
+from tsepm_ros.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.reproduction.paired import FAILS, HOLDS
+from tsepm_ros.reproduction.runs import Setting
 from tsepm_ros.sensing.plot_features import decision
 
 FEATURES = 3

@@ -5,14 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tsepm_ros.analysis.reproduction import (
-    environment_2018,
-    sequential_2014,
-    split_merge_2016,
-    tsepm_2018,
-)
-from tsepm_ros.analysis.reproduction.document import Part
-from tsepm_ros.analysis.reproduction.runs import Setting
+from tsepm_ros.reproduction import environment_2018, sequential_2014, split_merge_2016, tsepm_2018
+from tsepm_ros.reproduction.document import Part
+from tsepm_ros.reproduction.runs import Setting
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from tsepm_ros.analysis.plan_position import (
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.pictures.plan_position import (
     GOOD,
     INK,
     TRUTH,
@@ -22,14 +23,13 @@ from tsepm_ros.analysis.plan_position import (
     legend_dots,
     legend_own_ship,
 )
-from tsepm_ros.analysis.run_scene import (
+from tsepm_ros.pictures.run_scene import (
     RunScene,
     ScanView,
     own_ship_path,
     position_at,
     velocity_seconds,
 )
-from tsepm_ros.numerics.arrays import FloatArray
 
 NEW = "#b5179e"
 FADING = 8

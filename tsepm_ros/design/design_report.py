@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tsepm_ros.analysis.designing import WINDOWS, Candidate, Rule, Worth
 from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.prediction import Case
-from tsepm_ros.analysis.report import text_table
+from tsepm_ros.analysis.terminal_tables import text_table
+from tsepm_ros.design.prediction import Case
+from tsepm_ros.design.search import WINDOWS, Candidate, Rule, Worth
 from tsepm_ros.methods.score.options import MIN_HITS
 
 

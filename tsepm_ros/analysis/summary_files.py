@@ -16,10 +16,10 @@ from typing import IO, Any
 import numpy as np
 
 from tsepm_ros.analysis.operating_points import OperatingPoint, digest
-from tsepm_ros.analysis.run_records import RunRecord
+from tsepm_ros.analysis.run_summary import RunRecord
 from tsepm_ros.simulation import Scenario
 
-JUDGES = ("bounds", "gospa", "run_records", "simulated_run", "truth")
+JUDGES = ("bounds", "gospa", "run_summary", "simulated_run", "truth")
 """Modules here that decide what is recorded of a run."""
 
 
