@@ -44,7 +44,7 @@ help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
 
 demo: env  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
-	$(VENV)/bin/python -m tsepm_ros.nodes.demo $(DEMO_ARGS)
+	$(VENV)/bin/python -m tsepm_ros.demo.demo $(DEMO_ARGS)
 
 # Nodes wait for each other, so they are tested one after another.
 test: env  ## the whole test suite; TEST_ARGS="test/core -k merging" for a part

@@ -75,8 +75,8 @@ setup(
             "track_initiator = tsepm_ros.nodes.track_initiator:main",
             "sonar_simulator = tsepm_ros.nodes.sonar_simulator:main",
             "scan_player = tsepm_ros.nodes.scan_player:main",
-            "tsepm_demo = tsepm_ros.nodes.demo:main",
-            "tsepm = tsepm_ros.cli:main",
+            "tsepm_demo = tsepm_ros.demo.demo:main",
+            "tsepm = tsepm_ros.commands.cli:main",
         ],
     },
 )

@@ -19,8 +19,8 @@ os.environ["MKL_NUM_THREADS"] = "1"
 
 from peers import PEERS, peer_points
 
-from tsepm_ros.analysis.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 
 
 def installed(peers: list[str]) -> list[OperatingPoint]:

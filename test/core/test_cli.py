@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from tsepm_ros.analysis.terminal_tables import text_table
-from tsepm_ros.cli import main
+from tsepm_ros.commands.cli import main
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.rendering import as_page
 from tsepm_ros.settings.tables import NODES

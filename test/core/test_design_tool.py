@@ -13,7 +13,7 @@ from tsepm_ros import SensorModel
 from tsepm_ros.analysis.measures import figures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.study import study
-from tsepm_ros.cli import main
+from tsepm_ros.commands.cli import main
 from tsepm_ros.design import search
 from tsepm_ros.design.expected_counts import Gating
 from tsepm_ros.design.prediction import (

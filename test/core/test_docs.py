@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 
 from tsepm_ros import available_methods
-from tsepm_ros.cli import _parser
+from tsepm_ros.commands.cli import _parser
 from tsepm_ros.methods.registry import option_names
 from tsepm_ros.settings.rendering import as_page
 from tsepm_ros.settings.tables import NODES, full_table

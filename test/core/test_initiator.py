@@ -347,7 +347,7 @@ def test_importing_the_package_imports_no_ros_and_no_matplotlib():
     code = """
 import importlib, pkgutil, sys
 import tsepm_ros
-without = ("tsepm_ros.nodes", "tsepm_ros.pictures")
+without = ("tsepm_ros.demo", "tsepm_ros.nodes", "tsepm_ros.pictures")
 names = [
     info.name
     for info in pkgutil.walk_packages(tsepm_ros.__path__, "tsepm_ros.", onerror=print)

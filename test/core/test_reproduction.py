@@ -15,7 +15,7 @@ from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_summary import record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.cli import main
+from tsepm_ros.commands.cli import main
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.reproduction import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tsepm_ros.cli import main
+from tsepm_ros.commands.cli import main
 from tsepm_ros.reproduction import environment_2018 as environment
 from tsepm_ros.reproduction import published_environment as published
 from tsepm_ros.reproduction.paired import FAILS, HOLDS

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tsepm_ros.cli import main
+from tsepm_ros.commands.cli import main
 from tsepm_ros.methods.sequential import SequentialOptions
 from tsepm_ros.reproduction import hexagon, sequential_2014
 from tsepm_ros.reproduction import published_2014 as published

@@ -7,13 +7,13 @@ import sys
 
 import pytest
 
-from tsepm_ros.nodes.demo import main
+from tsepm_ros.demo.demo import main
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def demo(*arguments, timeout=60.0):
-    command = [sys.executable, "-m", "tsepm_ros.nodes.demo", *arguments]
+    command = [sys.executable, "-m", "tsepm_ros.demo.demo", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 
 

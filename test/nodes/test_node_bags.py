@@ -21,7 +21,7 @@ from ros_world import RELIABLE, World
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from tsepm_ros.cli import main
+from tsepm_ros.commands.cli import main
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.track_initiator import TrackInitiator

@@ -15,8 +15,8 @@ import numpy as np
 from msg_adapters import time_to_ns, track_states
 from tsepm_ros.analysis.terminal_tables import counts_line, target_table, text_table
 from tsepm_ros.analysis.truth import Outcome, judge, origins_of
+from tsepm_ros.demo.topic_collector import RunRecorder
 from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.nodes.run_recorder import RunRecorder
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.pictures.plan_position import Picture
 from tsepm_ros.replay.message_input import MessageInput

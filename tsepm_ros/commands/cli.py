@@ -9,20 +9,20 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from tsepm_ros.analysis.design_command import add_design_arguments, run_design
-from tsepm_ros.analysis.evaluate_command import (
+from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.measures import HEADINGS, SPECS, Figures, figures_of
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.study import study
+from tsepm_ros.analysis.terminal_tables import text_table, with_progress
+from tsepm_ros.commands.design_command import add_design_arguments, run_design
+from tsepm_ros.commands.evaluate_command import (
     add_evaluation_arguments,
     add_run_arguments,
     run_evaluation,
     workers_of,
 )
-from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.measures import HEADINGS, SPECS, Figures, figures_of
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.reproduce_command import add_reproduction_arguments, run_reproduction
-from tsepm_ros.analysis.run_command import add_recording_arguments, run_recording
-from tsepm_ros.analysis.study import study
-from tsepm_ros.analysis.terminal_tables import text_table, with_progress
+from tsepm_ros.commands.reproduce_command import add_reproduction_arguments, run_reproduction
+from tsepm_ros.commands.run_command import add_recording_arguments, run_recording
 from tsepm_ros.methods.registry import METHODS, available_methods
 from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
 from tsepm_ros.settings.session_options import SessionOptions

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.analysis.evaluate_command import positive
 from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.commands.evaluate_command import positive
 from tsepm_ros.design import search
 from tsepm_ros.design.design_report import (
     candidate_table,

@@ -21,8 +21,8 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # before rclpy.init
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from tsepm_ros.nodes.run_recorder import RunRecorder
-from tsepm_ros.nodes.run_review import Review, review_recording, review_simulation
+from tsepm_ros.demo.review import Review, review_recording, review_simulation
+from tsepm_ros.demo.topic_collector import RunRecorder
 from tsepm_ros.pictures.plan_position import save
 from tsepm_ros.replay.recording import Recording, read_recording
 from tsepm_ros.simulation import Scenario, load_scenario

@@ -6,9 +6,9 @@ import argparse
 import os
 from pathlib import Path
 
-from tsepm_ros.analysis.evaluate_command import positive
 from tsepm_ros.analysis.operating_points import package_version
 from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.commands.evaluate_command import positive
 from tsepm_ros.reproduction.document import Part, write
 from tsepm_ros.reproduction.runs import Setting
 from tsepm_ros.reproduction.sources import SOURCES
