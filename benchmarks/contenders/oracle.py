@@ -1,4 +1,4 @@
-"""The plain version of the published method, test/plain_tsepm.py, scan by scan."""
+"""The plain version of the published method, test/support/plain_tsepm.py, scan by scan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contenders import Contender, FloatArray, Hits, RawScan, Sea
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "test"))
 
-import plain_tsepm as plain
+from support import plain_tsepm as plain
 
 
 class OracleContender(Contender):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import foreign_messages
 import numpy as np
 import pytest
-from driver_messages import MAKERS, echoes_of
 from geometry_msgs.msg import Point, Pose, Vector3
+from support import foreign_messages
+from support.driver_messages import MAKERS, echoes_of
 
 from msg_adapters import (
     MessageError,

@@ -19,9 +19,9 @@ from msg_adapters import (
 
 pytest.importorskip("rosbags", reason="bags need the library rosbags")
 
-from bag_files import Entry, write_bag
-from driver_messages import MAKERS, echoes_of
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from support.bag_files import Entry, write_bag
+from support.driver_messages import MAKERS, echoes_of
 
 from tsepm_ros.replay.bag import Bag
 

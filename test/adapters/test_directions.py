@@ -10,12 +10,12 @@ import math
 
 import numpy as np
 import pytest
-from driver_messages import MAKERS, Echo
-from foreign_messages import PingInfo, SonarDetections
 from nav_msgs.msg import Odometry
-from raw_cloud import raw_cloud
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import LaserScan
+from support.driver_messages import MAKERS, Echo
+from support.foreign_messages import PingInfo, SonarDetections
+from support.raw_cloud import raw_cloud
 
 from msg_adapters import make_header, pose_sample, read_detections, read_own_ship, sensor_scan
 from tsepm_ros.own_ship.mounting import Mounting

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from handover_page import PAGE, run_page
+from support.handover_page import PAGE, run_page
 
 from msg_adapters import (
     PlacedDetections,

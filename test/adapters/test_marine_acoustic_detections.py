@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from foreign_messages import DetectionFlag, PingInfo, SonarDetections, SonarRanges
 from geometry_msgs.msg import Vector3
+from support.foreign_messages import DetectionFlag, PingInfo, SonarDetections, SonarRanges
 
 from msg_adapters import MessageError, make_header, read_detections
 

@@ -7,8 +7,8 @@ import struct
 
 import numpy as np
 import pytest
-from raw_cloud import raw_cloud
 from sensor_msgs.msg import PointField
+from support.raw_cloud import raw_cloud
 
 from msg_adapters import MessageError, read_fields, write_cloud
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from raw_cloud import raw_cloud
+from support.raw_cloud import raw_cloud
 
 from msg_adapters import MessageError, detections_cloud, make_header, read_detections
 from tsepm_ros.sensing.scan import LARGEST

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from foreign_messages import RadarReturn, RadarScan
+from support.foreign_messages import RadarReturn, RadarScan
 
 from msg_adapters import make_header, read_detections, sensor_scan
 from tsepm_ros.session.session import Session

@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 import pytest
-from raw_cloud import DATATYPES, raw_cloud
+from support.raw_cloud import DATATYPES, raw_cloud
 
 from msg_adapters import (
     TRACK_DTYPE,

@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from foreign_messages import (
+from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Vector3
+from std_msgs.msg import Header
+from support.foreign_messages import (
     BoundingBox3D,
     Detection3D,
     Detection3DArray,
     ObjectHypothesis,
     ObjectHypothesisWithPose,
 )
-from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Vector3
-from std_msgs.msg import Header
 
 from msg_adapters import make_header, read_detections
 

@@ -18,8 +18,8 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_LOG_DIR", tempfile.mkdtemp(prefix="tsepm_ros_log_"))
 os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).parent / "fastdds.xml"))
 
-from ros_process import RosProcess
-from ros_world import DEADLINE, World
+from support.ros_process import RosProcess
+from support.ros_world import DEADLINE, World
 
 DOMAINS = 100
 """Domains 1 to 100 keep clear of the ports that the system hands out."""

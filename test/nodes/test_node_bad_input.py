@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from boat import Boat
-from expectation import as_scan, assert_same, assert_stamps, confirmed, initiator
-from ros_world import WARN
 from sensor_msgs.msg import PointCloud2, PointField
-from sonar_driver import START_NS, Ping, cloud, pings, points
+from support.boat import Boat
+from support.expectation import as_scan, assert_same, assert_stamps, confirmed, initiator
+from support.ros_world import WARN
+from support.sonar_driver import START_NS, Ping, cloud, pings, points
 
 NAN, INF = float("nan"), float("inf")
 SECOND = 10**9

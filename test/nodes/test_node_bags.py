@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bag_files import (
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from support.bag_files import (
     ODOMETRY,
     PARAMETERS,
     POINTS,
@@ -15,11 +18,8 @@ from bag_files import (
     simulated,
     write_bag,
 )
-from boat import named
-from nav_msgs.msg import Odometry
-from ros_world import RELIABLE, World
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
+from support.boat import named
+from support.ros_world import RELIABLE, World
 
 from tsepm_ros.commands.cli import main
 from tsepm_ros.nodes.node_parameters import ParameterError

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 
-from boat import Boat
-from ros_world import WARN as LOG_WARN
 from sensor_msgs.msg import PointCloud2
-from sonar_driver import START_NS, pings
+from support.boat import Boat
+from support.ros_world import WARN as LOG_WARN
+from support.sonar_driver import START_NS, pings
 
 SECOND = 10**9
 OK, WARN, STALE = b"\x00", b"\x01", b"\x03"

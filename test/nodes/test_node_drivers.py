@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from boat import named
-from driver_messages import MAKERS, Echo, echoes_of
-from expectation import assert_same, initiator
-from foreign_messages import PingInfo, SonarDetections
 from rclpy.node import Node
-from ros_world import ERROR, RELIABLE, WARN, World
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import LaserScan, PointCloud2
-from sonar_driver import START_NS
+from support.boat import named
+from support.driver_messages import MAKERS, Echo, echoes_of
+from support.expectation import assert_same, initiator
+from support.foreign_messages import PingInfo, SonarDetections
+from support.ros_world import ERROR, RELIABLE, WARN, World
+from support.sonar_driver import START_NS
 
 from msg_adapters import MessageError, make_header, read_detections, sensor_scan
 from tsepm_ros import Scan

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from expectation import COVARIANCE, STATE
 from rclpy.exceptions import InvalidParameterValueException
-from ros_world import LATCHED, RELIABLE, WARN, World
 from sensor_msgs.msg import PointCloud2
-from sonar_driver import START_NS, points, stamp_ns
+from support.expectation import COVARIANCE, STATE
+from support.ros_world import LATCHED, RELIABLE, WARN, World
+from support.sonar_driver import START_NS, points, stamp_ns
 
 from msg_adapters import PlacedDetections, make_header, placed_detections_cloud, track_cloud
 from tsepm_ros import ConfirmedTrack

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from boat import Boat
-from ros_world import World
-from sonar_driver import pings
+from support.boat import Boat
+from support.ros_world import World
+from support.sonar_driver import pings
 
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator

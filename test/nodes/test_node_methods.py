@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from ros_world import LATCHED
 from sensor_msgs.msg import PointCloud2
-from sonar_driver import points, stamp_ns
+from support.ros_world import LATCHED
+from support.sonar_driver import points, stamp_ns
 
 from tsepm_ros import available_methods
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from boat import Boat
-from expectation import as_scan, assert_same, assert_stamps, confirmed, initiator
 from nav_msgs.msg import Odometry
-from ros_world import BEST_EFFORT, WARN
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
-from sonar_driver import START_NS, Driver, Ping, cloud, pings, points, stamp_ns
+from support.boat import Boat
+from support.expectation import as_scan, assert_same, assert_stamps, confirmed, initiator
+from support.ros_world import BEST_EFFORT, WARN
+from support.sonar_driver import START_NS, Driver, Ping, cloud, pings, points, stamp_ns
 
 SECOND = 10**9
 LARGEST_FLOAT = sys.float_info.max

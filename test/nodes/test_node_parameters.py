@@ -6,8 +6,6 @@ import sys
 from typing import Any
 
 import pytest
-from boat import Boat
-from expectation import as_scan, assert_same, confirmed, initiator
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -18,7 +16,9 @@ from rcl_interfaces.srv import (
 )
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
-from sonar_driver import pings
+from support.boat import Boat
+from support.expectation import as_scan, assert_same, confirmed, initiator
+from support.sonar_driver import pings
 
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.initiation.common_options import CommonOptions

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from boat import Boat, named
-from expectation import STATE
 from nav_msgs.msg import Odometry
 from rclpy.qos import ReliabilityPolicy
-from ros_world import World
 from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2, PointField
-from sonar_driver import START_NS, Ping, points, stamp_ns
+from support.boat import Boat, named
+from support.expectation import STATE
+from support.ros_world import World
+from support.sonar_driver import START_NS, Ping, points, stamp_ns
 from visualization_msgs.msg import MarkerArray
 
 from tsepm_ros.nodes.node_parameters import ParameterError

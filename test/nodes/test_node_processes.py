@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from expectation import assert_same, initiator
-from ros_process import RosProcess
 from sensor_msgs.msg import PointCloud2
-from sonar_driver import Driver, pings, points, stamp_ns
+from support.expectation import assert_same, initiator
+from support.ros_process import RosProcess
+from support.sonar_driver import Driver, pings, points, stamp_ns
 
 from tsepm_ros.simulation import Simulator, load_scenario
 

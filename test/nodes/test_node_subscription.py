@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from boat import Boat, named
-from expectation import assert_same, confirmed
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from sensor_msgs.msg import Image, LaserScan, PointCloud2
-from sonar_driver import Driver, cloud, pings
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from support.boat import Boat, named
+from support.expectation import assert_same, confirmed
+from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
+from support.sonar_driver import Driver, cloud, pings
 
 from tsepm_ros.nodes import detections_subscription
 from tsepm_ros.nodes.track_initiator import TrackInitiator

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from boat import Boat
-from expectation import COVARIANCE, STATE
-from ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, World
 from sensor_msgs.msg import PointCloud2, PointField
-from sonar_driver import START_NS, Ping, cloud, points, stamp_ns
 from std_srvs.srv import Trigger
+from support.boat import Boat
+from support.expectation import COVARIANCE, STATE
+from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, World
+from support.sonar_driver import START_NS, Ping, cloud, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
 SECOND = 10**9

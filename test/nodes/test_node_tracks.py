@@ -7,8 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from boat import Boat, named
-from expectation import (
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2, PointField
+from std_srvs.srv import Trigger
+from support.boat import Boat, named
+from support.expectation import (
     COVARIANCE,
     STATE,
     as_scan,
@@ -18,16 +26,8 @@ from expectation import (
     confirmed,
     initiator,
 )
-from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import ReliabilityPolicy
-from ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2, PointField
-from sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
-from std_srvs.srv import Trigger
+from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN
+from support.sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import read_placed_detections

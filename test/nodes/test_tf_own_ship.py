@@ -9,13 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from boat import Boat, named
-from foreign_messages import BoundingBox3D, Detection3D, Detection3DArray, PingInfo, SonarRanges
 from geometry_msgs.msg import Point, Pose, Vector3
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
-from sonar_driver import START_NS, Ping, cloud, points
+from support.boat import Boat, named
+from support.foreign_messages import (
+    BoundingBox3D,
+    Detection3D,
+    Detection3DArray,
+    PingInfo,
+    SonarRanges,
+)
+from support.sonar_driver import START_NS, Ping, cloud, points
 
 from msg_adapters import make_header, read_detections, sensor_scan
 from tsepm_ros.nodes.node_parameters import ParameterError

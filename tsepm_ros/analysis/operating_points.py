@@ -16,7 +16,19 @@ from tsepm_ros.methods.registry import METHODS, make_initiator, option_names
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import Scenario
 
-NO_TRACKS = ("analysis", "nodes")
+NO_TRACKS = (
+    "analysis",
+    "commands",
+    "demo",
+    "design",
+    "diagnostics",
+    "nodes",
+    "pictures",
+    "replay",
+    "reproduction",
+    "session",
+    "settings",
+)
 """Packages that no track comes from. All others count, so that a new one is not forgotten."""
 
 

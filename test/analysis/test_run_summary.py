@@ -1,0 +1,146 @@
+"""What is kept of a run, and what it would have been with fewer scans."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.run_summaries import run_of, start
+
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.analysis.bounds import cramer_rao
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.run_summary import RunRecord, record, start_bound
+from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
+from tsepm_ros.analysis.study import run
+from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.methods.registry import available_methods
+from tsepm_ros.simulation import Scenario, load_scenario
+
+MANY = {
+    "tsepm": {"min_hits": 3, "window": 4},
+    "score": {"false_tracks_per_hour": 300.0},
+    "sequential": {"min_hits": 3, "window": 4},
+    "heuristic": {"gate_sigmas": 2.0, "max_acceleration": 2.0},
+    "modified_hough": {"min_hits": 3, "window": 4, "gate_sigmas": 2.0},
+}
+MOVING = load_scenario(
+    "box",
+    {"scans": 8, "sound_speed": 1500.0, "own_ship.speed": 8.0, "own_ship.turn_rate": 0.01},
+)
+
+
+def point(method: str) -> OperatingPoint:
+    return OperatingPoint(method, options=MANY.get(method, {}))
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_a_prefix_of_a_run_is_the_run_with_fewer_scans(method):
+    for seed in range(3):
+        long = run(load_scenario("box", {"scans": 12}), [3, seed], point(method))
+        short = run(load_scenario("box", {"scans": 7}), [3, seed], point(method))
+        assert long.first(7).as_json() == short.as_json()
+        assert long.count(*Outcome) > short.count(*Outcome) > 0
+
+
+def test_a_record_comes_back_from_json_to_the_bit():
+    kept = run(MOVING, [3, 1], point("tsepm"))
+    assert any(not one.pure for one in kept.starts)  # these have nan
+    text = json.dumps(kept.as_json(), allow_nan=False)
+    again = RunRecord.from_json(json.loads(text))
+    assert repr(again) == repr(kept)
+
+
+def test_a_record_counts_what_was_judged():
+    made = simulate(MOVING, [3, 1], point("tsepm"))
+    judged, kept = made.judged(), record(made)
+    for outcome in Outcome:
+        assert kept.count(outcome) == sum(one.outcome is outcome for one in judged)
+    assert kept.wrong == kept.count(Outcome.FALSE) + kept.count(Outcome.MISPLACED) > 0
+    true = [one for one in judged if one.outcome is Outcome.TRUE]
+    mine = [one for one in kept.starts if one.outcome is Outcome.TRUE]
+    assert [one.nees for one in mine] == [one.nees for one in true]
+    assert [one.time for one in mine] == [one.track.stamp for one in true]
+    assert kept.targets == 1
+
+
+def test_counts_by_hand():
+    made = run_of(
+        start(1), start(2, Outcome.REDUNDANT), start(3, Outcome.MISPLACED), false=(0, 2, 0, 5)
+    )
+    assert made.count(*Outcome) == 10
+    assert made.wrong == 8
+    assert made.first(3).wrong == 2
+    assert made.first(2).count(Outcome.REDUNDANT) == 0
+    assert made.first(3).count(Outcome.TRUE, Outcome.REDUNDANT) == 2
+
+
+class Seer:
+    """Starts a track at the target from all its echoes so far, and holds what it is told to."""
+
+    def __init__(self, scenario: Scenario, held: list) -> None:
+        self.scenario = scenario
+        self.hold = self
+        self.current = self
+        self.state = np.array(held, float).reshape(-1, 4)
+
+    def process(self, scan):
+        return []
+
+
+def held_at(*held) -> RunRecord:
+    sensor = {"sensor.clutter_density": 1e-20, "scans": 1}
+    scene = load_scenario("box", sensor)
+    seen = OperatingPoint("seer", options={}, factory=lambda one, *_: Seer(one, list(held)))
+    return run(scene, [1, 1], seen)
+
+
+def test_what_is_held_is_compared_with_the_truth():
+    # The target is 7071 m away: 3 sigma of 1 degree are 370 m.
+    (none,) = held_at().scans
+    assert (none.held, none.localisation, none.false_held) == (0, 0.0, 0.0)
+    c2 = 2.0 * none.missed
+    assert c2 == pytest.approx((3.0 * np.deg2rad(1.0) * np.hypot(5000, 5000)) ** 2, rel=1e-3)
+    (near,) = held_at([5000.0, 0.0, 5300.0, 0.0], [0.0, 0.0, 0.0, 0.0]).scans
+    assert (near.held, near.missed) == (1, 0.0)
+    assert near.localisation == pytest.approx(300.0**2)
+    assert near.false_held == pytest.approx(0.5 * c2)
+    (far,) = held_at([5000.0, 0.0, 5400.0, 0.0]).scans
+    assert (far.held, far.missed, far.false_held) == (0, 0.5 * c2, 0.5 * c2)
+
+
+def test_the_bound_of_a_start_is_that_of_its_own_hits_from_where_the_sensor_was():
+    made = simulate(MOVING, [3, 2], point("tsepm"))
+    pure = [one for one in made.judged() if one.pure]
+    assert pure
+    for one in pure:
+        times, sensors = [], []
+        for scan, row in one.track.hits:
+            times.append(made.scans[scan].stamp + made.scans[scan].time_offset[row])
+            sensors.append(made.scans[scan].sensor_pose[row, :2])
+        positions = [made.simulator.truth(time)[0, [0, 2]] for time in times]
+        expected = cramer_rao(positions, times, sensors, MOVING.sensor, one.track.stamp)
+        np.testing.assert_allclose(start_bound(made, one), expected)
+    assert np.ptp(sensors, axis=0).max() > 100.0
+
+
+def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
+    made = simulate(MOVING, [3, 2], point("tsepm"))
+    mixed = next(one for one in made.judged() if one.target == 0 and not one.pure)
+    assert np.isnan(start_bound(made, mixed)).all()
+    scan, row = next(
+        (scan, list(origin).index(0)) for scan, origin in enumerate(made.origins) if 0 in origin
+    )
+    truth = made.simulator.truth(made.scans[scan].stamp)[0]
+    made.starts = [ConfirmedTrack(0, made.scans[scan].stamp, truth, np.eye(4), ((scan, row),), 0.0)]
+    (alone,) = SimulatedRun.judged(made)
+    assert alone.pure
+    assert np.isnan(start_bound(made, alone)).all()
+
+
+def test_a_scene_without_targets_is_recorded_too():
+    scene = Scenario("empty", scans=3, clutter_box=(0.0, 1000.0, 0.0, 1000.0))
+    kept = run(scene, [1, 1], point("tsepm"))
+    assert kept.targets == 0
+    assert kept.starts == ()

@@ -1,0 +1,129 @@
+"""What measures the promises of the default method: its figures, on small scenes and by hand."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.run_summaries import run_of, start
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+
+import promises
+import promises_footing
+from promises_footing import closeness, difference, footing
+
+from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.measures import figures_of
+from tsepm_ros.analysis.operating_curve import compare
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.performance import Evaluated
+from tsepm_ros.simulation import load_scenario
+
+SCENE = replace(load_scenario("box"), scans=4)
+SWEEP = {"1/h": (2, 1), "10/h": (4, 4)}
+"""Targets of four that `score` finds, and false starts per run, by its points."""
+
+
+def options(folder: Path, runs: int) -> argparse.Namespace:
+    return argparse.Namespace(runs=runs, seed=1, workers=1, out=folder, scene=None)
+
+
+def beside(found: int, false: int) -> list[str]:
+    """The row of a rule that finds so many of four targets, false starts per run, in equal runs."""
+    points = {("tsepm", "5/8"): (found, false)}
+    points |= {("score", label): point for label, point in SWEEP.items()}
+    records = {
+        name: [run_of(*[start(2)] * true, false=(0, 0, 0, wrong), targets=4)] * 3
+        for name, (true, wrong) in points.items()
+    }
+    return footing(
+        Evaluated(
+            SCENE,
+            4,
+            [OperatingPoint(*name) for name in records],
+            [figures_of(SCENE, runs, 4) for runs in records.values()],
+            compare(records),
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "false", "share", "cost", "verdict"),
+    [
+        # From 1 to 4 false starts 2 are half-way: so is the P_D from 0.5 to 1.
+        (3, 2, "0.75", "2.00", "cannot tell"),
+        (2, 2, "0.75", "1.00", "holds"),
+        (4, 2, "0.75", "4.00", "does not"),
+        (1, 2, "0.75", "at most 1.00", "holds"),
+        (4, 8, "at least 1.00", "4.00", "holds"),
+        (4, 1, "0.50", "4.00", "does not"),
+        (2, 0, "not reached: 1.00 or more", "1.00", "does not"),
+    ],
+)
+def test_equal_footing_is_linear_in_the_logarithm_of_false_starts(
+    found, false, share, cost, verdict
+):
+    row = beside(found, false)
+    assert row[:2] == ["box", "4"]
+    assert [cell.split(" (")[0] for cell in row[4:]] == [share, cost, verdict]
+
+
+def test_more_targets_than_the_sweep_finds_are_not_compared(monkeypatch):
+    monkeypatch.setitem(SWEEP, "10/h", (3, 4))
+    assert beside(4, 2)[5] == "not reached: P_D up to 0.75"
+
+
+def test_every_changed_scene_is_one_of_the_box():
+    scenes = {
+        name: promises.scene(name, **values) for name, values in promises_footing.CHANGED.items()
+    }
+    assert scenes["errors twice"].sensor.azimuth_std == pytest.approx(math.radians(2.0))
+    assert scenes["1e-7, 1.0, a third"].sensor.range_std_fraction == pytest.approx(0.005)
+    assert scenes["p_d 0.6"].sensor.detection_probability == 0.6
+    assert scenes["p_d 0.6"].sensor.clutter_density == 1e-6
+
+
+def test_a_difference_of_shares_is_close_far_or_open():
+    same = difference(Estimate(0.8, 0.77, 0.83), Estimate(0.8, 0.76, 0.84))
+    assert (same.value, same.low, same.high) == pytest.approx((0.0, -0.05, 0.05))
+    assert closeness(same) == "cannot tell"
+    assert closeness(Estimate(0.01, -0.01, 0.03)) == "holds"
+    assert closeness(Estimate(-0.05, -0.07, -0.031)) == "does not"
+
+
+def test_the_wish_is_kept_about():
+    kept = promises.wish_kept(density=3e-7, wish=100.0, hours=0.1, seed=1, workers=1)
+    assert 0.3 < kept.value < 2.0
+    assert kept.low < kept.value < kept.high
+
+
+def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(promises, "STARTS_AT", {1e-8: 2.5})
+    header, *rows = promises.starts_table(options(tmp_path, runs=4))
+    assert [row[:4] for row in rows[:2]] == [
+        ("1e-08", "1 deg", "1/h", "10"),
+        ("1e-08", "1 deg", "10/h", "10"),
+    ]
+    assert all(len(row) == len(header) for row in rows)
+    assert 0.5 < float(rows[0][5].split()[0]) < 2.0
+    assert len(list((tmp_path / "runs").iterdir())) == len(rows) == 4
+
+
+def test_a_footing_is_measured_at_both_horizons(tmp_path, monkeypatch):
+    monkeypatch.setattr(promises, "RATES", (10, 1000))
+    given = options(tmp_path, runs=2)
+    given.scene = ["density 1e-7"]
+    _, *rows = promises.footing_table(given)
+    assert [row[:2] for row in rows] == [["density 1e-7", "8"], ["density 1e-7", "16"]]
+
+
+def test_a_design_is_put_beside_whole_scenes(tmp_path):
+    row = promises.designed(3e-8, 8, options(tmp_path, runs=15))
+    planned, simulated, measured = (float(cell.split()[0]) for cell in row[2:5])
+    assert min(planned, simulated, measured) > 0.6
+    assert float(row[5].split()[0]) == pytest.approx(simulated - measured, abs=0.001)

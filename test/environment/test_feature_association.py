@@ -1,0 +1,232 @@
+"""Clutter zones and encounters: what they change in the association."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.builders import assert_same_tracks, scan_at
+
+from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros.environment.clutter_map import ClutterMap
+from tsepm_ros.environment.feature_association import MEMORY, Environment, Surroundings
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.sensing.plot_features import Histories
+from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.simulation.scenario import Scenario
+from tsepm_ros.stages.association import Pairs
+
+BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])
+
+
+def plots_like(features: np.ndarray, number: int, seed: int = 1) -> np.ndarray:
+    return features * (1.0 + 0.1 * np.random.default_rng(seed).standard_normal((number, 3)))
+
+
+TWO = Histories.of(np.stack([plots_like(BIG, 10), plots_like(SMALL, 10)]))
+APART, TOGETHER = np.zeros((2, 2), bool), ~np.eye(2, dtype=bool)
+
+
+def environment(in_zone: list[bool], clutter: np.ndarray | None = None) -> Environment:
+    return Environment(np.array(in_zone), np.zeros((0, 3)) if clutter is None else clutter, 60.0)
+
+
+def all_pairs(cost: list[list[float]]) -> Pairs:
+    parent, row = np.indices(np.shape(cost)).reshape(2, -1)
+    return Pairs(parent, row, np.ravel(cost).astype(float))
+
+
+def test_nothing_changes_where_there_is_neither_zone_nor_encounter():
+    factors = environment([False, False]).factors(
+        TWO, APART, all_pairs([[1.0, 2.0], [3.0, 4.0]]), np.stack([BIG, SMALL])
+    )
+    assert factors.tolist() == [1.0, 1.0, 1.0, 1.0]
+
+
+def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
+    # Of 9 plots of clutter 2 are like the first track's, 7 like the second's: (1 + k) / (1 + 9).
+    clutter = np.concatenate([np.tile(BIG, (2, 1)), np.tile(SMALL, (7, 1))])
+    factors = environment([True, False], clutter).factors(
+        TWO, APART, all_pairs([[1.0, 1.0], [1.0, 1.0]]), np.stack([BIG, BIG])
+    )
+    assert factors.tolist() == pytest.approx([10.0 / 3.0, 1.0, 0.0, 1.0])
+    factors = environment([True], clutter).factors(
+        TWO, APART, all_pairs([[1.0], [1.0]]), SMALL[None]
+    )
+    assert factors.tolist() == pytest.approx([0.0, 10.0 / 8.0])
+
+
+def test_in_an_encounter_each_plot_is_the_track_s_that_it_resembles():
+    # Nearest in position is the wrong way round.
+    factors = environment([False, False]).factors(
+        TWO, TOGETHER, all_pairs([[9.0, 0.0], [0.0, 9.0]]), np.stack([BIG, SMALL])
+    )
+    assert factors.tolist() == [1.0, 0.0, 0.0, 1.0]
+
+
+def test_plots_that_resemble_several_go_by_their_distance():
+    same = Histories.of(np.stack([plots_like(BIG, 10), plots_like(BIG, 10)]))
+    features = np.stack([BIG, BIG])
+    for cost, expected in (
+        ([[0.0, 4.0], [4.0, 0.0]], [1.0, 0.0, 0.0, 1.0]),
+        ([[4.0, 0.0], [0.0, 4.0]], [0.0, 1.0, 1.0, 0.0]),
+        ([[4.0, np.inf], [3.0, np.inf]], [0.0, 1.0, 1.0, 1.0]),  # the second is in no gate
+    ):
+        factors = environment([False, False]).factors(same, TOGETHER, all_pairs(cost), features)
+        assert factors.tolist() == expected
+        factors = environment([False, False]).factors(same, APART, all_pairs(cost), features)
+        assert factors.tolist() == [1.0, 1.0, 1.0, 1.0]
+
+
+def test_a_plot_of_neither_is_taken_by_none():
+    factors = environment([False]).factors(
+        TWO, TOGETHER, all_pairs([[0.0], [0.0]]), np.array([[300.0, 300.0, 0.3]])
+    )
+    assert factors.tolist() == [0.0, 0.0]
+
+
+def test_histories_are_those_of_the_hits_as_far_as_remembered():
+    surroundings = Surroundings()
+    for scan in range(MEMORY + 10):
+        features = np.full((2, 3), float(scan))
+        features[1] += 0.5
+        surroundings.observe(scan, np.arange(2), features, np.array([True, False]))
+    track = replace(
+        TrackArrays.of([]).where(np.zeros(0, np.int64)),
+        track_id=np.array([1]),
+        hits=[((0, 0), (20, 1), (MEMORY + 9, 0))],
+    )
+    found = surroundings.histories(track)
+    assert found.count.tolist() == [[2.0] * 3], "scan 0 is forgotten"
+    assert found.mean[0, 0] == pytest.approx((20.5 + MEMORY + 9.0) / 2.0)
+    surroundings.observe(500, np.zeros(1, int), np.zeros((1, 3)), np.ones(1, bool))
+    assert surroundings.histories(track).count.tolist() == [[0.0] * 3]
+
+
+def test_only_plots_of_clutter_tell_of_clutter():
+    surroundings = Surroundings()
+    nothing = np.full((1, 3), np.nan)
+    features = np.concatenate([SMALL[None], BIG[None], nothing])
+    surroundings.observe(0, np.arange(3), features, np.array([True, False, True]))
+    assert surroundings.at(np.zeros(0, bool), 1.0).clutter.tolist() == [SMALL.tolist()]
+
+
+def test_a_zone_is_where_clutter_is_dense_against_the_coverage():
+    sensor = SensorModel(max_range=6000.0, clutter_density=1e-7)
+    clutter = ClutterMap(sensor)
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        x, y = rng.uniform(2000.0, 3500.0, (2, 20))
+        more = rng.uniform(-4000.0, 4000.0, (2, 6))
+        x, y = np.concatenate([[x, y], more], axis=1)
+        clutter.update(np.hypot(x, y), np.arctan2(y, x), np.ones(len(x)))
+    inside, outside = (2750.0, 2750.0), (-2750.0, 2750.0)
+    x, y = np.array([inside, outside]).T
+    assert clutter.in_zone(np.hypot(x, y), np.arctan2(y, x)).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("method", available_methods())
+@pytest.mark.parametrize("outside", [0, 1, 5])
+def test_echoes_outside_the_coverage_change_no_track_s_features(method, outside):
+    # A track of features like BIG, beside a plot like SMALL, behind echoes that do not count.
+    sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003, max_range=8e3)
+    made = make_initiator(method, sensor=sensor, plot_features=True)
+    own, other = plots_like(BIG, 20, seed=4), plots_like(SMALL, 20, seed=5)
+    started = []
+    for k in range(20):
+        plots = np.concatenate([np.full((outside, 3), 1e4), own[k : k + 1], other[k : k + 1]])
+        scan = scan_at(
+            12.0 * k,
+            [*[(20e3, 0.0)] * outside, (3000.0 + 60.0 * k, 0.0), (-5000.0, 300.0 * (k % 2))],
+            features=dict(zip(("intensity", "range_width", "azimuth_width"), plots.T, strict=True)),
+        )
+        for track in made.process(scan):
+            started.append(track)
+            features = np.array([own[scan] for scan, index in track.hits if index == outside])
+            if len(features) == len(track.hits):
+                found = made._surroundings.histories(TrackArrays.of([track]))
+                np.testing.assert_allclose(found.mean[0], features.mean(axis=0))
+    assert started, "the target is found"
+    assert made.statistics.outside_coverage == outside
+
+
+def overtaking() -> Scenario:
+    """A ship overtakes another 20 m abeam, 100 m in bearing errors, after 99 s."""
+    base = load_scenario("encounter")
+    ships = [
+        np.array([-2400.0 - 99.0 * speed, speed, y, 0.0]) for speed, y in ((5, -17300), (3, -17280))
+    ]
+    sector = replace(base.sensor, azimuth_min=-2.1, azimuth_max=-1.3)
+    return replace(base, targets=tuple(ships), sensor=sector, clutter_patches=(), scans=70)
+
+
+def held_through(features: bool, seed: int) -> bool:
+    """Whether the tracks of both ships go on, each with its own."""
+    scenario = overtaking()
+    made = make_initiator("score", sensor=scenario.sensor, plot_features=features)
+    own = []
+    for scan in Simulator(scenario, seed):
+        made.process(scan.scan)
+        tracks = made.hold.current
+        apart = tracks.state[:, None, 0::2] - scan.truth[None, :, 0::2]
+        nearest = np.square(apart).sum(axis=2).argmin(axis=0) if len(tracks) else []
+        own.append([int(tracks.track_id[row]) for row in nearest])
+    assert len(set(own[15])) == 2
+    return own[-1] == own[15]
+
+
+def test_features_keep_two_tracks_apart_that_are_one_without():
+    # 12 of 12 and 0 of 12 in such runs.
+    assert [held_through(True, seed) for seed in range(3)] == [True] * 3
+    assert [held_through(False, seed) for seed in range(3)] == [False] * 3
+
+
+@pytest.mark.parametrize("method", ["sequential", "logic", "multiple_model"])
+def test_a_scan_by_scan_method_leaves_out_unlike_plots_in_a_zone(method):
+    # A target straight ahead; then its plot or one of clutter in its place.
+    def hits(features: bool, last: np.ndarray, zone: bool) -> int:
+        sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003)
+        made = make_initiator(method, sensor=sensor, min_hits=12, window=14, plot_features=features)
+        made._clutter_map.in_zone = lambda range, azimuth: np.full(len(range), zone)
+        plots = plots_like(BIG, 9, seed=4)
+        plots[-1] = last
+        for k, (intensity, depth, width) in enumerate(plots):
+            made.process(
+                scan_at(
+                    12.0 * k,
+                    [(3000.0 + 20.0 * k, 0.0)],
+                    features={
+                        "intensity": [intensity],
+                        "range_width": [depth],
+                        "azimuth_width": [width],
+                    },
+                )
+            )
+        return max(len(track.hits) for track in made.potential_tracks())
+
+    assert hits(True, BIG, zone=True) == 9
+    assert hits(True, SMALL, zone=True) == 8
+    assert hits(True, SMALL, zone=False) == hits(False, SMALL, zone=True) == 9
+
+
+def test_without_features_and_encounters_the_option_changes_nothing():
+    scenario = load_scenario("four_targets", {"sensor.clutter_density": 3e-7, "scans": 20})
+    one = make_initiator("score", sensor=scenario.sensor)
+    other = make_initiator("score", sensor=scenario.sensor, plot_features=True)
+    started = 0
+    for scan in Simulator(scenario, 4):
+        assert_same_tracks(one.process(scan.scan), other.process(scan.scan))
+        np.testing.assert_array_equal(one.hold.current.state, other.hold.current.state)
+        started += one.statistics.confirmed
+    assert started >= 2
+
+
+def test_features_that_come_and_go_are_no_trouble():
+    made = make_initiator("score", sensor=SensorModel(range_std_fraction=0.001), plot_features=True)
+    rng = np.random.default_rng(6)
+    for k in range(30):
+        features = {"intensity": rng.normal(50.0, 5.0, 2)} if k % 3 else {}
+        range_ = np.array([3000.0, 3050.0]) + rng.normal(0.0, 3.0, 2)
+        made.process(Scan(12.0 * k, range_, np.zeros(2), features=features))
+    assert 1 <= len(made.hold.current) <= 2

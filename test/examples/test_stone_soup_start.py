@@ -1,0 +1,77 @@
+"""What the page on the hand-over says of Stone Soup, where that is installed."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.handover_page import run_page
+
+from msg_adapters import TRACK_DTYPE
+from tsepm_ros.kinematics import kalman
+
+DATATYPES = {"<f4": 7, "<f8": 8, "<u2": 4, "<u4": 6}
+"""Of sensor_msgs/PointField."""
+STATE = np.array([3000.0, 4.0, 1500.0, -2.0])
+A = np.random.default_rng(5).standard_normal((4, 4)) * [[60.0], [1.0], [60.0], [1.0]]
+COVARIANCE = A @ A.T
+
+
+def cloud() -> SimpleNamespace:
+    """A message on `tracks` with one new track, as it would arrive; needs no ROS."""
+    record = np.zeros(1, TRACK_DTYPE)
+    record["track_id"] = 7
+    for name, value in zip(("state_x", "state_vx", "state_y", "state_vy"), STATE, strict=True):
+        record[name] = value
+    for row in range(4):
+        for column in range(4):
+            record[f"cov_{row}{column}"] = COVARIANCE[row, column]
+    fields = [
+        SimpleNamespace(name=name, offset=offset, datatype=DATATYPES[kind.str], count=1)
+        for name, (kind, offset) in TRACK_DTYPE.fields.items()
+    ]
+    stamp = SimpleNamespace(sec=1_700_000_000, nanosec=123_456_000)
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=stamp, frame_id="odom"),
+        height=1,
+        width=1,
+        fields=fields,
+        is_bigendian=False,
+        point_step=TRACK_DTYPE.itemsize,
+        row_step=TRACK_DTYPE.itemsize,
+        data=record.tobytes(),
+        is_dense=True,
+    )
+
+
+def test_a_start_is_read_with_its_full_covariance():
+    [(track_id, state, covariance)] = run_page()["starts"](cloud())
+    assert track_id == 7
+    np.testing.assert_array_equal(state, STATE)
+    np.testing.assert_array_equal(covariance, COVARIANCE)
+
+
+def test_stone_soup_starts_and_predicts_as_a_filter_here_does():
+    pytest.importorskip("stonesoup")
+    page = run_page(stone_soup=True)
+    [track] = page["stone_soup_tracks"](cloud())
+    [start] = track
+    assert track.id == "7"
+    assert start.timestamp == datetime(2023, 11, 14, 22, 13, 20, 123_456, tzinfo=UTC)
+    np.testing.assert_array_equal(start.state_vector.ravel(), STATE)
+    np.testing.assert_array_equal(start.covar, COVARIANCE)
+    later = page["predictor"].predict(start, timestamp=start.timestamp + timedelta(seconds=12))
+    state, covariance = kalman.predict(STATE[None], COVARIANCE[None], 12.0, 0.01)
+    np.testing.assert_allclose(later.state_vector.ravel().astype(float), state[0], rtol=1e-12)
+    np.testing.assert_allclose(later.covar.astype(float), covariance[0], rtol=1e-9)
+
+
+def test_stone_soup_measures_with_the_mapping_that_is_given():
+    models = pytest.importorskip("stonesoup.models.measurement.nonlinear")
+    [[start]] = run_page(stone_soup=True)["stone_soup_tracks"](cloud())
+    model = models.CartesianToBearingRange(ndim_state=4, mapping=(0, 2), noise_covar=np.eye(2))
+    bearing, distance = model.function(start, noise=False).ravel()
+    assert float(bearing) == pytest.approx(np.arctan2(1500.0, 3000.0))
+    assert float(distance) == pytest.approx(np.hypot(1500.0, 3000.0))

@@ -1,0 +1,365 @@
+"""What every initiator keeps to: options, counts, ids, and scans that are refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
+from support.scenes import random_scene
+
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.methods.tsepm import TsepmOptions
+
+HERE = (3000.0, 0.0)
+
+
+def initiator(**options):
+    return make_initiator(
+        "tsepm", sensor=FIXED_RANGE_ERROR, **{"min_hits": 3, "window": 4, **options}
+    )
+
+
+def from_scene(seed: int = 13):
+    scene = random_scene(seed)
+    made = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **scene.options)
+    return made, scene.as_scans()
+
+
+def test_the_methods_are_named():
+    assert "tsepm" in available_methods()
+    for method in available_methods():
+        assert not make_initiator(method, sensor=SensorModel()).process(Scan(0.0, [], []))
+
+
+def test_the_defaults_are_the_paper_s():
+    made = make_initiator("tsepm", sensor=SensorModel())
+    assert made.options == TsepmOptions(
+        min_hits=5,
+        window=8,
+        gate_probability=0.9,
+        estimator="unweighted",
+        evaluation="normalized_distance",
+        pruning_probability=0.99,
+        pruning_reading="literal",
+        merging_probability=0.9,
+        merging="moments",
+    )
+    assert made.common.max_speed == 10.0
+
+
+def test_an_unknown_method_is_refused_and_the_known_are_named():
+    with pytest.raises(ValueError, match=r"^method must be one of tsepm.*got 'kalman'"):
+        make_initiator("kalman", sensor=SensorModel())
+
+
+def test_an_option_that_the_method_does_not_have_is_refused_by_name():
+    with pytest.raises(ValueError, match=r"^colour is not an option of method 'tsepm'.*min_hits"):
+        make_initiator("tsepm", sensor=SensorModel(), colour="red", min_hits=4)
+
+
+@pytest.mark.parametrize("sensor", [None, {"range_std": 1.0}, SensorModel], ids=str)
+def test_a_wrong_sensor_is_refused_by_name(sensor):
+    with pytest.raises(TypeError, match="sensor must be a SensorModel"):
+        make_initiator("tsepm", sensor=sensor)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("max_speed", 0.0),
+        ("max_speed", -5.0),
+        ("max_speed", float("nan")),
+        ("max_speed", "fast"),
+        ("max_detections", 0),
+        ("max_potential_tracks", 0),
+        ("max_raw_confirmations", -1),
+        ("min_hits", 1),
+        ("min_hits", 33),
+        ("min_hits", 4.5),
+        ("window", 65),
+        ("window", 4),
+        ("gate_probability", 0.0),
+        ("gate_probability", 1.0),
+        ("estimator", "best"),
+        ("evaluation", ""),
+        ("pruning_probability", 1.5),
+        ("pruning_reading", "LITERAL"),
+        ("clutter_test_size", -0.1),
+        ("merging_probability", None),
+        ("merging", True),
+    ],
+)
+def test_a_bad_value_is_refused_by_the_option_s_name(name, value):
+    with pytest.raises(ValueError, match=rf"^{name}\b"):
+        make_initiator("tsepm", sensor=SensorModel(), **{name: value})
+
+
+def test_totals_are_the_sums_of_the_scans():
+    made, scans = from_scene()
+    each = []
+    for scan in scans:
+        tracks = made.process(scan)
+        each.append(made.statistics)
+        assert each[-1].scans == 1
+        assert each[-1].detections == len(scan)
+        assert each[-1].confirmed == len(tracks)
+        assert each[-1].raw_confirmations == sum(
+            (each[-1].pruned, each[-1].merged, each[-1].confirmed)
+        )
+    for field in dataclasses.fields(ScanStatistics):
+        values = [getattr(one, field.name) for one in each]
+        total = (
+            max(values) if field.name in ("potential_tracks", "hopeless_tracks") else sum(values)
+        )
+        assert getattr(made.totals, field.name) == total, field.name
+    assert made.totals.merged > 0
+    assert made.totals.pruned > 0
+
+
+def test_potential_tracks_are_counted_after_the_scan():
+    made = initiator(max_speed=1.0)
+    counts = []
+    for k, positions in enumerate([[HERE], [HERE, (-3000.0, 0.0)], [], [], []]):
+        made.process(scan_at(12.0 * k, positions))
+        counts.append(made.statistics.potential_tracks)
+    assert counts == [1, 2, 2, 1, 0]
+
+
+def test_track_ids_go_on_through_resets_and_scans_count_anew():
+    made = initiator()
+
+    def confirm(first: float):
+        return [made.process(scan_at(first + 12.0 * k, [HERE])) for k in range(3)][-1]
+
+    (one,) = confirm(1000.0)
+    made.reset()
+    assert made.totals == made.statistics == ScanStatistics()
+    (two,) = confirm(0.0)
+    assert (one.track_id, two.track_id) == (0, 1)
+    assert one.hits == two.hits == ((0, 0), (1, 0), (2, 0))
+
+
+def test_a_reset_initiator_works_as_a_new_one():
+    made, scans = from_scene()
+    expected = [made.process(scan) for scan in scans]
+    made.reset()
+    found = [made.process(scan) for scan in scans]
+    for one, other in zip(found, expected, strict=True):
+        assert_same_tracks(one, other)
+    ids = [track.track_id for tracks in expected + found for track in tracks]
+    assert ids == list(range(len(ids)))
+
+
+def test_track_ids_fit_32_bits():
+    made = initiator()
+    made.next_track_id = 2**32 - 1
+    ids = []
+    for k in range(6):
+        ids += [track.track_id for track in made.process(scan_at(12.0 * k, [HERE]))]
+    assert ids == [2**32 - 1, 0]
+
+
+def test_ids_in_use_are_passed_over():
+    made = initiator()
+    confirmed, others = [], [(-3000.0, 0.0), (0.0, 3000.0)]
+    for k in range(3):
+        if k == 2:  # a downstream tracker has come to use ids that were not given yet
+            far = ConfirmedTrack(0, 12.0, np.array([9e3, 0, 9e3, 0]), np.eye(4), (), 0.0)
+            used = [replace(far, track_id=track_id) for track_id in (0, 2, 500)]
+            made.hold.follow(12.0, TrackArrays.of(used))
+        confirmed += made.process(scan_at(12.0 * k, [HERE, *others]))
+    assert [track.track_id for track in confirmed] == [1, 3, 4]
+    assert made.next_track_id == 5
+    assert sorted(track.track_id for track in made.hold.current) == [0, 1, 2, 3, 4, 500]
+
+
+def test_a_track_says_when_where_and_from_what():
+    made = initiator(window=5)
+    for stamp, positions in [(100.0, [HERE]), (112.0, []), (130.0, [(-3000.0, 0.0), HERE])]:
+        assert not made.process(scan_at(stamp, positions))
+    (track,) = made.process(scan_at(140.0, [(0.0, 3000.0), (3000.0, 10.0)]))
+    assert track.hits == ((0, 0), (2, 1), (3, 1))
+    assert (track.stamp, track.age, track.scan_count) == (140.0, 40.0, 4)
+    assert np.isnan(track.score)
+    assert track.covariance.shape == (4, 4)
+    np.testing.assert_allclose(track.position, [3000.0, 10.0], atol=5.0)
+
+
+BAD_SCANS = {
+    "equal stamp": (lambda stamp: scan_at(stamp, [HERE]), "stamp"),
+    "earlier stamp": (lambda stamp: scan_at(stamp - 1e-6, [HERE]), "stamp"),
+    "much earlier stamp": (lambda stamp: scan_at(stamp - 1e9, [HERE]), "stamp"),
+    "too many detections": (
+        lambda stamp: Scan(stamp + 1.0, np.full(5001, 50.0), np.zeros(5001)),
+        "range has 5001 detections, more than max_detections = 5000",
+    ),
+}
+
+
+@pytest.mark.parametrize("bad", BAD_SCANS)
+@pytest.mark.parametrize("seed", [13, 50])
+def test_a_refused_scan_is_named_and_leaves_the_others_as_they_were(bad, seed):
+    make, sentence = BAD_SCANS[bad]
+    scene = random_scene(seed)
+    options = {**scene.options, "max_detections": 5000}
+    clean = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **options)
+    disturbed = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **options)
+    for scan in scene.as_scans():
+        expected, found = clean.process(scan), disturbed.process(scan)
+        assert_same_tracks(found, expected)
+        assert disturbed.statistics == clean.statistics
+        with pytest.raises(ValueError, match=f"^{sentence}"):
+            disturbed.process(make(scan.stamp))
+        assert disturbed.statistics == clean.statistics
+    assert disturbed.totals == clean.totals
+    assert clean.totals.confirmed > 0
+
+
+ABSURD = {
+    "huge range": {"range": [1e200], "azimuth": [0.0]},
+    "huge own deviation": {"range": [3000.0], "azimuth": [0.0], "azimuth_std": [60.0]},
+    "largest range": {"range": [1e8], "azimuth": [0.0]},
+    "largest deviations": {
+        "range": [3000.0],
+        "azimuth": [0.0],
+        "range_std": [1e8],
+        "azimuth_std": [3.14],
+    },
+    "tiny range": {"range": [1e-200], "azimuth": [0.0]},
+    "tiny own deviations": {
+        "range": [3000.0],
+        "azimuth": [0.0],
+        "range_std": [1e-200],
+        "azimuth_std": [1e-200],
+    },
+}
+
+
+@pytest.mark.parametrize("estimator", ["unweighted", "weighted", "polar"])
+@pytest.mark.parametrize("absurd", ABSURD)
+def test_absurd_numbers_are_refused_by_name_or_processed(absurd, estimator):
+    made = make_initiator("tsepm", sensor=SensorModel(), min_hits=3, window=4, estimator=estimator)
+    try:
+        scans = [Scan(12.0 * k, **ABSURD[absurd]) for k in range(4)]
+    except ValueError as refused:
+        assert str(refused).startswith(tuple(ABSURD[absurd]))
+        return
+    for scan in scans:
+        for track in made.process(scan):
+            assert np.isfinite(track.state).all()
+            assert np.isfinite(track.covariance).all()
+    assert made.totals.scans == 4
+
+
+def test_empty_scans_count_as_scans():
+    made = initiator()
+    stamps = range(0, 72, 12)
+    positions = [[HERE], [], [], [HERE], [HERE], []]
+    tracks = [
+        made.process(scan_at(float(t), where)) for t, where in zip(stamps, positions, strict=True)
+    ]
+    assert [len(new) for new in tracks] == [0] * 6, "hits 0, 3 and 4 are within 5 scans, not 4"
+    assert made.totals.scans == 6
+    assert made.scan_index == 5
+
+
+def test_nothing_but_empty_scans_gives_nothing():
+    made = initiator()
+    for k in range(20):
+        assert not made.process(Scan(12.0 * k, [], []))
+    assert made.totals == ScanStatistics(scans=20)
+
+
+def test_before_the_first_scan_there_are_no_potential_tracks():
+    assert not initiator().potential_tracks()
+
+
+def test_potential_tracks_have_two_hits_and_more():
+    made = initiator(min_hits=4, window=6)
+    for k in range(3):
+        made.process(scan_at(12.0 * k, [(3000.0, 30.0 * k), (-3000.0 - 500.0 * k, 0.0)]))
+    (track,) = made.potential_tracks()
+    assert track.hits == ((0, 0), (1, 0), (2, 0))
+    assert (track.track_id, track.stamp, track.scan_count) == (0, 24.0, 3)
+    np.testing.assert_allclose(track.state, [3000.0, 0.0, 60.0, 2.5], rtol=1e-3, atol=0.01)
+    assert made.next_track_id == 0, "looking takes no ids"
+
+
+def test_a_changed_speed_counts_at_the_next_scan():
+    made = initiator(max_speed=1.0)
+    made.process(scan_at(0.0, [HERE]))
+    kept = made.configure(made.sensor, CommonOptions(max_speed=50.0), made.options)
+    assert kept
+    made.process(scan_at(12.0, [(3000.0, 500.0)]))
+    assert made.statistics.started == 0
+
+
+def test_configuring_with_the_same_options_changes_nothing():
+    (one, scans), (other, _) = from_scene(), from_scene()
+    for scan in scans:
+        expected, found = one.process(scan), other.process(scan)
+        assert_same_tracks(found, expected)
+        assert other.configure(other.sensor, other.common, other.options)
+    assert one.totals == other.totals
+
+
+def test_a_smaller_window_ends_tracks_at_once_and_a_larger_one_keeps_them():
+    made = initiator(min_hits=3, window=6)
+    for k, seen in enumerate([[HERE], [], []]):
+        made.process(scan_at(12.0 * k, seen))
+    assert made.configure(made.sensor, made.common, dataclasses.replace(made.options, window=20))
+    for k in range(3, 9):
+        made.process(Scan(12.0 * k, [], []))
+    assert made.statistics.potential_tracks == 1
+    assert made.configure(made.sensor, made.common, dataclasses.replace(made.options, window=9))
+    made.process(scan_at(108.0, [HERE]))
+    assert made.statistics.started == 1, "nothing of before is there to gate"
+
+
+def test_another_number_of_hits_starts_over_and_says_so():
+    made = initiator()
+    for k in range(2):
+        made.process(scan_at(12.0 * k, [HERE]))
+    options = dataclasses.replace(made.options, min_hits=2)
+    assert not made.configure(made.sensor, made.common, options)
+    tracks = [made.process(scan_at(24.0 + 12.0 * k, [HERE])) for k in range(2)]
+    assert [len(new) for new in tracks] == [0, 1]
+
+
+def test_memory_does_not_grow_with_the_scans():
+    made = initiator()
+    rng = np.random.default_rng(1)
+    for k in range(60):
+        made.process(scan_at(12.0 * k, rng.uniform(-5000, 5000, (20, 2))))
+    assert len(made._window) <= 20 * made.options.window
+
+
+def test_importing_the_package_imports_no_ros_and_no_matplotlib():
+    # Every module but the nodes, what reads messages for them, and the pictures.
+    code = """
+import importlib, pkgutil, sys
+import tsepm_ros
+without = ("tsepm_ros.demo", "tsepm_ros.nodes", "tsepm_ros.pictures")
+names = [
+    info.name
+    for info in pkgutil.walk_packages(tsepm_ros.__path__, "tsepm_ros.", onerror=print)
+    if not info.name.startswith(without)
+]
+for name in names:
+    importlib.import_module(name)
+assert len(names) > 20, names
+loaded = {name.partition(".")[0] for name in sys.modules}
+print(sorted(loaded & {"rclpy", "rpyutils", "sensor_msgs", "matplotlib", "distributed"}))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr

@@ -1,0 +1,291 @@
+"""Limits: what is kept, what is counted, and that the initiator stays alive."""
+
+from __future__ import annotations
+
+import math
+import signal
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.builders import FIXED_RANGE_ERROR, scan_at
+from support.scenes import random_scene
+
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.initiation.path_counts import PathCounts
+from tsepm_ros.methods.tsepm import Tsepm
+from tsepm_ros.numerics.limits import TimeLimit, keep_best
+
+
+@pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
+@pytest.mark.parametrize("values", [3, 10_000], ids=["many ties", "few ties"])
+def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
+    cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
+    expected = np.sort(np.argsort(cost, kind="stable")[:limit])
+    assert keep_best(cost, limit).tolist() == expected.tolist()
+
+
+def test_keep_best_of_nothing_is_nothing():
+    assert keep_best(np.zeros(0), 5).tolist() == []
+
+
+def busy_scans() -> list[Scan]:
+    """Twelve scans with clutter ten times denser than the sensor model's, and two targets."""
+    rng = np.random.default_rng(9)
+    scans = []
+    for k in range(12):
+        points = rng.uniform(-3000, 3000, (360, 2)).tolist()
+        points += [(1000.0 + 60.0 * k, 500.0), (-800.0, 900.0 - 50.0 * k)]
+        scans.append(scan_at(12.0 * k, points))
+    return scans
+
+
+@pytest.mark.parametrize(
+    ("potential", "raw"),
+    [(1, 1), (5, 1000), (200, 5), (100, 100)],
+    ids=["one", "few potential", "few raw", "hundred"],
+)
+@pytest.mark.parametrize("evaluation", ["normalized_distance", "clutter_statistic"])
+def test_tiny_limits_hold_and_cuts_are_counted_and_output_is_valid(potential, raw, evaluation):
+    initiator = make_initiator(
+        "tsepm",
+        sensor=SensorModel(),
+        min_hits=3,
+        window=5,
+        evaluation=evaluation,
+        max_potential_tracks=potential,
+        max_raw_confirmations=raw,
+    )
+    for scan in busy_scans():
+        tracks = initiator.process(scan)
+        statistics = initiator.statistics
+        assert statistics.potential_tracks <= potential
+        assert statistics.raw_confirmations - statistics.pruned <= raw
+        assert statistics.raw_confirmations == (
+            statistics.pruned + statistics.merged + statistics.confirmed
+        )
+        assert statistics.confirmed == len(tracks)
+        for track in tracks:
+            assert np.isfinite(track.state).all()
+            assert np.linalg.eigvalsh(track.covariance).min() > 0
+            assert len(track.hits) == 3
+    assert initiator.totals.cut_potential_tracks > 0
+    assert raw > 100 or initiator.totals.cut_confirmations > 0
+
+
+def test_cut_confirmations_are_exactly_the_ones_beyond_the_limit():
+    def raw_in_last_scan(limit: int):
+        initiator = make_initiator(
+            "tsepm",
+            sensor=FIXED_RANGE_ERROR,
+            min_hits=2,
+            window=2,
+            max_raw_confirmations=limit,
+        )
+        initiator.process(scan_at(0.0, [(2000.0, 0.0), (2001.0, 0.0)]))
+        initiator.process(scan_at(12.0, [(2000.0, 10.0 * k) for k in range(5)]))
+        return initiator.statistics
+
+    assert raw_in_last_scan(100).raw_confirmations == 10
+    limited = raw_in_last_scan(4)
+    assert (limited.raw_confirmations, limited.cut_confirmations) == (4, 6)
+
+
+@pytest.mark.parametrize("evaluation", ["normalized_distance", "clutter_statistic"])
+def test_what_is_cut_keeps_its_gates_so_that_no_others_start(evaluation):
+    def counts(**limits: int):
+        initiator = make_initiator(
+            "tsepm", sensor=SensorModel(), min_hits=4, window=6, evaluation=evaluation, **limits
+        )
+        return [(initiator.process(scan), initiator.statistics)[1] for scan in busy_scans()]
+
+    free, limited = counts(), counts(max_potential_tracks=150, max_raw_confirmations=40)
+    assert sum(count.cut_potential_tracks for count in limited) > 1000
+    assert [count.started for count in limited] == [count.started for count in free]
+    # What is not confirmed is counted: each path that reached M hits, wherever it was cut before.
+    assert [count.raw_confirmations + count.cut_confirmations for count in limited] == [
+        count.raw_confirmations for count in free
+    ]
+
+
+def test_a_limit_keeps_the_tightest_tracks():
+    initiator = make_initiator(
+        "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_raw_confirmations=1
+    )
+    initiator.process(scan_at(0.0, [(2000.0, 0.0)]))
+    (track,) = initiator.process(scan_at(12.0, [(2000.0, 90.0), (2000.0, 5.0), (2000.0, -60.0)]))
+    assert track.hits == ((0, 0), (1, 1))
+
+
+def test_limits_that_are_not_reached_change_nothing():
+    scene = random_scene(3)
+    free = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **scene.options)
+    tracks = [[t.hits for t in free.process(scan)] for scan in scene.as_scans()]
+    assert free.totals.raw_confirmations > 0
+    limited = make_initiator(
+        "tsepm",
+        sensor=SensorModel(**scene.sensor),
+        **scene.options,
+        max_potential_tracks=free.totals.potential_tracks,
+        max_raw_confirmations=free.totals.raw_confirmations,
+    )
+    assert [[t.hits for t in limited.process(scan)] for scan in scene.as_scans()] == tracks
+    assert limited.totals.cut_potential_tracks == limited.totals.cut_confirmations == 0
+
+
+def test_a_hundred_thousand_detections_in_one_scan_do_not_end_anything():
+    # The scan's 100 000 potential tracks gate everything until their window ends; a target that
+    # appears after that is found as if the scan had not been, and nothing is left of it.
+    rng = np.random.default_rng(1)
+    n = 100_000
+    initiator = make_initiator("tsepm", sensor=SensorModel())
+    initiator.process(
+        Scan(0.0, 9000 * np.sqrt(rng.uniform(1e-6, 1, n)), rng.uniform(-math.pi, math.pi, n))
+    )
+    assert initiator.statistics.potential_tracks == n
+    for k in range(1, 9):
+        initiator.process(
+            scan_at(12.0 * k, [rng.uniform(-6000, 6000, 2), (1000.0 + 50.0 * k, 3000.0)])
+        )
+        assert initiator.statistics.potential_tracks <= 250_000
+    late = [initiator.process(scan_at(12.0 * k, [(-4000.0, 60.0 * k)])) for k in range(9, 18)]
+    assert sum(map(len, late)) >= 1
+    track = next(new[0] for new in late if new)
+    np.testing.assert_allclose(track.position, (-4000.0, 5.0 * track.stamp), rtol=1e-3)
+    assert initiator.statistics.potential_tracks < 100
+
+
+@contextmanager
+def at_most(seconds: float):
+    """End what is inside with an AssertionError where it takes longer."""
+
+    def give_up(*_):
+        raise AssertionError(f"took longer than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_small_cluster_of_detections_in_every_scan_is_processed_in_time():
+    # A wreck or a jetty: ten echoes within 200 m in every ping make 1e5 raw confirmations, all of
+    # which merge. Looking at every pair of them takes minutes; the period is 12 s.
+    rng = np.random.default_rng(1)
+    initiator = make_initiator("tsepm", sensor=SensorModel())
+    with at_most(60.0):
+        for k in range(6):
+            initiator.process(
+                Scan(12.0 * k, 5000 + rng.uniform(-100, 100, 10), rng.uniform(-0.02, 0.02, 10))
+            )
+    assert initiator.totals.confirmed >= 1
+
+
+def cluster(scan_time: float):
+    """Twelve detections in a cluster in each of five scans: 12^5 raw confirmations."""
+    rng = np.random.default_rng(1)
+    initiator = make_initiator("tsepm", sensor=SensorModel())
+    initiator.max_scan_time = scan_time
+    for k in range(5):
+        tracks = initiator.process(
+            Scan(12.0 * k, 5000 + rng.uniform(-100, 100, 12), rng.uniform(-0.02, 0.02, 12))
+        )
+    return initiator, tracks
+
+
+def test_a_time_limit_cuts_what_it_must_counts_it_and_the_output_is_valid():
+    initiator, tracks = cluster(0.05)
+    statistics = initiator.statistics
+    assert tracks
+    assert statistics.raw_confirmations == 12**5
+    assert statistics.cut_confirmations > 0
+    assert statistics.raw_confirmations == sum(
+        (
+            statistics.cut_confirmations,
+            statistics.pruned,
+            statistics.merged,
+            statistics.confirmed,
+        )
+    )
+    for track in tracks:
+        assert np.linalg.eigvalsh(track.covariance).min() > 0
+        assert [scan for scan, _ in track.hits] == [0, 1, 2, 3, 4]
+
+
+def test_time_counts_from_the_begin_and_without_a_limit_there_is_always_some_left():
+    limit = TimeLimit(100.0)
+    assert limit.finite
+    assert 0 <= limit.elapsed < 10
+    assert 90 < limit.left <= 100.0
+    assert TimeLimit(0.0).left <= 0
+    assert not TimeLimit().finite
+    assert TimeLimit().left == math.inf
+    assert make_initiator("tsepm", sensor=SensorModel()).max_scan_time == math.inf
+
+
+def test_many_detections_in_one_place_in_two_scans_are_processed_in_time():
+    # A saturated receiver: 16 million pairs, of which 250 000 may be kept.
+    initiator = make_initiator("tsepm", sensor=SensorModel())
+    n = 4000
+    with at_most(60.0):
+        for k in range(2):
+            initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
+    assert initiator.statistics.potential_tracks <= 250_000
+    assert initiator.statistics.cut_potential_tracks > 0
+
+
+def test_cutting_what_cannot_pass_changes_no_output(monkeypatch):
+    def run():
+        initiator = make_initiator(
+            "tsepm",
+            sensor=SensorModel(clutter_density=1e-5),
+            min_hits=4,
+            window=6,
+            evaluation="clutter_statistic",
+            clutter_test_size=0.3,
+        )
+        tracks = [
+            (track.hits, track.state.tolist(), track.covariance.tolist(), track.evaluation)
+            for scan in busy_scans()
+            for track in initiator.process(scan)
+        ]
+        return tracks, initiator.totals
+
+    tracks, totals = run()
+    monkeypatch.setattr(Tsepm, "_cut_hopeless", lambda self, updated: (updated, PathCounts.none()))
+    expected, plain = run()
+    assert len(tracks) > 10
+    assert tracks == expected
+    assert totals.hopeless_tracks > plain.hopeless_tracks == 0
+    assert totals.potential_tracks < plain.potential_tracks
+    for field in ("started", "terminated", "raw_confirmations", "pruned", "merged", "confirmed"):
+        assert getattr(totals, field) == getattr(plain, field)
+
+
+@pytest.mark.parametrize(
+    ("changed", "density"),
+    [
+        ({"evaluation": "normalized_distance"}, 1e-5),
+        ({"clutter_test_size": 0.6}, 1e-5),
+        ({}, 1e-6),
+    ],
+    ids=["evaluation", "test size", "density"],
+)
+def test_what_was_cut_under_another_threshold_starts_over(changed, density):
+    rule = {"min_hits": 4, "window": 6, "evaluation": "clutter_statistic", "clutter_test_size": 0.3}
+    made = make_initiator("tsepm", sensor=SensorModel(clutter_density=1e-5), **rule)
+    for scan in busy_scans()[:5]:
+        made.process(scan)
+    same = made.sensor, made.common, made.options
+    assert made.configure(*same)
+    assert made.statistics.hopeless_tracks > 0
+    kept = made.configure(
+        replace(made.sensor, clutter_density=density), made.common, replace(made.options, **changed)
+    )
+    assert not kept
+    made.process(busy_scans()[5])
+    assert made.statistics.potential_tracks <= len(busy_scans()[5])

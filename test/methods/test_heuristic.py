@@ -1,0 +1,88 @@
+"""The heuristic method on scenes by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.builders import scan_at
+
+from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros.initiation.displacements import Steps
+
+SENSOR = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4)
+
+
+def run(scans, **options):
+    """Hits of the tracks started; scans are lists of positions, 12 s apart."""
+    made = make_initiator("heuristic", sensor=SENSOR, **options)
+    tracks = [t for k, where in enumerate(scans) for t in made.process(scan_at(12.0 * k, where))]
+    return [track.hits for track in tracks], tracks
+
+
+def along_x(*steps: float):
+    """Scans of one detection each that moves by the steps, m."""
+    return [[(2000.0 + x, 0.0)] for x in np.cumsum([0.0, *steps])]
+
+
+@pytest.mark.parametrize(
+    ("steps", "options", "found"),
+    [
+        ((60.0, 60.0), {}, 1),
+        ((119.9, 119.9), {}, 1),
+        ((120.1, 120.1), {}, 0),
+        ((120.1, 60.0), {}, 0),
+        ((60.0, 120.1), {}, 0),
+        ((100.0, 100.0), {"min_speed": 8.3}, 1),
+        ((100.0, 100.0), {"min_speed": 8.4}, 0),
+        ((-70.0, 73.9), {}, 1),
+        ((-70.0, 74.1), {}, 0),
+        ((10.0, 38.7), {"max_acceleration": 0.2}, 1),
+        ((10.0, 38.9), {"max_acceleration": 0.2}, 0),
+        ((60.0, -60.0), {"max_turn": 3.0}, 0),
+        ((60.0, 30.0), {"max_turn": 0.1}, 1),
+        ((122.0, 122.0), {"gate_sigmas": 3.0}, 1),
+    ],
+    ids=str,
+)
+def test_the_rules_are_those_of_equation_2(steps, options, found):
+    assert len(run(along_x(*steps), **options)[0]) == found
+
+
+def test_the_evaluation_is_the_largest_acceleration():
+    _, (track,) = run(along_x(60.0, 40.0))
+    assert track.evaluation == pytest.approx(20.0 / 144.0, rel=1e-3)
+
+
+def test_of_several_returns_the_one_of_least_acceleration_is_used():
+    scans = along_x(60.0)
+    scans.append([(2150.0, 0.0), (2121.0, 0.0), (2060.0, 30.0)])
+    assert run(scans)[0] == [((0, 0), (1, 0), (2, 1))]
+
+
+def test_every_second_detection_within_the_limits_is_tried():
+    scans = [[(2000.0, 0.0)], [(2000.0, 90.0), (2050.0, 0.0)], [(2100.0, 0.0)]]
+    assert run(scans)[0] == [((0, 0), (1, 1), (2, 0))]
+
+
+def test_hits_of_a_confirmed_track_are_no_other_s():
+    scans = along_x(*[60.0] * 5)
+    assert run(scans)[0] == [((0, 0), (1, 0), (2, 0)), ((3, 0), (4, 0), (5, 0))]
+
+
+def test_any_detection_may_be_the_first():
+    scans = [[(2000.0, 0.0)], [(2000.0, 100.0)], [(2060.0, 100.0)], [(2120.0, 100.0)]]
+    assert run(scans, max_acceleration=0.5)[0] == [((1, 0), (2, 0), (3, 0))]
+
+
+def test_a_scan_may_be_missed_where_the_rule_allows_it():
+    scans = along_x(60.0, 60.0, 60.0)
+    scans[2] = []
+    assert run(scans)[0] == []
+    assert run(scans, window=4)[0] == [((0, 0), (1, 0), (3, 0))]
+
+
+def test_acceleration_is_over_the_time_between_the_middles_of_the_steps():
+    position = np.array([[[0.0, 0.0], [30.0, 0.0], [30.0, 80.0]]])
+    steps = Steps.of(position, np.array([[0.0, 10.0, 30.0]]))
+    assert steps.acceleration == pytest.approx(5.0 / 15.0)
+    assert steps.turn == pytest.approx(np.pi / 2)

@@ -1,0 +1,342 @@
+"""What every method keeps to, whatever it does, and what adding one takes."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from support.builders import assert_same_tracks, scan_at
+from support.scenes import random_scene
+
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.methods.registry import METHODS
+from tsepm_ros.parameters import check_group, parameter, table
+
+EVERY_METHOD = pytest.mark.parametrize("method", available_methods())
+FEW_FALSE = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+"""Errors so small that every method starts the target."""
+
+
+def straight(scans: int = 12, velocity=(3.0, 4.0)) -> list[Scan]:
+    """A target and nothing else, with errors of a metre."""
+    rng = np.random.default_rng(7)
+    return [
+        scan_at(
+            12.0 * k,
+            [np.array([2000.0, 500.0]) + 12.0 * k * np.array(velocity) + rng.normal(0, 1, 2)],
+        )
+        for k in range(scans)
+    ]
+
+
+def cluttered(scans: int, detections: int, size: float, seed: int = 3) -> list[Scan]:
+    rng = np.random.default_rng(seed)
+    return [
+        scan_at(12.0 * k, rng.uniform(-size, size, (detections, 2)).tolist()) for k in range(scans)
+    ]
+
+
+def check_output(made: Initiator, tracks: TrackArrays) -> None:
+    """Tracks are what the contract says."""
+    for track in tracks:
+        assert np.isfinite(track.state).all()
+        assert (np.linalg.eigvalsh(track.covariance) > 0).all()
+        assert track.stamp == made.stamp
+        scans = [scan for scan, _ in track.hits]
+        assert scans == sorted(set(scans))
+        assert track.scan_count == made.scan_index + 1 - scans[0] <= made.options.window
+        assert np.isfinite(track.evaluation)
+        assert made.reason(track)
+
+
+@EVERY_METHOD
+def test_a_target_alone_is_started_where_it_is(method):
+    made = make_initiator(method, sensor=FEW_FALSE)
+    started = [track for scan in straight() for track in made.process(scan)]
+    track = started[0]
+    np.testing.assert_allclose(track.velocity, [3.0, 4.0], atol=0.2)
+    truth = np.array([2000.0, 500.0]) + track.stamp * np.array([3.0, 4.0])
+    np.testing.assert_allclose(track.position, truth, atol=5.0)
+    check_output(made, made.process(straight(13)[-1]))
+    assert len(made.hold.current) > 0
+
+
+@EVERY_METHOD
+def test_an_empty_sea_starts_nothing(method):
+    made = make_initiator(method, sensor=SensorModel())
+    assert not made.potential_tracks()
+    for k in range(20):
+        assert not made.process(Scan(12.0 * k, [], []))
+    assert made.totals == ScanStatistics(scans=20)
+    assert not made.potential_tracks()
+
+
+@EVERY_METHOD
+def test_one_detection_is_forgotten_after_the_window(method):
+    made = make_initiator(method, sensor=SensorModel())
+    assert not made.process(scan_at(0.0, [(3000.0, 0.0)]))
+    assert made.statistics.potential_tracks == made.statistics.started == 1
+    for k in range(1, 70):
+        assert not made.process(Scan(12.0 * k, [], []))
+    assert made.statistics.potential_tracks == 0
+    assert made.totals.terminated == 1
+
+
+@EVERY_METHOD
+def test_detections_at_one_place_do_not_end_anything(method):
+    made = make_initiator(
+        method, sensor=SensorModel(), max_potential_tracks=2000, max_raw_confirmations=2000
+    )
+    for k in range(10):
+        tracks = made.process(scan_at(12.0 * k, [(3000.0, 0.0)] * 60))
+        check_output(made, tracks)
+        made.potential_tracks()
+    assert made.totals.confirmed > 0
+
+
+ABSURD = {
+    "largest range": {"range": [1e8], "azimuth": [0.0]},
+    "largest deviations": {"range": [3e3], "azimuth": [0.0], "range_std": [1e8]},
+    "wide": {"range": [3e3], "azimuth": [0.0], "azimuth_std": [3.14]},
+}
+
+
+@pytest.mark.parametrize("absurd", ABSURD)
+@EVERY_METHOD
+def test_absurd_numbers_give_finite_tracks(method, absurd):
+    made = make_initiator(method, sensor=SensorModel())
+    for k in range(12):
+        for track in made.process(Scan(12.0 * k, **ABSURD[absurd])):
+            assert np.isfinite(track.state).all()
+            assert np.isfinite(track.covariance).all()
+
+
+@EVERY_METHOD
+def test_hits_at_one_time_make_no_track(method):
+    # Offsets that undo the stamps: all echoes are of one moment.
+    made = make_initiator(method, sensor=SensorModel())
+    for k in range(12):
+        scan = scan_at(float(k), [(3000.0, 0.0)], time_offset=[11.0 - k])
+        for track in made.process(scan):
+            assert np.isfinite(track.state).all()
+            assert np.isfinite(track.covariance).all()
+
+
+@EVERY_METHOD
+def test_a_refused_scan_leaves_everything_as_it_was(method):
+    scans = random_scene(13).as_scans()
+    clean, disturbed = (
+        make_initiator(method, sensor=SensorModel(), max_detections=300) for _ in range(2)
+    )
+    for scan in scans:
+        expected, found = clean.process(scan), disturbed.process(scan)
+        assert_same_tracks(found, expected)
+        with pytest.raises(ValueError, match=r"^stamp must be later"):
+            disturbed.process(scan)
+        with pytest.raises(ValueError, match=r"^range has 301 detections"):
+            disturbed.process(Scan(scan.stamp + 1, np.full(301, 50.0), np.zeros(301)))
+    assert disturbed.totals == clean.totals
+
+
+@EVERY_METHOD
+def test_a_run_is_the_same_again_and_after_a_reset(method):
+    made, again = (make_initiator(method, sensor=SensorModel()) for _ in range(2))
+    scans = cluttered(12, 60, 3000.0)
+    expected = [made.process(scan) for scan in scans]
+    made.reset()
+    assert made.totals == made.statistics == ScanStatistics()
+    for scan, tracks in zip(scans, expected, strict=True):
+        assert_same_tracks(made.process(scan), tracks)
+        assert_same_tracks(again.process(scan), tracks)
+        check_output(again, tracks)
+
+
+@EVERY_METHOD
+def test_a_moving_sensor_changes_nothing_but_the_places(method):
+    still, moving = (make_initiator(method, sensor=FEW_FALSE) for _ in range(2))
+    for scan in straight():
+        shifted = dataclasses.replace(scan, sensor_pose=np.array([1e5, -2e5, 0.0]))
+        one, other = still.process(scan), moving.process(shifted)
+        assert [track.hits for track in one] == [track.hits for track in other]
+        moved = other.state - one.state - [1e5, 0.0, -2e5, 0.0]
+        np.testing.assert_allclose(moved, 0.0, atol=1e-4)
+
+
+@EVERY_METHOD
+def test_limits_hold_and_what_they_cut_is_counted(method):
+    made = make_initiator(
+        method, sensor=SensorModel(), max_potential_tracks=50, max_raw_confirmations=5
+    )
+    for scan in cluttered(10, 300, 3000.0):
+        check_output(made, made.process(scan))
+        assert made.statistics.potential_tracks <= 50
+        assert made.statistics.confirmed <= (50 if method == "score" else 5)
+    assert made.totals.cut_potential_tracks > 0
+
+
+@EVERY_METHOD
+def test_counts_add_up(method):
+    made = make_initiator(method, sensor=SensorModel())
+    for scan in cluttered(10, 60, 3000.0):
+        tracks = made.process(scan)
+        counts = made.statistics
+        assert (counts.scans, counts.detections, counts.confirmed) == (1, 60, len(tracks))
+        if method != "score":
+            ways = (counts.pruned, counts.merged, counts.confirmed, counts.cut_confirmations)
+            assert counts.raw_confirmations == sum(ways)
+    assert made.totals.scans == 10
+
+
+@EVERY_METHOD
+def test_memory_does_not_grow_with_the_scans(method):
+    made = make_initiator(method, sensor=SensorModel())
+    for scan in cluttered(2 * made.options.window + 5, 10, 5000.0):
+        made.process(scan)
+    assert len(made._window) <= 10 * made.options.window
+
+
+@EVERY_METHOD
+def test_potential_tracks_have_two_hits_and_take_no_ids(method):
+    made = make_initiator(method, sensor=FEW_FALSE)
+    for scan in straight(2):
+        made.process(scan)
+    found = made.potential_tracks()
+    assert [track.hits for track in found] == [((0, 0), (1, 0))]
+    assert found[0].track_id == made.next_track_id == 0
+    np.testing.assert_allclose(found[0].velocity, [3.0, 4.0], atol=0.3)
+
+
+@EVERY_METHOD
+def test_options_may_change_between_scans(method):
+    made = make_initiator(method, sensor=FEW_FALSE)
+    scans = straight(30)
+    for k, scan in enumerate(scans):
+        window = max(made.options.window + (3 if k % 6 < 3 else -3), 10)
+        made.potential_tracks()
+        options = dataclasses.replace(made.options, window=window)
+        made.configure(made.sensor, made.common, options)
+        made.potential_tracks()
+        made.process(scan)
+    kept = made.configure(made.sensor, CommonOptions(max_speed=8.0), made.options)
+    assert kept
+
+
+@pytest.mark.parametrize("method", [name for name in METHODS if name not in ("tsepm", "score")])
+def test_dense_clutter_is_processed_within_the_limits(method):
+    sensor = SensorModel(clutter_density=5e-6)
+    made = make_initiator(method, sensor=sensor)
+    rng = np.random.default_rng(5)
+    for k in range(6):
+        n = 1300
+        made.process(
+            Scan(12.0 * k, 9000.0 * np.sqrt(rng.uniform(1e-4, 1, n)), rng.uniform(-np.pi, np.pi, n))
+        )
+    assert made.totals.scans == 6
+
+
+@EVERY_METHOD
+def test_every_method_describes_itself(method):
+    kind = METHODS[method]
+    assert kind.__doc__
+    assert all(row.description for row in table(kind.Options))
+
+
+# --- a new method is one module and one row ------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToyOptions:
+    """Options of the toy."""
+
+    window: int = parameter(2, "Scans", minimum=2)
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+
+class Toy(Initiator):
+    """Starts a track of every detection that is the only one of its scan."""
+
+    Options = ToyOptions
+    operating_points = MappingProxyType({"default": {}, "long": {"window": 4}})
+
+    def forget_potential_tracks(self) -> None:
+        pass
+
+    def potential_tracks(self) -> TrackArrays:
+        return TrackArrays.of([])
+
+    def process(self, scan: Scan) -> TrackArrays:
+        detections = self._receive(scan)
+        if len(detections) != 1:
+            return self._deliver(TrackArrays.of([]), ScanStatistics(scans=1))
+        (x, y), spread = detections["position"][0], np.diag([25.0, 9.0, 25.0, 9.0])
+        track = ConfirmedTrack(0, self._now, np.array([x, 0, y, 0]), spread, ((0, 0),), 0.0)
+        tracks = TrackArrays.of([track]).numbered(self._take_track_ids(1))
+        return self._deliver(tracks, ScanStatistics(scans=1, confirmed=1))
+
+
+TOY = """
+import test_methods
+from tsepm_ros.methods.registry import METHODS
+METHODS["toy"] = test_methods.Toy
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros.analysis.operating_points import operating_points
+from tsepm_ros.settings.rendering import as_markdown, as_yaml
+from tsepm_ros.settings.tables import NODES, make_groups, settings_from
+from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.session import Session
+
+assert "toy" in available_methods()
+made = make_initiator("toy", sensor=SensorModel(), window=3, max_speed=5.0)
+assert [track.track_id for track in made.process(Scan(0.0, [3000.0], [0.0]))] == [0]
+groups = NODES["track_initiator"]
+assert "toy.window: 2" in as_yaml("track_initiator", groups)
+assert "| `toy.window` |" in as_markdown(groups)
+assert [point.label for point in operating_points(["toy"])] == ["default", "long"]
+settings = settings_from(make_groups(groups, {"method": "toy", "toy.window": 5}))
+assert settings.window == 5
+session = Session(settings)
+session.add_scan(SensorScan(Scan(0.0, [3000.0], [0.0]), "sonar"), 0.0)
+results = list(session.process(1.0))
+assert [len(result.new) for result in results] == [1]
+"""
+
+
+def test_a_new_method_is_one_class_and_one_row():
+    done = subprocess.run(
+        [sys.executable, "-c", TOY],
+        cwd=Path(__file__).parent,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_options_that_cannot_be_used_leave_a_method_as_it_was(method):
+    made = make_initiator(method, sensor=SensorModel())
+    sensor, common, options = made.sensor, made.common, made.options
+    broken = SensorModel(max_range=5000.0)
+    object.__setattr__(broken, "max_range", 0.0)  # as if its bound had been forgotten
+    with pytest.raises(ZeroDivisionError):
+        made.configure(broken, CommonOptions(hold_time=1.0), options)
+    if method not in ("hough", "split_merge"):  # those look at no option when they change
+        with pytest.raises(AttributeError):
+            made.configure(SensorModel(max_range=5000.0), CommonOptions(hold_time=1.0), None)
+    assert (made.sensor, made.common, made.options) == (sensor, common, options)
+    assert made.hold.hold_time == common.hold_time

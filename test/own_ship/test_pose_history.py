@@ -1,0 +1,616 @@
+"""Where the sensor was: interpolation, coverage, and echoes received on the move."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation, Slerp
+from support.builders import whitened
+
+from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
+from tsepm_ros.own_ship.pose_history import (
+    SHORTEST_PERIOD,
+    Coverage,
+    PoseHistory,
+    PoseSample,
+    echo_poses,
+    known_rates,
+)
+
+YES, NOT_YET, NEVER = Coverage.YES, Coverage.NOT_YET, Coverage.NEVER
+
+
+def history(*samples, **options) -> PoseHistory:
+    poses = PoseHistory(**options)
+    for stamp, x, y, yaw in samples:
+        assert poses.add(PoseSample(stamp, x, y, yaw))
+    return poses
+
+
+TWO = ((10.0, 0.0, 100.0, 0.0), (20.0, 50.0, 80.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("time", "expected"),
+    [
+        (10.0, (0.0, 100.0, 0.0)),
+        (12.5, (12.5, 95.0, 0.25)),
+        (20.0, (50.0, 80.0, 1.0)),
+    ],
+)
+def test_poses_in_between_are_interpolated(time, expected):
+    np.testing.assert_allclose(history(*TWO).poses([time]), [expected])
+
+
+def circling(times, **options) -> PoseHistory:
+    """A circle of 100 m at 0.05 rad/s, 5 m/s, from samples that know no rates."""
+    turn = 0.05 * np.asarray(times)
+    path = (times, 100 * np.sin(turn), -100 * np.cos(turn), turn)
+    return history(*np.transpose(path).tolist(), **options)
+
+
+def circle_rates(times):
+    turn = 0.05 * np.asarray(times)
+    return np.transpose([5.0 * np.cos(turn), 5.0 * np.sin(turn), np.full(len(turn), 0.05)])
+
+
+def test_rates_that_the_samples_do_not_know_are_differences_of_the_poses():
+    # Sampled at 10 Hz; the chord of 2 s is 0.04 % short.
+    poses = circling(np.arange(0.0, 60.0, 0.1), max_extrapolation=3.0)
+    times = np.array([5.0, 20.0, 33.3, 58.0])
+    np.testing.assert_allclose(poses.rates(times, 59.0), circle_rates(times), atol=0.005)
+    # Where the history begins, of the next second there is; what is beyond the last echo is not
+    # used, and what is beyond the history is not there.
+    for time, last, at in (
+        (0.0, 59.0, 0.5),
+        (20.0, 20.0, 19.0),
+        (59.9, 59.9, 58.9),
+        (62, 62, 58.9),
+    ):
+        found = poses.rates(np.array([time]), last)
+        np.testing.assert_allclose(found, circle_rates([at]), atol=0.005)
+
+
+def test_rates_of_sparse_samples_are_those_between_them():
+    poses = history((0.0, 0, 0, 0), (10.0, 30, 0, 0), (20.0, 30, -40, 0))
+    found = poses.rates(np.array([5.0, 10.0, 15.0]), 20.0)
+    np.testing.assert_allclose(found, [[3, 0, 0], [1.5, -2, 0], [0, -4, 0]], atol=1e-12)
+
+
+def test_rates_that_the_samples_know_are_interpolated_whatever_the_poses():
+    poses = PoseHistory(max_extrapolation=5.0)
+    for stamp, rates in ((0.0, (1.0, 2.0, 0.1)), (10.0, (3.0, -2.0, 0.3)), (20.0, None)):
+        poses.add(PoseSample(stamp, 100.0 * stamp, 0.0, 0.0, rates=rates))
+    found = poses.rates(np.array([0.0, 2.5, 10.0, 15.0, 22.0]), 22.0)
+    drawn = [100.0, 0.0, 0.0]
+    expected = [[1.0, 2.0, 0.1], [1.5, 1.0, 0.15], [3.0, -2.0, 0.3], drawn, drawn]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_velocity_and_yaw_rate_are_known_each_by_itself():
+    poses = PoseHistory(max_extrapolation=1.0)
+    for stamp in (0.0, 1.0):
+        rates = known_rates(3.0, 4.0, 0.0)
+        poses.add(PoseSample(stamp, 100.0 * stamp, 0.0, 0.2 * stamp, rates=rates))
+    np.testing.assert_allclose(poses.rates(np.array([0.5]), 1.0), [[3.0, 4.0, 0.2]])
+    np.testing.assert_allclose(poses.poses(np.array([1.5])), [[101.5, 2.0, 0.3]])
+    np.testing.assert_array_equal(known_rates(0.0, 0.0, 0.1), [math.nan, math.nan, 0.1])
+    assert known_rates(0.0, -1.0, 0.1) == (0.0, -1.0, 0.1)
+
+
+def test_rates_are_not_taken_across_a_gap():
+    samples = ((0.0, 0, 0, 0), (100.0, 5000, 0, 0), (100.5, 5001, 0, 0), (102.0, 5004, 0, 0))
+    poses = history(*samples, max_gap=10.0)
+    found = poses.rates(np.array([100.0, 100.2, 102.0]), 102.0)
+    np.testing.assert_allclose(found, [[2, 0, 0]] * 3, atol=1e-9)
+
+
+def test_poses_of_a_moment_tell_no_rates():
+    poses = history(*((0.1 * k, 0.3 * k, 0.0, 0.0) for k in range(20)))
+    found = poses.rates(np.array([0.2, 0.35]), 0.35)
+    assert np.isnan(found).all(), "of 0.4 s"
+    found = poses.rates(np.array([0.2, 0.35]), 0.55)
+    np.testing.assert_allclose(found, [[3.0, 0.0, 0.0]] * 2, atol=1e-12)
+
+
+def test_rates_of_which_nothing_is_known_are_nan():
+    poses = PoseHistory()
+    assert np.isnan(poses.rates(np.array([3.0]), 3.0)).all()
+    assert poses.rates(np.zeros(0), 0.0).shape == (0, 3)
+    poses.add(PoseSample(1.0, 5.0, 6.0, 0.0))
+    assert np.isnan(poses.rates(np.array([1.0]), 1.0)).all()
+    poses.clear()
+    poses.add(PoseSample(1.0, 5.0, 6.0, 0.0, rates=(1.5, -2.0, 0.1)))
+    assert poses.rates(np.array([1.0, 2.0]), 2.0).tolist() == [[1.5, -2.0, 0.1]] * 2
+
+
+@pytest.mark.parametrize("rate", [3.0, 10.0, 150.0, 1000.0])
+@pytest.mark.parametrize("known", [True, False], ids=["rates known", "not known"])
+def test_what_is_covered_is_answered_to_the_bit_as_with_all_later_samples(rate, known):
+    rng = np.random.default_rng([8, int(rate), known])
+    stamps = 1.7e9 + np.cumsum(rng.uniform(0.2, 1.8, int(40 * rate)) / rate)
+    noisy = rng.normal(0.0, 3.0, (len(stamps), 6)).tolist()
+    samples = [
+        PoseSample(stamp, *values[:3], rates=tuple(values[3:]) if known else None)
+        for stamp, values in zip(stamps.tolist(), noisy, strict=True)
+    ]
+    growing, whole = PoseHistory(max_extrapolation=0.1), PoseHistory(max_extrapolation=0.1)
+    for sample in samples:
+        whole.add(sample)
+    spans = [(stamps[0] - 0.05, stamps[0] - 0.01), (stamps[0], stamps[1])]
+    for last in rng.choice(stamps[len(stamps) // 2 : -4], 20).tolist():
+        spans += [(last - 12.0, last), (last - 0.4 / rate, last - 0.3 / rate)]
+    for first, last in sorted(spans, key=lambda span: span[1]):
+        while growing.coverage(first, last) is NOT_YET and samples:
+            growing.add(samples.pop(0))
+        inside = stamps[(stamps >= first) & (stamps <= last)]
+        times = np.concatenate([rng.uniform(first, last, 20), [first, last], inside])
+        for find in ("poses_with_attitude", "rates"):
+            more = (last,) if find == "rates" else ()
+            found, expected = (getattr(one, find)(times, *more) for one in (growing, whole))
+            np.testing.assert_array_equal(found, expected, err_msg=find)
+    assert samples, "the last spans end before the samples do"
+
+
+def test_each_time_uses_the_samples_around_it():
+    poses = history((0.0, 0, 0, 0), (10.0, 10, 0, 0), (20.0, 10, 30, 0), (40.0, 50, 30, 0.2))
+    found = poses.poses(np.array([35.0, 5.0, 15.0, 10.0, 40.0, 0.0]))
+    expected = [[40, 30, 0.15], [5, 0, 0], [10, 15, 0], [10, 0, 0], [50, 30, 0.2], [0, 0, 0]]
+    np.testing.assert_allclose(found, expected)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "middle"),
+    [
+        (3.1, -3.1, math.pi),
+        (-3.1, 3.1, math.pi),
+        (3.0, -3.0 + 4 * math.pi, math.pi),
+        (0.1, 6.2, 0.1 - (0.1 - (6.2 - 2 * math.pi)) / 2),
+    ],
+)
+def test_the_yaw_turns_the_short_way_across_pi(before, after, middle):
+    (pose,) = history((0.0, 0, 0, before), (10.0, 0, 0, after)).poses([5.0])
+    assert math.remainder(pose[2] - middle, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_turning_round_and_round_is_followed():
+    samples = [(float(k), 0.0, 0.0, math.remainder(0.5 * k, 2 * math.pi)) for k in range(40)]
+    times = np.linspace(0, 39, 200)
+    found = history(*samples).poses(times)[:, 2]
+    np.testing.assert_allclose(np.exp(1j * found), np.exp(0.5j * times), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "expected"),
+    [
+        (10.0, 20.0, YES),
+        (12.0, 12.0, YES),
+        (9.999, 15.0, NEVER),
+        (15.0, 20.001, NOT_YET),
+        (25.0, 26.0, NOT_YET),
+        (9.0, 21.0, NEVER),
+    ],
+)
+def test_coverage_says_now_later_or_never(first, last, expected):
+    assert history(*TWO).coverage(first, last) is expected
+
+
+def test_an_empty_history_may_still_cover_anything():
+    assert PoseHistory().coverage(0.0, 1.0) is NOT_YET
+    assert not PoseHistory().can_extrapolate(0.0)
+    assert PoseHistory().last_stamp is None
+
+
+@pytest.mark.parametrize(("time", "ends"), [(22.0, True), (22.001, False), (8.0, True)])
+def test_extrapolation_ends_where_it_may(time, ends):
+    poses = history(*TWO, max_extrapolation=2.0)
+    if ends:
+        expected = np.array(TWO[0][1:]) + (time - 10.0) / 10.0 * np.array([50.0, -20.0, 1.0])
+        np.testing.assert_allclose(poses.poses([time]), [expected])
+        return
+    with pytest.raises(ValueError, match="no pose is known"):
+        poses.poses([time])
+
+
+def test_without_extrapolation_nothing_outside_is_answered():
+    for time in (9.999, 20.001):
+        with pytest.raises(ValueError, match="no pose is known"):
+            history(*TWO).poses([time])
+
+
+def test_poses_are_never_an_identity_for_want_of_samples():
+    with pytest.raises(ValueError, match="no pose is known"):
+        PoseHistory(max_extrapolation=1e9).poses([0.0])
+
+
+def test_a_single_sample_answers_for_its_own_time_and_what_it_may_be_carried():
+    poses = history((10.0, 5.0, 6.0, 0.7), max_extrapolation=1.0)
+    np.testing.assert_allclose(poses.poses([10.0, 10.9]), [[5, 6, 0.7]] * 2)
+    with pytest.raises(ValueError, match="no pose is known"):
+        poses.poses([11.1])
+
+
+def test_samples_that_are_not_later_are_not_taken():
+    poses = history(*TWO)
+    assert not poses.add(PoseSample(20.0, 1e9, 1e9, 0.0))
+    assert not poses.add(PoseSample(15.0, 1e9, 1e9, 0.0))
+    assert len(poses) == 2
+    np.testing.assert_allclose(poses.poses([15.0]), [[25.0, 90.0, 0.5]])
+
+
+def test_the_oldest_samples_give_way():
+    poses = history(
+        *((float(k), float(k), 0.0, 0.0) for k in range(20)), min_samples=5, min_span=3.0
+    )
+    assert len(poses) == 5
+    assert poses.coverage(14.9, 16.0) is NEVER
+    assert poses.coverage(15.0, 19.0) is YES
+    poses = history(*((float(k), float(k), 0.0, 0.0) for k in range(20)), min_samples=5, min_span=7)
+    assert len(poses) == 8, "not while they are young"
+
+
+def kilohertz(last: float, **options) -> PoseHistory:
+    poses = PoseHistory(**options)
+    for k in range(round(1000 * last) + 1):
+        assert poses.add(PoseSample(k / 1000, k / 1000, 0.0, 0.0))
+    return poses
+
+
+def test_a_ping_of_12_s_is_covered_by_odometry_at_1_khz():
+    poses = kilohertz(30.0)
+    assert poses.coverage(17.0, 29.0) is YES
+    np.testing.assert_allclose(poses.poses([17.0, 29.0])[:, 0], [17.0, 29.0])
+    assert len(poses) < 30.0 / SHORTEST_PERIOD
+
+
+def test_the_newest_of_thinned_samples_is_the_newest_given():
+    poses = kilohertz(5.004, max_extrapolation=1.0)
+    assert poses.last_stamp == 5.004
+    assert poses.can_extrapolate(6.004)
+    assert not poses.can_extrapolate(6.005)
+    np.testing.assert_allclose(poses.poses([5.003, 5.004, 6.0])[:, 0], [5.003, 5.004, 6.0])
+
+
+def test_the_number_of_samples_is_bounded_at_any_rate():
+    assert len(kilohertz(30.0, min_samples=10, min_span=2.0)) < 2.0 / SHORTEST_PERIOD + 2
+
+
+def test_a_second_run_is_as_long_as_it_is_at_any_rate():
+    poses = history((100.0, 0, 0, 0), min_samples=10, min_span=2.0)
+    for k in range(20_000):
+        assert not poses.add(PoseSample(k / 1000, 5.0, 0.0, 0.0))
+    assert poses.late_span == pytest.approx(19.999)
+    poses.start_over()
+    assert poses.last_stamp == 19.999
+    assert poses.late_span == 0.0
+    assert poses.coverage(18.5, 19.5) is YES
+
+
+def test_poses_before_the_first_sample_wait_for_the_second():
+    poses = history((10.0, 0.0, 0.0, 0.0), max_extrapolation=1.0)
+    assert poses.coverage(9.5, 9.6) is NOT_YET
+    assert poses.coverage(10.0, 10.0) is YES
+    poses.add(PoseSample(11.0, 2.0, 0.0, 0.0))
+    assert poses.coverage(9.5, 9.6) is YES
+
+
+def test_a_gap_longer_than_allowed_is_not_interpolated_across():
+    poses = history(
+        (0.0, 0, 0, 0), (10.0, 10, 0, 0), (71.0, 71, 0, 0), (80.0, 80, 0, 0), max_gap=60
+    )
+    assert poses.coverage(11.0, 12.0) is NEVER
+    assert poses.coverage(9.0, 75.0) is NEVER
+    with pytest.raises(ValueError, match="no pose is known"):
+        poses.poses([40.0])
+    assert poses.coverage(72.0, 79.0) is YES
+
+
+def test_a_gap_of_just_what_is_allowed_is_interpolated_across():
+    poses = history((0.0, 0, 0, 0), (60.0, 60, 0, 0), max_gap=60.0)
+    np.testing.assert_allclose(poses.poses([30.0]), [[30, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("first", "last"),
+    [(4.0, 9.0), (10.0, 10.0), (171.0, 171.0), (171.0, 175.0)],
+    ids=["before", "up to its begin", "at its end", "from its end"],
+)
+def test_a_gap_beside_the_asked_for_span_does_no_harm(first, last):
+    samples = ((0.0, 0, 0, 0), (10.0, 10, 0, 0), (171.0, 171, 0, 0), (180.0, 180, 0, 0))
+    poses = history(*samples, max_gap=60.0)
+    assert poses.coverage(first, last) is YES
+    np.testing.assert_allclose(poses.poses([first, last])[:, 0], [first, last])
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"stamp": math.nan}, "stamp must be finite"),
+        ({"x": math.inf}, "pose must be finite"),
+        ({"y": -1e12}, "pose must be finite and on earth"),
+        ({"yaw": math.nan}, "pose must be finite"),
+        ({"rates": (2e6, 0.0, 0.0)}, "rates must be at most 1e\\+06"),
+        ({"rates": (0.0, -math.inf, 0.0)}, "rates must be at most"),
+        ({"rates": (0.0, 0.0, 1e7)}, "rates must be at most"),
+        ({"covariance": -np.eye(3)}, "covariance must be symmetric and positive"),
+        ({"covariance": np.eye(2)}, "covariance must have the shape"),
+    ],
+)
+def test_a_sample_that_cannot_place_a_scan_says_why(changes, sentence):
+    good = {"stamp": 1.0, "x": 2.0, "y": 3.0, "yaw": 4.0, "covariance": np.eye(3)}
+    PoseSample(**good).check()
+    with pytest.raises(ValueError, match=f"^{sentence}"):
+        PoseSample(**{**good, **changes}).check()
+
+
+def test_clearing_forgets_all_samples():
+    poses = history(*TWO)
+    poses.clear()
+    assert len(poses) == 0
+    assert poses.add(PoseSample(1.0, 0, 0, 0))
+
+
+def test_the_covariance_is_that_of_the_nearest_sample():
+    poses = PoseHistory()
+    poses.add(PoseSample(0.0, 0, 0, 0, covariance=np.eye(3)))
+    poses.add(PoseSample(10.0, 0, 0, 0, covariance=2 * np.eye(3)))
+    poses.add(PoseSample(20.0, 0, 0, 0))
+    assert poses.covariance(4.9)[0, 0] == 1.0
+    assert poses.covariance(5.1)[0, 0] == 2.0
+    assert poses.covariance(16.0) is None
+    assert PoseHistory().covariance(0.0) is None
+
+
+# Echoes on the move: an independent simulation. The ship turns on a circle, the target runs
+# straight; the ping is followed with root finding.
+SOUND = 1500.0
+
+
+def ship_pose(time: float, scale: float) -> np.ndarray:
+    """8 m/s and 0.6 degrees per second at scale 1, starting off the origin."""
+    speed, rate, start = 8.0 * scale, 0.01 * scale, 0.4
+    yaw = start + rate * time
+    radius = speed / rate
+    return np.array(
+        [
+            200.0 + radius * (math.sin(yaw) - math.sin(start)),
+            -50.0 - radius * (math.cos(yaw) - math.cos(start)),
+            yaw,
+        ]
+    )
+
+
+def target_position(time: float, scale: float, azimuth: float) -> np.ndarray:
+    start = 7000.0 * np.array([math.cos(azimuth), math.sin(azimuth)])
+    return start + scale * time * np.array([-5.0, 7.0])
+
+
+def echo(stamp: float, scale: float, azimuth: float) -> tuple[float, float]:
+    """Range (mean of the legs) and azimuth against the heading at arrival."""
+    sent = ship_pose(stamp, scale)[:2]
+
+    def outward(t):
+        return math.dist(target_position(t, scale, azimuth), sent) - SOUND * (t - stamp)
+
+    reflected = brentq(outward, stamp, stamp + 30.0, xtol=1e-13)
+    there = target_position(reflected, scale, azimuth)
+
+    def back(t):
+        return math.dist(ship_pose(t, scale)[:2], there) - SOUND * (t - reflected)
+
+    arrived = brentq(back, reflected, reflected + 30.0, xtol=1e-13)
+    x, y, yaw = ship_pose(arrived, scale)
+    return 0.5 * SOUND * (arrived - stamp), math.atan2(there[1] - y, there[0] - x) - yaw
+
+
+def placing_error(scale: float, azimuth: float, *, naive: bool = False) -> float:
+    """Distance of the placed echo from the target at the time for which it is valid."""
+    stamp = 60.0
+    range_, bearing = echo(stamp, scale, azimuth)
+    offset = np.array([range_ / SOUND])
+    if naive:
+        pose = ship_pose(stamp, scale)
+    else:
+        (pose,) = echo_poses(
+            lambda times: np.array([ship_pose(t, scale) for t in times]),
+            stamp,
+            offset,
+            np.array([bearing]),
+        )
+    angle = bearing + pose[2]
+    placed = pose[:2] + range_ * np.array([math.cos(angle), math.sin(angle)])
+    return math.dist(placed, target_position(stamp + offset[0], scale, azimuth))
+
+
+DIRECTIONS = pytest.mark.parametrize("azimuth", [0.0, 0.9, 1.8, 3.0, -1.2, -2.2])
+
+
+@DIRECTIONS
+def test_an_echo_is_placed_where_the_target_was(azimuth):
+    # What is left is of second order in speed over sound speed: (8 / 1500)^2 * 7000 m = 0.2 m.
+    assert placing_error(1.0, azimuth) < 0.5
+
+
+@DIRECTIONS
+def test_half_the_speed_leaves_a_quarter_of_the_error(azimuth):
+    whole, half = placing_error(1.0, azimuth), placing_error(0.5, azimuth)
+    assert half < 0.3 * whole
+
+
+@DIRECTIONS
+def test_the_pose_at_the_stamp_would_be_hundreds_of_metres_off(azimuth):
+    assert placing_error(1.0, azimuth, naive=True) > 300.0
+
+
+def test_a_sensor_that_does_not_move_needs_no_correction():
+    pose = np.array([3.0, 4.0, 0.5])
+    found = echo_poses(lambda t: np.tile(pose, (len(t), 1)), 0.0, np.array([1.0, 6.0]), np.zeros(2))
+    np.testing.assert_allclose(found, [pose, pose], rtol=1e-12)
+
+
+@pytest.mark.parametrize("offset", [None, np.zeros(3), np.zeros(0)], ids=["none", "zero", "empty"])
+def test_without_time_offsets_there_is_one_pose_for_the_scan(offset):
+    asked = []
+
+    def poses_at(times):
+        asked.extend(times.tolist())
+        return np.array([[1.0, 2.0, 0.3]])
+
+    n = 0 if offset is None else len(offset)
+    assert echo_poses(poses_at, 7.0, offset, np.zeros(n)).tolist() == [1.0, 2.0, 0.3]
+    assert asked == [7.0]
+
+
+def test_the_pose_is_asked_for_at_the_times_of_sending_and_arrival():
+    asked = []
+
+    def poses_at(times):
+        asked.append(times.tolist())
+        return np.zeros((len(times), 3))
+
+    echo_poses(poses_at, 100.0, np.array([1.0, 3.0]), np.zeros(2))
+    assert asked == [[100.0], [102.0, 106.0]]
+
+
+def test_an_echo_may_be_sent_after_the_stamp():
+    asked = []
+
+    def poses_at(times):
+        asked.append(times.tolist())
+        return np.stack([times, np.zeros(len(times)), np.zeros(len(times))], axis=1)
+
+    delay = np.array([0.5, 2.0])
+    offset = np.array([1.5, 2.0])
+    found = echo_poses(poses_at, 100.0, offset, np.zeros(2), transmit_offset=delay)
+    assert asked == [[100.5, 102.0], [102.5, 102.0]]  # what is sent when it arrives is seen at once
+    np.testing.assert_allclose(found, [[101.5, 0.0, 0.0], [102.0, 0.0, 0.0]])
+
+
+def test_north_referenced_azimuths_leave_the_heading_out():
+    def poses_at(times):
+        return np.stack([2.0 * times, np.zeros(len(times)), np.full(len(times), 1.2)], axis=1)
+
+    found = echo_poses(poses_at, 0.0, np.array([2.0]), np.array([0.0]), heading=False)
+    # Sent at x = 0, back at x = 8, looking along x: half of the way was made good by the range.
+    np.testing.assert_allclose(found, [[4.0, 0.0, 0.0]], atol=1e-12)
+    assert echo_poses(poses_at, 5.0, None, np.zeros(1), heading=False).tolist() == [10.0, 0.0, 0.0]
+
+
+def test_beyond_the_newest_sample_its_own_rates_count():
+    history = PoseHistory(max_extrapolation=1.0)
+    history.add(PoseSample(0.0, 5.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
+    history.add(PoseSample(0.01, 0.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
+    np.testing.assert_allclose(history.poses(np.array([0.51])), [[1.0, 0.5, 0.05]])
+    history.clear()
+    history.add(PoseSample(1.0, 5.0, 0.0, 0.0, rates=(2.0, math.nan, 0.1)))
+    np.testing.assert_allclose(history.poses(np.array([1.5])), [[6.0, 0.0, 0.05]])
+
+
+def tilted(*samples, **options) -> PoseHistory:
+    """Samples of stamp, yaw, roll and pitch."""
+    poses = PoseHistory(**options)
+    for stamp, yaw, roll, pitch in samples:
+        assert poses.add(PoseSample(stamp, 0.0, 0.0, yaw, roll=roll, pitch=pitch))
+    return poses
+
+
+def test_roll_and_pitch_are_interpolated_like_the_yaw():
+    poses = tilted((0.0, 3.1, 0.1, -0.2), (10.0, -3.1, -0.1, 0.2), (20.0, -3.0, 3.1, 0.0))
+    found = poses.poses_with_attitude(np.array([2.5, 5.0, 10.0]))
+    np.testing.assert_allclose(found[:, 3:], [[0.05, -0.1], [0.0, 0.0], [-0.1, 0.2]], atol=1e-15)
+    np.testing.assert_array_equal(found[:, :3], poses.poses(np.array([2.5, 5.0, 10.0])))
+    # Upside down: the short way round from 3.1 to -3.1.
+    upside = tilted((0.0, 0.0, 3.1, 0.0), (10.0, 0.0, -3.1, 0.0)).poses_with_attitude([5.0])
+    assert abs(math.remainder(upside[0, 3], 2 * math.pi)) == pytest.approx(math.pi)
+
+
+def interpolation_error(scale: float) -> float:
+    """Largest angle (rad) off a turn at a constant rate; 1: half a second of a lively boat."""
+    begin, turn = np.array([0.3, 0.05, -0.1]), scale * np.array([0.05, 0.07, 0.17])
+    times = np.linspace(0.0, 0.5, 21)
+    expected = Slerp([0.0, 0.5], Rotation.from_euler("ZYX", [begin, begin + turn]))(times)
+    poses = PoseHistory()
+    for stamp, (yaw, pitch, roll) in ((0.0, begin), (0.5, begin + turn)):
+        poses.add(PoseSample(stamp, 0.0, 0.0, yaw, roll=roll, pitch=pitch))
+    found = poses.poses_with_attitude(times)[:, [2, 4, 3]]
+    return float((expected.inv() * Rotation.from_euler("ZYX", found)).magnitude().max())
+
+
+def test_interpolated_angles_depart_from_a_constant_rate_in_second_order():
+    assert math.degrees(interpolation_error(1.0)) < 0.15
+    assert interpolation_error(0.5) < 0.3 * interpolation_error(1.0)
+
+
+def test_extrapolated_attitude_is_the_last_one_known():
+    poses = tilted((0.0, 0.0, 0.0, 0.1), (1.0, 0.2, 0.2, 0.0), max_extrapolation=0.5)
+    found = poses.poses_with_attitude(np.array([-0.5, 1.5]))
+    np.testing.assert_allclose(found[:, 2:], [[-0.1, 0.0, 0.1], [0.3, 0.2, 0.0]])
+
+
+def test_odometry_without_roll_and_pitch_is_level():
+    found = history(*TWO).poses_with_attitude(np.array([10.0, 12.0, 20.0]))
+    assert not found[:, 3:].any()
+    assert PoseHistory().poses_with_attitude(np.zeros(0)).shape == (0, 5)
+
+
+@pytest.mark.parametrize("name", ["roll", "pitch"])
+def test_an_attitude_that_is_not_finite_is_refused(name):
+    with pytest.raises(ValueError, match=r"^pose must be finite"):
+        PoseSample(1.0, 2.0, 3.0, 4.0, **{name: math.nan}).check()
+
+
+HEADINGS = [
+    pytest.param(0.0, (100 + 8, 200 + 3), id="east"),
+    pytest.param(math.pi / 2, (100 - 3, 200 + 8), id="north"),
+    pytest.param(math.pi, (100 - 8, 200 - 3), id="west"),
+    pytest.param(-math.pi / 2, (100 + 3, 200 - 8), id="south"),
+]
+
+
+@pytest.mark.parametrize(("yaw", "place"), HEADINGS)
+def test_the_lever_arm_turns_with_the_vessel(yaw, place):
+    mounting = Mounting(x=8.0, y=3.0, yaw=0.5)
+    found = mounting.sensor_poses(np.array([[100.0, 200.0, yaw, 0.0, 0.0]]))
+    np.testing.assert_allclose(found, [[*place, yaw + 0.5]], atol=1e-12)
+
+
+def test_the_lever_arm_of_a_tilted_vessel_is_that_of_the_full_rotation():
+    rng = np.random.default_rng(4)
+    yaw, pitch, roll = angles = rng.uniform(-1.0, 1.0, (3, 50))
+    vessel = np.stack([*rng.uniform(-9e3, 9e3, (2, 50)), yaw, roll, pitch], axis=1)
+    found = Mounting(x=-30.0, y=4.0).sensor_poses(vessel)
+    arm = Rotation.from_euler("ZYX", angles.T).apply([-30.0, 4.0, 0.0])
+    np.testing.assert_allclose(found[:, :2] - vessel[:, :2], arm[:, :2], atol=1e-11)
+
+
+def test_without_a_mounting_poses_stay_to_the_bit():
+    vessel = np.random.default_rng(5).uniform(-1.0, 1.0, (20, 5))
+    np.testing.assert_array_equal(Mounting().sensor_poses(vessel), vessel[:, :3])
+    assert not Mounting().given
+    assert Mounting(yaw=0.1).given
+    assert not Mounting(yaw=0.1).offset
+
+
+@pytest.mark.parametrize("name", ["x", "y", "yaw"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
+def test_a_mounting_that_cannot_be_is_refused(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be"):
+        Mounting(**{name: value})
+
+
+def test_the_covariance_of_the_sensor_is_that_of_its_errors():
+    rng = np.random.default_rng(6)
+    root = np.array([[2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [0.01, -0.02, 0.02]])
+    covariance = root @ root.T
+    vessel = np.zeros((200_000, 5))
+    vessel[:, :3] = [10.0, 20.0, 0.7] + rng.standard_normal((200_000, 3)) @ root.T
+    mounting = Mounting(x=100.0, y=-40.0, yaw=1.0)
+    arm = mounting.sensor_poses(np.array([[0.0, 0.0, 0.7, 0.0, 0.0]]))[0, :2]
+    expected = sensor_covariance(covariance, arm)
+    # Entries of a whitened sample covariance of 2e5 deviate by 0.003; what is left is 2nd order.
+    found = whitened(mounting.sensor_poses(vessel), expected)
+    np.testing.assert_allclose(found, np.eye(3), atol=0.02)
+    assert not np.allclose(whitened(vessel[:, :3], expected), np.eye(3), atol=0.3)

@@ -1,0 +1,175 @@
+"""The pages say what is: parameters, commands, code and files that exist."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import io
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from tsepm_ros import available_methods
+from tsepm_ros.commands.cli import _parser
+from tsepm_ros.methods.registry import option_names
+from tsepm_ros.settings.rendering import as_page
+from tsepm_ros.settings.tables import NODES, full_table
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted([ROOT / "README.md", *DOCS.rglob("*.md")])
+NAMES = {row.name for groups in NODES.values() for row in full_table(groups)}
+GROUPS = "|".join(sorted({name.partition(".")[0] for name in NAMES if "." in name}))
+
+CODE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+INLINE = re.compile(r"`([^`\n]+)`")
+GROUPED = re.compile(rf"((?:{GROUPS})\.(?!md\b|py\b)\w+)(:=\S*)?")
+ASSIGNED = re.compile(r"([a-z_.]+):=\S*")
+GIVEN = re.compile(r"(?:-p|--parameter) '?([\w.]+):=")
+LINK = re.compile(r"\]\(([^)\s#]+)")
+ANCHOR = re.compile(r"\]\(([^)\s#]*)#([^)\s]+)\)")
+PLACEHOLDER = re.compile(r"\b(?:FIGURES?|TODO|TBD|FIXME|XXX+|TK)\b")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+
+EVERY_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="only in the source tree")
+
+
+def blocks(page: Path, language: str = "") -> list[str]:
+    return [
+        code for kind, code in CODE.findall(page.read_text(encoding="utf-8")) if kind == language
+    ]
+
+
+def commands(page: Path) -> Iterator[str]:
+    """Commands of the blocks without a language: the lines after "$ " or, where none is, all."""
+    for block in blocks(page):
+        lines = re.sub(r"\\\n\s*", "", block).splitlines()
+        after = [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+        yield from after or lines
+
+
+def launch_arguments() -> set[str]:
+    launch = ElementTree.parse(ROOT / "launch" / "tsepm.launch.xml")
+    return {str(argument.get("name")) for argument in launch.iter("arg")}
+
+
+def test_the_page_of_parameters_is_up_to_date():
+    assert (DOCS / "parameters.md").read_text(encoding="utf-8") == as_page(NODES)
+
+
+def test_the_page_of_parameters_has_every_parameter():
+    rows = re.findall(r"^\| `([\w.]+)` \|", as_page(NODES), re.MULTILINE)
+    assert len(rows) == sum(len(list(full_table(groups))) for groups in NODES.values())
+    assert set(rows) == NAMES
+
+
+@EVERY_PAGE
+def test_parameters_named_in_text_exist(page):
+    text = CODE.sub("", page.read_text(encoding="utf-8"))
+    named = {
+        found[1]
+        for quoted in INLINE.findall(text)
+        for pattern in (GROUPED, ASSIGNED)
+        if (found := pattern.fullmatch(quoted))
+    }
+    options = set().union(*map(option_names, available_methods()))
+    assert named <= NAMES | options | launch_arguments() | {"toy.window"}
+
+
+@EVERY_PAGE
+def test_parameters_given_in_commands_exist(page):
+    for command in commands(page):
+        options: frozenset[str] = frozenset()
+        if "tsepm study" in command or "tsepm evaluate" in command:
+            options = frozenset().union(*map(option_names, available_methods()))
+        assert set(GIVEN.findall(command)) <= NAMES | options, command
+        if "ros2 launch" in command:
+            assert set(re.findall(r"(\w+):=", command)) <= launch_arguments(), command
+
+
+@EVERY_PAGE
+def test_commands_of_tsepm_are_as_the_command_takes_them(page):
+    for line in commands(page):
+        if line.startswith("tsepm "):
+            arguments = shlex.split(line.split(">")[0], comments=True)[1:]
+            assert _parser().parse_args(arguments).command, line
+
+
+@EVERY_PAGE
+def test_links_lead_to_files(page):
+    text = CODE.sub("", page.read_text(encoding="utf-8"))
+    for target in LINK.findall(text):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as a code host and MkDocs make them of plain words."""
+    headings = HEADING.findall(CODE.sub("", page.read_text(encoding="utf-8")))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@EVERY_PAGE
+def test_links_lead_to_headings(page):
+    # MkDocs warns of those within docs/ only: for those out of it, its hook names the file.
+    text = CODE.sub("", page.read_text(encoding="utf-8"))
+    for target, anchor in ANCHOR.findall(text):
+        if "://" not in target:
+            assert anchor in anchors((page.parent / target) if target else page), (target, anchor)
+
+
+@EVERY_PAGE
+def test_nothing_is_left_to_be_filled_in(page):
+    assert not PLACEHOLDER.findall(CODE.sub("", page.read_text(encoding="utf-8")))
+
+
+@EVERY_PAGE
+def test_python_can_be_read(page):
+    for code in blocks(page, "python"):
+        ast.parse(code)
+
+
+def test_the_page_on_python_runs_and_prints_what_it_says():
+    page = DOCS / "python.md"
+    names: dict[str, object] = {}
+    printed = []
+    for code in blocks(page, "python"):
+        with contextlib.redirect_stdout(io.StringIO()) as output:
+            exec(compile(code, str(page), "exec"), names)
+        printed.append(output.getvalue())
+    assert blocks(page) == [printed[0]]
+
+
+def test_the_smallest_method_is_the_one_that_is_tested():
+    toy, registration = blocks(DOCS / "contributing.md", "python")
+    assert toy in (ROOT / "test" / "methods" / "test_methods.py").read_text(encoding="utf-8")
+    assert registration == 'METHODS["toy"] = Toy\n'
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_every_method_has_a_page_of_all_its_parts(method):
+    text = (DOCS / "methods" / f"{method}.md").read_text(encoding="utf-8")
+    assert re.findall(r"^##? (.+)$", CODE.sub("", text), re.MULTILINE) == [
+        f"`{method}`",
+        "Idea",
+        "Equations",
+        "What it needs",
+        "Options",
+        "When to use it",
+        "On the operating curve",
+        "Readings",
+    ]
+    assert f"](methods/{method}.md)" in (DOCS / "methods.md").read_text(encoding="utf-8")
+
+
+def test_the_readme_and_the_page_of_figures_have_the_same_table():
+    tables = [
+        re.findall(r"^\| `(?:score|tsepm)` .*", page.read_text(encoding="utf-8"), re.MULTILINE)
+        for page in (ROOT / "README.md", DOCS / "expect.md")
+    ]
+    assert tables[0] == tables[1] != []

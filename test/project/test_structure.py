@@ -1,0 +1,146 @@
+"""The house: packages import downwards only, and every module is a room of its own name."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LAYERS = (
+    "tsepm_ros.parameters",
+    "tsepm_ros.numerics",
+    "tsepm_ros.sensing",
+    "tsepm_ros.kinematics",
+    "tsepm_ros.own_ship",
+    "tsepm_ros.simulation",
+    "tsepm_ros.stages",
+    "tsepm_ros.environment",
+    "tsepm_ros.maintenance",
+    "tsepm_ros.initiation",
+    "tsepm_ros.methods",
+    "tsepm_ros.settings",
+    "tsepm_ros.session",
+    "tsepm_ros.diagnostics",
+    "msg_adapters",
+    "tsepm_ros.replay",
+    "tsepm_ros.nodes",
+    "tsepm_ros.analysis",
+    "tsepm_ros.design",
+    "tsepm_ros.pictures",
+    "tsepm_ros.reproduction",
+    "tsepm_ros.demo",
+    "tsepm_ros.commands",
+)
+"""From the lowest to the highest: a layer imports from those before it only."""
+WITH_ROS = ("tsepm_ros.nodes", "tsepm_ros.demo")
+MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
+MAX_LINES = 400
+
+
+def name_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def layer_of(module: str) -> int | None:
+    """Place in LAYERS; None for the package itself, which only hands on public names."""
+    places = [
+        place
+        for place, layer in enumerate(LAYERS)
+        if module == layer or module.startswith(f"{layer}.")
+    ]
+    return places[0] if places else None
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Modules that a module imports anywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path}: imports are absolute"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_imports_run_one_way(path):
+    module = name_of(path)
+    if module == "tsepm_ros":
+        return
+    place = layer_of(module)
+    assert place is not None, f"{module} is in no layer"
+    for name in imported(path):
+        if name.startswith(("tsepm_ros", "msg_adapters")) and layer_of(name) is not None:
+            assert layer_of(name) <= place, f"{module} imports {name} from a layer above it"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_only_nodes_and_demo_import_rclpy(path):
+    if not name_of(path).startswith(WITH_ROS):
+        assert not any(name.split(".")[0] == "rclpy" for name in imported(path))
+
+
+def test_no_two_modules_share_a_name():
+    names = Counter(path.stem for path in MODULES if path.stem != "__init__")
+    assert [name for name, number in names.items() if number > 1] == []
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_no_module_is_long(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_LINES
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_no_module_reads_a_private_name_of_another(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    modules = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tsepm_ros"):
+            private = [alias.name for alias in node.names if alias.name.startswith("_")]
+            assert not private, f"{node.module} keeps {private} to itself"
+        if not isinstance(node, ast.Attribute) or not node.attr.startswith("_"):
+            continue
+        if node.attr.startswith("__") or not isinstance(node.value, ast.Name):
+            continue
+        assert node.value.id in ("self", "cls") or node.value.id not in modules
+
+
+def classes() -> dict[str, ast.ClassDef]:
+    return {
+        node.name: node
+        for path in MODULES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+    }
+
+
+def private_names_of(kind: ast.ClassDef) -> set[str]:
+    """Private names that a class defines: its methods, fields and what it sets on itself."""
+    names = {node.name for node in kind.body if isinstance(node, ast.FunctionDef)}
+    for node in ast.walk(kind):
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            names.add(node.attr)
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            names.add(node.target.id)
+    return {name for name in names if name.startswith("_") and not name.startswith("__")}
+
+
+def test_no_class_reads_a_private_name_of_its_base():
+    known = classes()
+    for kind in known.values():
+        for base in kind.bases:
+            above = known.get(getattr(base, "id", getattr(base, "attr", "")))
+            if above is None:
+                continue
+            foreign = private_names_of(above)
+            read = {node.attr for node in ast.walk(kind) if isinstance(node, ast.Attribute)}
+            assert not read & foreign, f"{kind.name} reads {read & foreign} of {above.name}"

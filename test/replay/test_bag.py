@@ -1,0 +1,338 @@
+"""Bags: what is read, found and refused, and that a run of one is repeatable to the bit."""
+
+from __future__ import annotations
+
+import sqlite3
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from support.bag_files import (
+    LATENCY,
+    ODOMETRY,
+    PARAMETERS,
+    POINTS,
+    STORAGES,
+    STORE,
+    Entry,
+    cloud,
+    serialized,
+    simulated,
+    small_scenario,
+    storage_file,
+    write_bag,
+)
+
+from msg_adapters import MessageError
+from msg_adapters.track_cloud import track_points
+from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
+from tsepm_ros.replay.message_input import MessageInput
+from tsepm_ros.replay.offline import bag_results
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from
+
+BOTH = pytest.mark.parametrize("storage", STORAGES)
+
+
+def run(path, *parameters, source="odometry"):
+    """Process a bag; returns the results and the session."""
+    values = parse_values([*PARAMETERS, *parameters])
+    made = make_groups(TRACK_INITIATOR, {"own_ship_source": source, **values})
+    session = Session(settings_from(made))
+    with Bag(path) as bag:
+        topics = find_topics(bag.topics, {})
+        given = MessageInput(session, made[InitiatorNodeOptions])
+        return list(bag_results(bag, topics, session, given)), session
+
+
+# Reading
+
+
+@BOTH
+@pytest.mark.parametrize("named", ["folder", "file"])
+def test_messages_come_as_they_were_recorded_in_the_order_of_reception(tmp_path, storage, named):
+    entries = simulated()
+    folder = write_bag(tmp_path / "bag", entries, storage)
+    path = folder if named == "folder" else storage_file(folder)
+    assert is_bag(path)
+    with Bag(path) as bag:
+        assert bag.topics == {"/detections": POINTS, "/own_ship/odometry": ODOMETRY}
+        assert bag.duration == pytest.approx(entries[-1].time - entries[0].time)
+        found = list(bag.messages(bag.topics))
+        assert [(m.topic, m.log_ns, m.data) for m in found] == [
+            (entry.topic, round(entry.time * 1e9), serialized(entry)) for entry in entries
+        ]
+        later = list(bag.messages(["/detections"], bag.start_ns + 10**10))
+        assert later == [
+            m for m in found if m.topic == "/detections" and m.log_ns >= bag.start_ns + 10**10
+        ]
+        assert list(bag.messages([])) == []
+
+
+def test_types_that_only_the_bag_knows_are_read_by_its_definition(tmp_path):
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    name = "marine_msgs/msg/Depth"
+    store.register(get_types_from_msg("std_msgs/Header header\nfloat32[] depths\n", name))
+    empty = cloud(3.0, "sonar", range=[], azimuth=[])
+    message = store.types[name](header=empty.header, depths=np.array([1.5, 2.5], np.float32))
+    entry = Entry(1.0, "/depth", name, bytes(store.serialize_cdr(message, name)))
+    with Bag(write_bag(tmp_path / "bag", [entry], store=store)) as bag:
+        [found] = bag.messages(["/depth"])
+        content = bag.read(found)
+    assert content.depths.tolist() == [1.5, 2.5]
+    assert content.header.stamp.sec == 3
+
+
+def test_a_bag_without_definitions_is_read_by_those_of_ros(tmp_path):
+    entries = simulated()
+    path = write_bag(tmp_path / "bag", entries, "sqlite3")
+    with sqlite3.connect(storage_file(path)) as database:
+        database.execute("DELETE FROM message_definitions")
+    with Bag(path) as bag:
+        content = [bag.read(message) for message in bag.messages(["/own_ship/odometry"])]
+    assert [one.pose.pose.position.x for one in content] == [
+        entry.message.pose.pose.position.x for entry in entries if entry.type_name == ODOMETRY
+    ]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [(b"", "encapsulation"), (b"\x00\x01\x00\x00\x01", ""), (b"\x07" * 90, "")],
+    ids=["empty", "short", "no CDR"],
+)
+def test_a_corrupt_message_is_told_apart_from_the_bag(tmp_path, data, said):
+    path = write_bag(tmp_path / "bag", [Entry(1.0, "/detections", POINTS, data)])
+    with Bag(path) as bag:
+        [message] = bag.messages(["/detections"])
+        with pytest.raises(MessageError, match=f"/detections is no {POINTS}.*{said}"):
+            bag.read(message)
+
+
+@BOTH
+@pytest.mark.parametrize("fault", ["truncated", "garbage", "empty file", "gone"])
+def test_a_bag_that_cannot_be_read_is_refused_by_name(tmp_path, storage, fault):
+    folder = write_bag(tmp_path / "bag", simulated(), storage)
+    file = storage_file(folder)
+    content = file.read_bytes()
+    if fault == "gone":
+        file.unlink()
+    else:
+        broken = {"truncated": content[: len(content) // 2], "garbage": b"no bag " * 99}
+        file.write_bytes(broken.get(fault, b""))
+    for path in [folder, file]:
+        with pytest.raises(ValueError, match=r"the bag .* cannot be read: ."):
+            run(path)
+
+
+def test_metadata_that_is_none_is_refused_by_name(tmp_path):
+    (tmp_path / "metadata.yaml").write_text("rosbag2: [")
+    with pytest.raises(ValueError, match="cannot be read"):
+        Bag(tmp_path)
+
+
+def test_without_rosbags_a_bag_is_refused_with_what_to_install(tmp_path, monkeypatch):
+    path = write_bag(tmp_path / "bag", simulated())
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    with pytest.raises(ValueError, match="pip install rosbags"):
+        Bag(path)
+
+
+def test_other_folders_and_files_are_no_bags(tmp_path):
+    (tmp_path / "detections.csv").write_text("time_s\n")
+    assert not is_bag(tmp_path)
+    assert not is_bag(tmp_path / "detections.csv")
+
+
+# Topics
+
+
+def test_topics_are_found_by_name_in_any_namespace():
+    topics = {f"/boat/{role}": POINTS for role in (DETECTIONS, TRACKED, TRUTH)}
+    topics |= {"/boat/own_ship/odometry": ODOMETRY, "/boat/tracks": POINTS}
+    topics |= {"/boat/tracks/odometry": ODOMETRY}
+    roles = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH)
+    assert find_topics(topics, {}) == {role: f"/boat/{role}" for role in roles}
+
+
+def test_a_drivers_own_topics_are_found_by_type():
+    topics = {
+        **{"/sonar/targets": "marine_acoustic_msgs/msg/SonarRanges", "/nav/odom": ODOMETRY},
+        **{"/tracks": POINTS, "/tracks/odometry": ODOMETRY, "/rosout": "rcl_interfaces/msg/Log"},
+    }
+    assert find_topics(topics, {}) == {DETECTIONS: "/sonar/targets", OWN_SHIP: "/nav/odom"}
+
+
+def test_topics_may_be_given_with_or_without_the_slash():
+    topics = {"/a": POINTS, "/b": POINTS, "/c": ODOMETRY, "/d": ODOMETRY}
+    given = {DETECTIONS: "b", OWN_SHIP: "/c", TRACKED: "a"}
+    assert find_topics(topics, given) == {DETECTIONS: "/b", OWN_SHIP: "/c", TRACKED: "/a"}
+
+
+@pytest.mark.parametrize(
+    ("topics", "given", "sentence"),
+    [
+        ({}, {}, "no topic of detections; it has none at all"),
+        ({"/log": "rcl_interfaces/msg/Log"}, {}, "it has /log .rcl_interfaces/msg/Log."),
+        ({"/a": POINTS, "/b": POINTS}, {}, "several topics that may be the detections: /a, /b"),
+        ({"/x/detections": POINTS, "/y/detections": POINTS}, {}, "may be the detections: /x"),
+        (
+            {"/detections": POINTS, "/a": ODOMETRY, "/b": ODOMETRY},
+            {},
+            "may be the own_ship/odometry: /a, /b",
+        ),
+        ({"/detections": POINTS}, {DETECTIONS: "/other"}, "no topic /other; it has /detections"),
+        ({"/a": ODOMETRY}, {DETECTIONS: "/a"}, f"/a is of type {ODOMETRY}, which is not read"),
+        ({"/a": POINTS, "/b": POINTS}, {DETECTIONS: "a", OWN_SHIP: "b"}, "/b is of type"),
+    ],
+)
+def test_topics_that_are_missing_wrong_or_several_are_refused_by_name(topics, given, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        find_topics(topics, given)
+
+
+# Running
+
+
+@BOTH
+def test_the_targets_of_a_simulated_bag_are_found(tmp_path, storage):
+    results, session = run(write_bag(tmp_path / "bag", simulated(), storage))
+    assert [result.stamp for result in results] == [1000.0 + 4 * k for k in range(10)]
+    assert {result.frame_id for result in results} == {"odom"}
+    assert not session.dropped
+    at = results[-1].stamp - 1000.0
+    for state in small_scenario().targets:
+        place = state[0::2] + at * state[1::2]
+        held = results[-1].current.state[:, 0::2]
+        assert np.hypot(*(held - place).T).min() < 30.0
+
+
+def fingerprint(results):
+    """Every bit of what the node would publish on `tracks` and `tracks/current`."""
+    parts = [part for result in results for part in (result.new, result.current)]
+    stamps = np.array([result.stamp_ns for result in results]).tobytes()
+    return stamps + b"|".join(track_points(part)[0].tobytes() for part in parts)
+
+
+@pytest.mark.slow
+def test_a_hundred_replays_of_a_bag_are_the_same_to_the_bit(tmp_path):
+    paths = [write_bag(tmp_path / storage, simulated(), storage) for storage in STORAGES]
+    replays = [fingerprint(run(paths[k % 2])[0]) for k in range(100)]
+    assert len(replays[0]) > 3000, "some tracks"
+    assert set(replays) == {replays[0]}
+    other = write_bag(tmp_path / "other", simulated(seed=6))
+    assert fingerprint(run(other)[0]) != replays[0]
+
+
+def test_corrupt_messages_are_left_out_and_counted(tmp_path):
+    good = simulated()
+    bad = [Entry(1003.0, "/detections", POINTS, b"\x00\x01"), Entry(1003.0, *good[0][1:3], b"")]
+    mixed = write_bag(tmp_path / "mixed", sorted(good + bad, key=lambda entry: entry.time))
+    results, session = run(mixed)
+    assert session.dropped == {"message_corrupt": 2}
+    clean, _ = run(write_bag(tmp_path / "clean", good))
+    assert fingerprint(results) == fingerprint(clean)
+
+
+def test_detections_that_are_no_detections_are_dropped_with_the_nodes_reasons(tmp_path):
+    entries = simulated()
+    entries += [
+        Entry(entries[-1].time, "/detections", POINTS, cloud(1040.0, "sonar", colour=[1.0])),
+        Entry(entries[-1].time, "/tracked", POINTS, cloud(1040.0, "odom", colour=[1.0])),
+    ]
+    _, session = run(write_bag(tmp_path / "bag", entries))
+    assert session.dropped == {"missing_field": 1, "tracked_missing_field": 1}
+
+
+def test_a_downstream_tracker_of_the_bag_is_listened_to(tmp_path):
+    entries = simulated()
+    [first] = {result.stamp for result in run(write_bag(tmp_path / "a", entries))[0][-1:]}
+    nothing = [
+        Entry(entry.time - 1e-3, "/tracked", POINTS, track_message(entry.message.header))
+        for entry in entries
+        if entry.topic == "/detections"
+    ]
+    both = sorted(entries + nothing, key=lambda entry: entry.time)
+    results, session = run(write_bag(tmp_path / "b", both), "tracked_timeout:=6.0")
+    assert results[-1].stamp == first
+    assert not session.dropped
+    ended = [track_id for result in results for track_id in result.ended]
+    assert ended, "the tracker lists nothing, so what is started ends"
+
+
+def track_message(header):
+    """An empty cloud in the layout of tracks."""
+    from msg_adapters.point_cloud import point_fields
+    from msg_adapters.track_cloud import TRACK_DTYPE
+
+    make = STORE.types["sensor_msgs/msg/PointField"]
+    return STORE.types[POINTS](
+        header=STORE.types["std_msgs/msg/Header"](stamp=header.stamp, frame_id="odom"),
+        height=1,
+        width=0,
+        fields=[make(**values) for values in point_fields(TRACK_DTYPE)],
+        is_bigendian=False,
+        point_step=TRACK_DTYPE.itemsize,
+        row_step=0,
+        data=np.zeros(0, np.uint8),
+        is_dense=True,
+    )
+
+
+@pytest.mark.parametrize(("late", "lost"), [(1.5, 0), (30.0, 10)])
+def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_path, late, lost):
+    # Every pose comes later by some time; own_ship_timeout is 2 s.
+    entries = [
+        entry._replace(time=entry.time - LATENCY + late) if entry.type_name == ODOMETRY else entry
+        for entry in simulated()
+    ]
+    entries.sort(key=lambda entry: entry.time)
+    results, session = run(write_bag(tmp_path / "bag", entries))
+    assert len(results) == 10 - lost
+    assert sum(session.dropped.values()) == lost
+
+
+def test_what_the_detections_do_not_say_is_noted():
+    made = make_groups(TRACK_INITIATOR, {"sound_speed": 1500.0})
+    given = MessageInput(Session(settings_from(made)), made[InitiatorNodeOptions])
+    scan = STORE.types["sensor_msgs/msg/LaserScan"](
+        header=cloud(1.0, "laser", range=[]).header,
+        **{"angle_min": 0.0, "angle_max": 1.0, "angle_increment": 1.0, "time_increment": 0.0},
+        **{"scan_time": 1.0, "range_min": 0.0, "range_max": 9000.0},
+        ranges=np.array([100.0, 200.0], np.float32),
+        intensities=np.array([1.0, 2.0, 3.0], np.float32),
+    )
+    given.take_detections(scan, now=0.0)
+    assert given.assumptions == {
+        "intensities are not as many as detections: they are not used",
+    }
+
+
+def test_without_an_own_ship_the_detections_frame_is_fixed(tmp_path):
+    entries = [entry for entry in simulated() if entry.type_name == POINTS]
+    results, _ = run(write_bag(tmp_path / "bag", entries), source="none")
+    assert {result.frame_id for result in results} == {"sonar"}
+
+
+def test_a_scan_at_which_the_algorithm_fails_is_lost_and_counted(tmp_path, monkeypatch):
+    path = write_bag(tmp_path / "bag", simulated())
+    values = {"own_ship_source": "odometry", **parse_values(PARAMETERS)}
+    made = make_groups(TRACK_INITIATOR, values)
+    session = Session(settings_from(made))
+    process = session.initiator.process
+
+    def fail_once(scan):
+        if scan.stamp == 1012.0:
+            raise ArithmeticError("overflow")
+        return process(scan)
+
+    monkeypatch.setattr(session.initiator, "process", fail_once)
+    with Bag(path) as bag:
+        given = MessageInput(session, made[InitiatorNodeOptions])
+        results = list(bag_results(bag, find_topics(bag.topics, {}), session, given))
+    assert session.dropped == {"internal_error": 1}
+    assert len(results) == 9
+    assert all(a.stamp < b.stamp for a, b in pairwise(results))

@@ -1,0 +1,73 @@
+"""The window of recent detections: ids that never change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.builders import detections
+
+from tsepm_ros.sensing.detection_window import DetectionWindow
+
+
+def scan_of(n: int, scan: int) -> np.ndarray:
+    found = detections(np.zeros((n, 2)), float(scan))
+    found["scan"], found["index"] = scan, np.arange(n)
+    return found
+
+
+@pytest.fixture
+def window() -> DetectionWindow:
+    window = DetectionWindow()
+    for scan, n in enumerate([3, 0, 2, 4]):
+        window.append(scan_of(n, scan))
+    return window
+
+
+def test_ids_count_on_from_scan_to_scan():
+    window = DetectionWindow()
+    assert window.append(scan_of(3, 0)).tolist() == [0, 1, 2]
+    assert window.append(scan_of(0, 1)).tolist() == []
+    assert window.append(scan_of(2, 2)).tolist() == [3, 4]
+
+
+def test_ids_stay_the_same_when_old_scans_are_forgotten(window):
+    before = window[np.array([4, 5, 8])]
+    window.forget(2)
+    after = window[np.array([4, 5, 8])]
+    for name in ("scan", "index", "time"):
+        np.testing.assert_array_equal(after[name], before[name])
+    assert after["scan"].tolist() == [2, 3, 3]
+    assert len(window) == 6
+    assert window.append(scan_of(1, 4)).tolist() == [9]
+
+
+def test_ids_count_on_where_everything_was_forgotten(window):
+    window.forget(100)
+    assert len(window) == 0
+    assert window.append(scan_of(2, 100)).tolist() == [9, 10]
+    assert window[np.array([10])]["index"].tolist() == [1]
+
+
+def test_an_array_of_ids_keeps_its_shape(window):
+    found = window[np.array([[0, 3], [2, 8]])]
+    assert found["scan"].tolist() == [[0, 2], [0, 3]]
+    assert found["index"].tolist() == [[0, 0], [2, 3]]
+
+
+def test_what_several_tracks_claim_is_one_of_theirs(window):
+    window.claim(np.array([4, 6, 6]), np.array([0.5, 0.5, 0.2]))
+    window.claim(np.array([4]), np.array([0.5]))
+    np.testing.assert_allclose(window.claimed(np.array([[3, 4], [5, 6]])), [[0.0, 0.75], [0, 0.6]])
+
+
+def test_a_certain_claim_that_is_rounded_up_is_certain(window):
+    window.claim(np.array([3]), np.array([1.0 + 1e-15]))
+    assert window.claimed(np.array([3])) == [1.0]
+
+
+def test_claims_stay_with_their_detections(window):
+    window.claim(np.array([2, 8]), np.array([0.25, 0.75]))
+    window.forget(2)
+    assert window.claimed(np.array([8])) == [0.75]
+    added = window.append(scan_of(2, 4))
+    assert window.claimed(added).tolist() == [0.0, 0.0]

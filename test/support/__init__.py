@@ -1,0 +1,1 @@
+"""What the tests share: builders, plain-loop oracles, drivers and nodes."""

@@ -1,0 +1,66 @@
+"""What the node must publish: the same numbers given to the initiator directly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from support.sonar_driver import Ping, points, stamp_ns
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros.initiation.initiator import Initiator
+
+STATE = ("state_x", "state_vx", "state_y", "state_vy")
+COVARIANCE = tuple(f"cov_{row}{column}" for row in range(4) for column in range(4))
+
+
+def as_scan(ping: Ping, **more: Any) -> Scan:
+    return Scan(
+        stamp=ping.stamp_ns / 10**9,
+        range=np.asarray(ping.range, float),
+        azimuth=np.asarray(ping.azimuth, float),
+        **more,
+    )
+
+
+def initiator(**options: Any) -> Initiator:
+    return make_initiator("tsepm", sensor=SensorModel(), **options)
+
+
+def confirmed(pings: Iterable[Ping], **options: Any) -> list[list[ConfirmedTrack]]:
+    """Newly confirmed tracks of every ping."""
+    method = initiator(**options)
+    return [method.process(as_scan(ping)) for ping in pings]
+
+
+def assert_same(
+    messages: Sequence[PointCloud2], expected: Sequence[Sequence[ConfirmedTrack]]
+) -> None:
+    """Check that the messages carry these tracks, one message per scan; ids aside."""
+    assert [message.width for message in messages] == [len(tracks) for tracks in expected]
+    assert any(expected), "the scene must confirm tracks, or nothing was compared"
+    for message, tracks in zip(messages, expected, strict=True):
+        for point, track in zip(points(message), tracks, strict=True):
+            assert_same_track(point, track)
+
+
+def assert_same_track(point: dict[str, float], track: ConfirmedTrack) -> None:
+    np.testing.assert_allclose([point[name] for name in STATE], track.state, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        [point[name] for name in COVARIANCE],
+        track.covariance.ravel(),
+        rtol=0,
+        atol=1e-9 * np.linalg.norm(track.covariance),
+    )
+    assert (point["x"], point["y"], point["z"]) == (*track.position.astype(np.float32), 0)
+    np.testing.assert_allclose(point["evaluation"], track.evaluation, rtol=1e-9)
+    np.testing.assert_equal(point["score"], track.score)
+    assert (point["hit_count"], point["scan_count"]) == (len(track.hits), track.scan_count)
+    np.testing.assert_allclose(point["age"], track.age, rtol=1e-12)
+
+
+def assert_stamps(messages: Sequence[PointCloud2], pings: Sequence[Ping]) -> None:
+    """Check that every message has its ping's stamp, to the nanosecond."""
+    assert [stamp_ns(message) for message in messages] == [ping.stamp_ns for ping in pings]

@@ -1,0 +1,21 @@
+"""The Python of docs/handover.md, run as a reader would run it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+PAGE = Path(__file__).parents[2] / "docs" / "handover.md"
+
+
+def run_page(*, stone_soup: bool = False) -> dict[str, Any]:
+    """Run the page's blocks in their order; returns what they define.
+
+    Those that need Stone Soup only if asked for.
+    """
+    defined: dict[str, Any] = {}
+    for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL):
+        if stone_soup or "stonesoup" not in block:
+            exec(compile(block, str(PAGE), "exec"), defined)
+    return defined

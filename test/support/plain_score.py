@@ -1,0 +1,300 @@
+"""The hypotheses of the likelihood-ratio method, their scores and its decisions, in plain loops.
+
+Written from the definition of the score, for small scenes: hypotheses are objects, every one is
+extended by every detection, and none is left out but by the gate, the deletion threshold, the
+window, and others with the same last detection that are ten thousand times as likely. Detections
+are converted by `plain_tsepm`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from support.plain_tsepm import (
+    MEASUREMENT_MATRIX,
+    Detection,
+    Parameters,
+    convert_scan,
+    covariance_at,
+    range_variance,
+    transition_matrix,
+)
+
+Key = tuple[int, int]
+"""A detection: its scan, and its place in it."""
+Way = list[tuple[float, np.ndarray]]
+"""Places of the sensor, each with the range of the echo that it belongs to."""
+
+
+@dataclass
+class Hypothesis:
+    """Detections that may be one target's, with the filter that followed them."""
+
+    keys: tuple[Key, ...]
+    state: np.ndarray
+    covariance: np.ndarray
+    score: float
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What the method is given."""
+
+    settings: Parameters
+    detection_probability: float
+    gate_probability: float
+    process_noise: float
+    deletion: float
+    window: int
+    max_range: float
+
+
+@dataclass
+class Grown:
+    """The hypotheses after a scan: those that end in it, those that left it out, those kept."""
+
+    ending: list[Hypothesis]
+    missed: list[Hypothesis]
+    kept: list[Hypothesis] = field(default_factory=list)
+
+
+@dataclass
+class Start:
+    """A track: its hits, its evidence, the hypotheses that its state is the mean of.
+
+    And how probably each detection is its.
+    """
+
+    hits: set[Key]
+    evidence: float
+    mixed: list[Hypothesis]
+    probability: dict[Key, float]
+
+
+def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Grown]:
+    """All hypotheses after each scan."""
+    alive: list[Hypothesis] = []
+    after = []
+    way = [(0.0, np.zeros(2))]
+    for index, scan in enumerate(scans):
+        way = way_of_sensor(scan) or way
+        detections = [
+            one
+            for one in convert_scan(scan, index, rule.settings)
+            if may_be_covered(float(scan["range"][one.key[1]]), one, rule)
+        ]
+        elapsed = scan["stamp"] - scans[index - 1]["stamp"] if index else 0.0
+        ending: list[Hypothesis] = []
+        left_out: list[Hypothesis] = []
+        for hypothesis in alive:
+            predicted = predict(hypothesis, elapsed, rule)
+            for detection in detections if covered(predicted, way, rule) else ():
+                child = extend(predicted, detection, scan["stamp"], rule)
+                if child is not None and child.score > rule.deletion:
+                    ending.append(child)
+            left_out.append(missed(predicted, way, rule))
+        ending += [start(detection, scan["stamp"], rule) for detection in detections]
+        alive = [
+            one
+            for one in ending + left_out
+            if one.score > rule.deletion and index + 1 - one.keys[0][0] < rule.window
+        ]
+        best: dict[Key, float] = {}
+        for one in alive:
+            best[one.keys[-1]] = max(one.score, best.get(one.keys[-1], -math.inf))
+        alive = [one for one in alive if one.score > best[one.keys[-1]] - math.log(1e4)]
+        after.append(Grown(ending, left_out, alive))
+    return after
+
+
+def plain_starts(grown: Grown, threshold: float, wish: float) -> list[Start]:
+    """Tracks that a scan confirms where none is held yet, the one of most evidence first."""
+    found: list[Start] = []
+    free: dict[Key, float] = {}
+    left = grown
+    for members in strong_groups(grown, threshold):
+        newest = members[0].keys[-1]
+        start = None
+        if free.get(newest, 1.0) >= 0.5:
+            start = resolved(members, grown, free, 0.3)
+        if start is None:
+            others = [one for one in left.ending if one.keys[-1] == newest]
+            if evidence(others) >= threshold + math.log(1e3):
+                start = resolved(others, left, free, 1.0)
+        if start is None:
+            continue
+        found.append(start)
+        odds = 500.0 / wish * math.exp(start.evidence - threshold)
+        exists = min(odds / (1.0 + odds), 0.99)
+        for key, value in start.probability.items():
+            free[key] = free.get(key, 1.0) * (1.0 - value * exists)
+        left = Grown(*([beside(one, start) for one in part] for part in (left.ending, left.missed)))
+    return found
+
+
+def resolved(
+    members: Sequence[Hypothesis], grown: Grown, free: Mapping[Key, float], claimed: float
+) -> Start | None:
+    """The track of a newest detection, if it is no other's and its hits are clear."""
+    rivals = rivals_of(members, grown)
+    if claimed_share(rivals, free) > claimed or max(len(one.keys) for one in rivals) < 3:
+        return None
+    probability = hit_probabilities(rivals)
+    certain = {key for key, value in probability.items() if value >= 0.9}
+    if len(certain) < 3:
+        best = max((one for one in rivals if len(one.keys) >= 3), key=likelihood)
+        certain = set(sorted(best.keys, key=lambda key: -probability[key])[:3])
+    right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
+    if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
+        return None  # these scenes have too few scans for it to wait no longer
+    mixed = [one for one in rivals if certain <= set(one.keys)] or right
+    return Start(certain, evidence(members), mixed, probability)
+
+
+def beside(one: Hypothesis, start: Start) -> Hypothesis:
+    """The hypothesis as another target's: what the track's hits gave it does not count."""
+    share = sum(start.probability.get(key, 0.0) for key in one.keys) / len(one.keys)
+    return replace(one, score=one.score - share * max(one.score, 0.0))
+
+
+def strong_groups(grown: Grown, threshold: float) -> list[list[Hypothesis]]:
+    """Hypotheses that share a newest detection, of enough evidence together; the most first."""
+    groups: dict[Key, list[Hypothesis]] = {}
+    for one in grown.ending:
+        groups.setdefault(one.keys[-1], []).append(one)
+    strong = [
+        members
+        for members in groups.values()
+        if evidence(members) >= threshold and max(len(one.keys) for one in members) >= 3
+    ]
+    return sorted(strong, key=evidence, reverse=True)
+
+
+def likelihood(one: Hypothesis) -> float:
+    """Likelihood ratio of a target against clutter."""
+    return math.exp(one.score)
+
+
+def evidence(members: Sequence[Hypothesis]) -> float:
+    """Log of the summed likelihood ratios."""
+    return math.log(sum(map(likelihood, members)))
+
+
+def hit_probabilities(members: Sequence[Hypothesis]) -> dict[Key, float]:
+    """How probably each detection is a hit, if one of the hypotheses is true."""
+    whole = sum(map(likelihood, members))
+    keys = {key for one in members for key in one.keys}
+    return {key: sum(likelihood(m) for m in members if key in m.keys) / whole for key in keys}
+
+
+def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
+    """Hypotheses of the same target, whatever they end in, that are not negligible."""
+    probability = hit_probabilities(members)
+    least = evidence(members) - math.log(1e4)
+    return [
+        one
+        for one in grown.ending + grown.missed
+        if one.score > least
+        and len(one.keys) >= 2
+        and sum(probability.get(key, 0.0) for key in one.keys) > 0.3 * len(one.keys)
+    ]
+
+
+def claimed_share(members: Sequence[Hypothesis], free: Mapping[Key, float]) -> float:
+    """Share of the hits that are another track's."""
+    hits = [(likelihood(one), 1.0 - free.get(key, 1.0)) for one in members for key in one.keys]
+    return sum(weight * taken for weight, taken in hits) / sum(weight for weight, _ in hits)
+
+
+def may_be_covered(measured: float, detection: Detection, rule: Rule) -> bool:
+    """Whether a detection is at most three deviations of its range beyond the coverage."""
+    variance = range_variance(measured, detection.sensing, rule.settings)
+    return measured <= rule.max_range + 3.0 * math.sqrt(variance)
+
+
+def way_of_sensor(scan: Mapping[str, Any]) -> Way:
+    """Where the sensor was, by the range of the echo, nearest first; one place for all: that."""
+    poses = np.asarray(scan.get("sensor_pose", (0.0, 0.0, 0.0)), float).reshape(-1, 3)
+    if len(poses) == 1:
+        return [(0.0, poses[0, :2])]
+    echoes = zip(scan["range"], poses[:, :2], strict=True)
+    return sorted(((float(range_), place) for range_, place in echoes), key=lambda echo: echo[0])
+
+
+def place_at(way: Way, distance: float) -> np.ndarray:
+    """Where the sensor was for an echo of a range: in a straight line between the next two."""
+    for (near, begin), (far, end) in itertools.pairwise(way):
+        if near <= distance < far:
+            return begin + (distance - near) / (far - near) * (end - begin)
+    return way[0][1] if distance < way[0][0] else way[-1][1]
+
+
+def covered(predicted: Hypothesis, way: Way, rule: Rule) -> bool:
+    """Whether a target where the hypothesis expects it can be detected or missed."""
+    expected = predicted.state[[0, 2]]
+    place = place_at(way, math.dist(expected, way[len(way) // 2][1]))
+    return math.dist(expected, place) <= rule.max_range
+
+
+def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
+    """Nearly constant velocity over the time since the scan before."""
+    transition = transition_matrix(elapsed)
+    block = rule.process_noise * np.array(
+        [[elapsed**3 / 3, elapsed**2 / 2], [elapsed**2 / 2, elapsed]]
+    )
+    noise = np.kron(np.eye(2), block)
+    return Hypothesis(
+        hypothesis.keys,
+        transition @ hypothesis.state,
+        transition @ hypothesis.covariance @ transition.T + noise,
+        hypothesis.score,
+    )
+
+
+def extend(
+    predicted: Hypothesis, detection: Detection, stamp: float, rule: Rule
+) -> Hypothesis | None:
+    """Add a detection, or None where it lies outside the gate."""
+    h = MEASUREMENT_MATRIX @ transition_matrix(detection.time - stamp)
+    expected = h @ predicted.state
+    r = covariance_at(expected, detection.sensing, rule.settings)
+    s = h @ predicted.covariance @ h.T + r
+    innovation = detection.point - expected
+    distance = innovation @ np.linalg.inv(s) @ innovation
+    if distance > -2.0 * math.log(1.0 - rule.gate_probability):
+        return None
+    density = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
+    gain = math.log(rule.detection_probability * density / rule.settings.clutter_density)
+    k = predicted.covariance @ h.T @ np.linalg.inv(s)
+    return Hypothesis(
+        (*predicted.keys, detection.key),
+        predicted.state + k @ innovation,
+        (np.eye(4) - k @ h) @ predicted.covariance,
+        predicted.score + gain,
+    )
+
+
+def missed(predicted: Hypothesis, way: Way, rule: Rule) -> Hypothesis:
+    """The branch that leaves the scan out: free of charge outside the coverage."""
+    charge = 0.0
+    if covered(predicted, way, rule):
+        charge = math.log(1.0 - rule.detection_probability * rule.gate_probability)
+    return Hypothesis(
+        predicted.keys, predicted.state, predicted.covariance, predicted.score + charge
+    )
+
+
+def start(detection: Detection, stamp: float, rule: Rule) -> Hypothesis:
+    """A hypothesis of one detection, its velocity unknown up to v_max, as of the stamp."""
+    state = np.array([detection.point[0], 0.0, detection.point[1], 0.0])
+    covariance = np.zeros((4, 4))
+    covariance[0::2, 0::2] = detection.covariance
+    covariance[1, 1] = covariance[3, 3] = rule.settings.max_speed**2 / 4.0
+    back = transition_matrix(stamp - detection.time)
+    return Hypothesis((detection.key,), back @ state, back @ covariance @ back.T, 0.0)
