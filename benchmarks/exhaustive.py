@@ -51,7 +51,7 @@ from tsepm_ros.analysis.operating_points import (
     operating_points,
     package_version,
 )
-from tsepm_ros.analysis.run_summary import RunRecord, ScanRecord, StartRecord, record
+from tsepm_ros.analysis.run_summary import RunSummary, ScanRecord, StartSummary, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome, measurement_sigma
 from tsepm_ros.simulation import Scenario, SimulatedScan, Simulator, load_scenario
@@ -75,7 +75,7 @@ SEARCHES = {"there from the first scan": False, "may appear": True}
 ENDS = ("low", "high")
 EVERY_SCAN, AT_THE_END = "each scan", "the last scan"
 
-Found = dict[tuple[str, str], RunRecord]
+Found = dict[tuple[str, str], RunSummary]
 """A run's starts, by method and label of the operating point."""
 
 
@@ -218,16 +218,16 @@ def declared(
 
 def by_position(
     scenario: Scenario, offsets: Iterable[FloatArray], truths: Sequence[FloatArray]
-) -> RunRecord:
+) -> RunSummary:
     """Starts judged by their offsets (2,) from the target alone, m."""
     limit = SIGMAS * measurement_sigma(scenario.sensor, truths[-1])
     near = [bool(np.hypot(*offset) <= limit) for offset in offsets]
-    start = StartRecord(0, 0.0, Outcome.TRUE, False, nan, nan, nan, nan, nan)
+    start = StartSummary(0, 0.0, Outcome.TRUE, False, nan, nan, nan, nan, nan)
     starts = (start,) if any(near) else ()
-    return RunRecord(1, starts, (ScanRecord(near.count(False)),))
+    return RunSummary(1, starts, (ScanRecord(near.count(False)),))
 
 
-def beside(points: dict[tuple[str, str], list[RunRecord]]) -> list[Row]:
+def beside(points: dict[tuple[str, str], list[RunSummary]]) -> list[Row]:
     """Every point of `score` by position beside each search's curve."""
     searches = dict.fromkeys(name for name, _ in points if name not in (OFFICIAL, BY_POSITION))
     return [
@@ -251,7 +251,7 @@ def _three(one: Comparison, name: str) -> tuple[float, float, float]:
     return estimate.value, estimate.low, estimate.high
 
 
-def figures(points: dict[tuple[str, str], list[RunRecord]]) -> list[dict]:
+def figures(points: dict[tuple[str, str], list[RunSummary]]) -> list[dict]:
     """P_D and false starts per run of each point, with intervals."""
     return [
         {
@@ -365,7 +365,7 @@ def all_runs(options: argparse.Namespace) -> list[Found]:
             lines.append(json.dumps([[*key, one.as_json()] for key, one in found.items()]))
             print(lines[-1], file=file, flush=True)
     return [
-        {(method, label): RunRecord.from_json(one) for method, label, one in json.loads(line)}
+        {(method, label): RunSummary.from_json(one) for method, label, one in json.loads(line)}
         for line in lines[1 : 1 + options.runs]
     ]
 

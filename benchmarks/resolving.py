@@ -32,10 +32,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from tsepm_ros.analysis.measures import Figures, figures_of
+from tsepm_ros.analysis.measures import Measures, measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
-from tsepm_ros.analysis.run_summary import RunRecord, record
+from tsepm_ros.analysis.run_summary import RunSummary, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.terminal_tables import text_table
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -120,14 +120,14 @@ def make(scenario: Scenario, rule: str, options: Mapping[str, Any]) -> method.Sc
     return RULES[rule](scenario.sensor, CommonOptions(), options.ScoreOptions(**options))
 
 
-def one_run(run: int, *, seed: int, rule: str, wish: float, resolved: float) -> RunRecord:
+def one_run(run: int, *, seed: int, rule: str, wish: float, resolved: float) -> RunSummary:
     """One run by one rule, judged."""
     point = OperatingPoint(rule, options={"false_tracks_per_hour": wish}, factory=make)
     with patch.object(score, "RESOLVED", resolved):
         return record(simulate(load_scenario(SCENE), [seed, run], point))
 
 
-def cells(figures: Iterable[Figures]) -> list[str]:
+def cells(figures: Iterable[Measures]) -> list[str]:
     """P_D, wrong and redundant starts per run of each, with their intervals."""
     return [
         f"{getattr(one, name):.3f}"
@@ -150,7 +150,7 @@ def main() -> None:
     for rule, wish, resolved in SETTINGS[options.compared]:
         job = partial(one_run, seed=options.seed, rule=rule, wish=wish, resolved=resolved)
         runs = list(mapped(job, range(options.runs), options.processes, chunk=4))
-        figures = [figures_of(load_scenario(SCENE), runs, pings) for pings in PINGS]
+        figures = [measures_of(load_scenario(SCENE), runs, pings) for pings in PINGS]
         rows.append([rule, f"{wish:g}", f"{resolved:g}", *cells(figures)])
         print(", ".join(rows[-1]), flush=True)
     print(f"\n{SCENE}, {options.runs} runs, seed {options.seed}; 95 % intervals\n")

@@ -9,8 +9,8 @@ import pytest
 from support.run_summaries import NOTHING, run_of, start
 
 from tsepm_ros.analysis.intervals import mean_count, proportion
-from tsepm_ros.analysis.measures import HEADINGS, figures_of
-from tsepm_ros.analysis.run_summary import RunRecord
+from tsepm_ros.analysis.measures import HEADINGS, measures_of
+from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.simulation import Scenario
 
@@ -23,7 +23,7 @@ RUNS = [
 
 
 def test_counts_by_hand():
-    figures = figures_of(SCENE, RUNS)
+    figures = measures_of(SCENE, RUNS)
     assert (figures.runs, figures.scans) == (2, 4)
     assert figures.detection == proportion(3, 4)
     assert figures.false_per_run == mean_count([3, 1])
@@ -36,7 +36,7 @@ def test_counts_by_hand():
 
 
 def test_a_horizon_counts_its_own_scans_only():
-    figures = figures_of(SCENE, RUNS, 2)
+    figures = measures_of(SCENE, RUNS, 2)
     assert figures.scans == 2
     assert figures.detection == proportion(2, 4)
     assert figures.false_per_run == mean_count([3, 0])
@@ -49,7 +49,7 @@ def test_errors_of_true_and_of_pure_starts():
     mixed = start(1, pure=False, position_error=90.0, velocity_error=9.0, nees=30.0)
     far = start(1, MISPLACED, position_error=50.0, nees=10.0)
     again = start(2, REDUNDANT, position_error=1.0, nees=0.0)
-    figures = figures_of(SCENE, [run_of(start(0), mixed, far, again, targets=2)])
+    figures = measures_of(SCENE, [run_of(start(0), mixed, far, again, targets=2)])
     assert figures.position_error.value == pytest.approx(math.sqrt((30**2 + 90**2) / 2))
     assert figures.velocity_error.value == pytest.approx(math.sqrt((2**2 + 9**2) / 2))
     assert figures.nees.value == 17.0
@@ -76,7 +76,7 @@ def test_errors_that_follow_their_bounds_are_at_the_bound():
         )
         for k in range(3000)
     ]
-    figures = figures_of(SCENE, runs)
+    figures = measures_of(SCENE, runs)
     assert figures.position_to_bound.value == pytest.approx(1.0, abs=0.04)
     assert figures.position_to_bound.low < 1.0 < figures.position_to_bound.high
     assert figures.velocity_to_bound.value == pytest.approx(1.5, abs=0.06)
@@ -85,11 +85,11 @@ def test_errors_that_follow_their_bounds_are_at_the_bound():
 
 def test_gospa_is_averaged_over_the_scans_and_its_parts_add_up_in_squares():
     one = run_of(localisation=100.0, missed=0.0, false_held=1800.0)
-    still = RunRecord(1, (), (*one.scans[:3], NOTHING))
-    assert figures_of(SCENE, [still]).gospa_mean.value == pytest.approx(0.75 * math.sqrt(1900.0))
-    assert figures_of(SCENE, [still]).gospa.value == pytest.approx(math.sqrt(0.75 * 1900.0))
+    still = RunSummary(1, (), (*one.scans[:3], NOTHING))
+    assert measures_of(SCENE, [still]).gospa_mean.value == pytest.approx(0.75 * math.sqrt(1900.0))
+    assert measures_of(SCENE, [still]).gospa.value == pytest.approx(math.sqrt(0.75 * 1900.0))
     two = run_of(localisation=0.0, missed=900.0, false_held=0.0)
-    figures = figures_of(SCENE, [one, two])
+    figures = measures_of(SCENE, [one, two])
     assert figures.gospa_localisation.value == pytest.approx(math.sqrt(50.0))
     assert figures.gospa_missed.value == pytest.approx(math.sqrt(450.0))
     assert figures.gospa_false.value == pytest.approx(30.0)
@@ -98,14 +98,14 @@ def test_gospa_is_averaged_over_the_scans_and_its_parts_add_up_in_squares():
 
 def test_targets_held_are_those_of_the_last_scan():
     made = run_of(held=1, targets=2)
-    lost = RunRecord(2, (), (*made.scans[:3], NOTHING))
-    assert figures_of(SCENE, [made, lost]).held == proportion(1, 4)
-    assert figures_of(SCENE, [made, lost], 3).held == proportion(2, 4)
+    lost = RunSummary(2, (), (*made.scans[:3], NOTHING))
+    assert measures_of(SCENE, [made, lost]).held == proportion(1, 4)
+    assert measures_of(SCENE, [made, lost], 3).held == proportion(2, 4)
 
 
 def test_what_is_not_known_has_no_figure():
     nothing_held = {"held": -1, "localisation": math.nan, "missed": math.nan}
-    figures = figures_of(SCENE, [run_of(false_held=math.nan, **nothing_held)] * 3)
+    figures = measures_of(SCENE, [run_of(false_held=math.nan, **nothing_held)] * 3)
     assert figures.detection.value == 0.0
     assert figures.text("detection").startswith("0.0000 (")
     for name in ("held", "gospa", "nees", "pure_nees", "position_to_bound", "confirmation_95"):
@@ -114,7 +114,7 @@ def test_what_is_not_known_has_no_figure():
 
 
 def test_no_events_still_leave_room_for_some():
-    figures = figures_of(SCENE, [run_of()] * 100)
+    figures = measures_of(SCENE, [run_of()] * 100)
     assert figures.false_per_run.value == 0.0
     assert figures.false_per_run.high == pytest.approx(0.0369, rel=0.01)
 

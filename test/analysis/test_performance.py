@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.analysis.measures import HEADINGS, figures_of
+from tsepm_ros.analysis.measures import HEADINGS, measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.performance import Plan, evaluate
 from tsepm_ros.analysis.performance_report import TABLES, markdown, write_csv
@@ -127,7 +127,7 @@ def test_horizons_give_what_shorter_evaluations_give(tmp_path):
 
 def test_figures_are_those_of_a_study_of_the_same_seed(tmp_path):
     (found,) = evaluate(plan(TSEPM), tmp_path)
-    assert repr(found.figures[0]) == repr(figures_of(BOX, study(BOX, TSEPM, range(4), 5)))
+    assert repr(found.figures[0]) == repr(measures_of(BOX, study(BOX, TSEPM, range(4), 5)))
 
 
 def test_anything_that_starts_tracks_can_be_evaluated(tmp_path):

@@ -11,7 +11,7 @@ from support.run_summaries import run_of, start
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import RunRecord, record, start_bound
+from tsepm_ros.analysis.run_summary import RunSummary, record, start_bound
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.study import run
 from tsepm_ros.analysis.truth import Outcome
@@ -48,7 +48,7 @@ def test_a_record_comes_back_from_json_to_the_bit():
     kept = run(MOVING, [3, 1], point("tsepm"))
     assert any(not one.pure for one in kept.starts)  # these have nan
     text = json.dumps(kept.as_json(), allow_nan=False)
-    again = RunRecord.from_json(json.loads(text))
+    again = RunSummary.from_json(json.loads(text))
     assert repr(again) == repr(kept)
 
 
@@ -89,7 +89,7 @@ class Seer:
         return []
 
 
-def held_at(*held) -> RunRecord:
+def held_at(*held) -> RunSummary:
     sensor = {"sensor.clutter_density": 1e-20, "scans": 1}
     scene = load_scenario("box", sensor)
     seen = OperatingPoint("seer", options={}, factory=lambda one, *_: Seer(one, list(held)))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from support.run_summaries import as_json
 
-from tsepm_ros.analysis.measures import figures_of
+from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import RunRecord
+from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.simulated_run import placed
 from tsepm_ros.analysis.study import Workers, run, study
 from tsepm_ros.analysis.truth import Outcome
@@ -24,7 +24,7 @@ TSEPM = OperatingPoint("tsepm")
 
 
 @pytest.fixture(scope="module")
-def box() -> list[RunRecord]:
+def box() -> list[RunSummary]:
     """The published method, 5/8, literal, over 8 scans of the box scene."""
     return list(study(BOX, TSEPM, range(RUNS), 2018))
 
@@ -32,7 +32,7 @@ def box() -> list[RunRecord]:
 def test_p_d_in_the_box_scene_is_the_design_s(box):
     # Design, section 6: 0.916 in 500 runs. The two shares differ by chance with a standard error
     # of sqrt(0.916 * 0.084 * (1 / 150 + 1 / 500)) = 0.026; 3.3 of them are 99.9 %.
-    share = figures_of(BOX, box).detection.value
+    share = measures_of(BOX, box).detection.value
     error = math.sqrt(0.916 * 0.084 * (1 / RUNS + 1 / 500))
     assert abs(share - 0.916) < 3.3 * error
 

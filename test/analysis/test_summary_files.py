@@ -9,7 +9,7 @@ import pytest
 from support.run_summaries import run_of, start
 
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.summary_files import RunFile
+from tsepm_ros.analysis.summary_files import SummaryFile
 from tsepm_ros.simulation import load_scenario
 
 BOX = load_scenario("box")
@@ -18,8 +18,8 @@ RECORDS = {0: run_of(), 1: run_of(start(2), false=(0, 1, 0, 2)), 4: run_of(start
 
 
 @pytest.fixture
-def file(tmp_path) -> RunFile:
-    made = RunFile(tmp_path, BOX, POINT, 1)
+def file(tmp_path) -> SummaryFile:
+    made = SummaryFile(tmp_path, BOX, POINT, 1)
     with made:
         for index, record in RECORDS.items():
             made.append(index, record)
@@ -27,7 +27,7 @@ def file(tmp_path) -> RunFile:
 
 
 def test_runs_are_found_again(file, tmp_path):
-    assert RunFile(tmp_path, BOX, POINT, 1).records == RECORDS == file.records
+    assert SummaryFile(tmp_path, BOX, POINT, 1).records == RECORDS == file.records
 
 
 def test_a_header_says_what_the_runs_depend_on(file):
@@ -50,24 +50,24 @@ def test_a_header_says_what_the_runs_depend_on(file):
     ids=["seed", "options", "version", "sensor", "scans"],
 )
 def test_anything_else_has_a_file_of_its_own(file, tmp_path, other):
-    found = RunFile(tmp_path, **{"scenario": BOX, "point": POINT, "seed": 1, **other})
+    found = SummaryFile(tmp_path, **{"scenario": BOX, "point": POINT, "seed": 1, **other})
     assert found.path != file.path
     assert found.records == {}
-    assert RunFile(tmp_path, BOX, POINT, 1).records == RECORDS
+    assert SummaryFile(tmp_path, BOX, POINT, 1).records == RECORDS
 
 
 def test_a_file_under_another_s_name_is_refused(file, tmp_path):
-    other = RunFile(tmp_path, BOX, POINT, 2)
+    other = SummaryFile(tmp_path, BOX, POINT, 2)
     file.path.replace(other.path)
     with pytest.raises(ValueError, match="was made by another version"):
-        RunFile(tmp_path, BOX, POINT, 2)
+        SummaryFile(tmp_path, BOX, POINT, 2)
 
 
 @pytest.mark.parametrize("lost", [1, 5, 40])
 def test_a_run_whose_line_was_cut_off_is_not_there(file, tmp_path, lost):
     content = file.path.read_bytes()
     file.path.write_bytes(content[:-lost])
-    again = RunFile(tmp_path, BOX, POINT, 1)
+    again = SummaryFile(tmp_path, BOX, POINT, 1)
     assert again.records == {index: RECORDS[index] for index in (0, 1)}
     with again:
         again.append(4, RECORDS[4])
@@ -77,7 +77,7 @@ def test_a_run_whose_line_was_cut_off_is_not_there(file, tmp_path, lost):
 def test_a_header_that_was_cut_off_is_written_again(file, tmp_path):
     content = file.path.read_bytes()
     file.path.write_bytes(content[:20])
-    assert RunFile(tmp_path, BOX, POINT, 1).records == {}
+    assert SummaryFile(tmp_path, BOX, POINT, 1).records == {}
     assert file.path.read_bytes() == content.splitlines(keepends=True)[0]
 
 
@@ -85,4 +85,4 @@ def test_a_line_damaged_in_the_middle_is_refused(file, tmp_path):
     lines = file.path.read_bytes().splitlines(keepends=True)
     file.path.write_bytes(b"".join([*lines[:2], b'{"run": 1, "tar\n', *lines[3:]]))
     with pytest.raises(ValueError, match="is damaged"):
-        RunFile(tmp_path, BOX, POINT, 1)
+        SummaryFile(tmp_path, BOX, POINT, 1)

@@ -18,7 +18,7 @@ import promises_footing
 from promises_footing import closeness, difference, footing
 
 from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.measures import figures_of
+from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_curve import compare
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.performance import Evaluated
@@ -46,7 +46,7 @@ def beside(found: int, false: int) -> list[str]:
             SCENE,
             4,
             [OperatingPoint(*name) for name in records],
-            [figures_of(SCENE, runs, 4) for runs in records.values()],
+            [measures_of(SCENE, runs, 4) for runs in records.values()],
             compare(records),
         )
     )

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.measures import figures_of
+from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.study import study
 from tsepm_ros.commands.cli import main
@@ -43,7 +43,7 @@ def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options
     area = TargetArea(1, (1000.0, 6000.0), (-0.4, 0.4), 5.0)
     scene = Scenario(name="sector", sensor=SECTOR, areas=(area,))
     point = OperatingPoint(method, options=options)
-    measured = figures_of(scene, list(study(scene, point, range(150), 12))).detection
+    measured = measures_of(scene, list(study(scene, point, range(150), 12))).detection
     noise = math.sqrt(2 * measured.value * (1 - measured.value) / 150)
     assert abs(predicted.detection.value - measured.value) < 0.03 + 2.6 * noise
 

@@ -15,10 +15,10 @@ from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.parameters import table
 from tsepm_ros.session.clocks import waited
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.session.snapshot import Figures
+from tsepm_ros.session.snapshot import SessionSnapshot
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
-GOOD = Figures(
+GOOD = SessionSnapshot(
     totals=ScanStatistics(),
     potential_tracks=0,
     tracks=0,

@@ -12,7 +12,7 @@ from tsepm_ros.kinematics.interacting_models import (
     PROCESS_NOISE,
     TIME_OF_TURN,
     TIME_TO_TURN,
-    Motion,
+    InteractingModels,
     stay_or_change,
 )
 from tsepm_ros.kinematics.kalman import predict
@@ -38,7 +38,7 @@ def test_two_steps_are_as_one_of_their_sum():
 
 def test_what_never_begins_does_not_change_anything(monkeypatch):
     monkeypatch.setattr(motion_module, "TIME_TO_TURN", math.inf)
-    motion = Motion.of(STATE, COVARIANCE)
+    motion = InteractingModels.of(STATE, COVARIANCE)
     for _ in range(100):
         motion = motion.predicted(np.full(2, 2.0), MAX_SPEED)
     expected, spread = STATE, COVARIANCE
@@ -53,7 +53,7 @@ def test_what_never_begins_does_not_change_anything(monkeypatch):
 def test_modes_are_mixed_and_carried_as_in_plain_loops(step):
     rng = np.random.default_rng(1)
     root = rng.standard_normal((2, 2, 4, 4))
-    motion = Motion(
+    motion = InteractingModels(
         np.array([[0.7, 0.2], [0.3, 0.8]]),
         rng.standard_normal((2, 2, 4)),
         root @ np.swapaxes(root, 2, 3) + np.eye(4),
@@ -81,7 +81,7 @@ def test_modes_are_mixed_and_carried_as_in_plain_loops(step):
 
 
 def test_what_is_not_known_of_a_turn_grows_while_nothing_is_seen():
-    motion = Motion.of(STATE, COVARIANCE)
+    motion = InteractingModels.of(STATE, COVARIANCE)
     for _ in range(6):
         motion = motion.predicted(np.full(2, 2.5), MAX_SPEED)
     _, covariance = motion.combined()
@@ -91,7 +91,7 @@ def test_what_is_not_known_of_a_turn_grows_while_nothing_is_seen():
 
 
 def test_rows_are_taken_joined_and_replaced():
-    motion = Motion.of(STATE, COVARIANCE).predicted(np.full(2, 2.5), MAX_SPEED)
+    motion = InteractingModels.of(STATE, COVARIANCE).predicted(np.full(2, 2.5), MAX_SPEED)
     one, two = motion.where(np.array([0])), motion.where(np.array([False, True]))
     both = one.joined(two)
     np.testing.assert_array_equal(both.state, motion.state)

@@ -7,7 +7,7 @@ import pytest
 from support.builders import scan_at
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.initiation.displacements import Steps
+from tsepm_ros.initiation.displacements import Displacements
 
 SENSOR = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4)
 
@@ -83,6 +83,6 @@ def test_a_scan_may_be_missed_where_the_rule_allows_it():
 
 def test_acceleration_is_over_the_time_between_the_middles_of_the_steps():
     position = np.array([[[0.0, 0.0], [30.0, 0.0], [30.0, 80.0]]])
-    steps = Steps.of(position, np.array([[0.0, 10.0, 30.0]]))
+    steps = Displacements.of(position, np.array([[0.0, 10.0, 30.0]]))
     assert steps.acceleration == pytest.approx(5.0 / 15.0)
     assert steps.turn == pytest.approx(np.pi / 2)

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsepm_ros.methods.score.likelihood_ratio import hit_gain, miss_gain
+from tsepm_ros.methods.score.likelihood_ratio import hit_increment, miss_increment
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.numerics.grouped import shares, summed
 
@@ -25,11 +25,11 @@ def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
     x, y = np.meshgrid(axis, axis)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     density, distance = log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
-    gain = hit_gain(density, p_d, np.full(len(points), clutter))
+    gain = hit_increment(density, p_d, np.full(len(points), clutter))
     inside = distance <= gate_factor(p_g) ** 2
     cell = (axis[1] - axis[0]) ** 2
     children = clutter * cell * np.exp(gain[inside]).sum()
-    missed = math.exp(miss_gain(np.array([p_d]), p_g)[0])
+    missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
     assert children + missed == pytest.approx(1.0, abs=1e-3)
 
 
@@ -39,20 +39,20 @@ def test_a_hit_gains_what_its_density_is_above_the_clutter():
     exact = multivariate_normal(np.zeros(2), SPREAD)
     np.testing.assert_allclose(density, exact.logpdf(innovation[0]))
     np.testing.assert_allclose(distance, innovation[0] @ np.linalg.inv(SPREAD) @ innovation[0])
-    gain = hit_gain(density, 0.9, np.array([1e-6]))
+    gain = hit_increment(density, 0.9, np.array([1e-6]))
     np.testing.assert_allclose(gain, math.log(0.9 * exact.pdf(innovation[0]) / 1e-6))
 
 
 def test_nothing_is_missed_where_nothing_can_be_detected():
-    assert miss_gain(np.array([0.0]), 0.99).tolist() == [0.0]
+    assert miss_increment(np.array([0.0]), 0.99).tolist() == [0.0]
 
 
 def test_a_miss_of_a_sure_target_stays_possible():
-    assert np.isfinite(miss_gain(np.array([1.0]), 1.0 - 1e-12)).all()
+    assert np.isfinite(miss_increment(np.array([1.0]), 1.0 - 1e-12)).all()
 
 
 def test_no_clutter_at_all_does_not_make_a_detection_worth_everything():
-    assert np.isfinite(hit_gain(np.array([-10.0]), 0.9, np.array([0.0]))).all()
+    assert np.isfinite(hit_increment(np.array([-10.0]), 0.9, np.array([0.0]))).all()
 
 
 def test_sums_are_of_the_ratios_not_of_their_logarithms():

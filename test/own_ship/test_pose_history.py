@@ -13,14 +13,14 @@ from support.builders import whitened
 from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import (
     SHORTEST_PERIOD,
-    Coverage,
+    PoseCoverage,
     PoseHistory,
     PoseSample,
     echo_poses,
     known_rates,
 )
 
-YES, NOT_YET, NEVER = Coverage.YES, Coverage.NOT_YET, Coverage.NEVER
+YES, NOT_YET, NEVER = PoseCoverage.YES, PoseCoverage.NOT_YET, PoseCoverage.NEVER
 
 
 def history(*samples, **options) -> PoseHistory:

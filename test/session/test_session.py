@@ -244,7 +244,7 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track(monkeypatch):
         raise ValueError("sensor_pose must be at most 1e9")
 
     with monkeypatch.context() as patch:
-        patch.setattr("tsepm_ros.own_ship.registration.placed", fail)
+        patch.setattr("tsepm_ros.own_ship.registration.to_fixed_frame", fail)
         assert play(one, [36], now=0.0) == []
     assert (one.dropped, one.waiting) == ({"internal_error": 1}, 0)
     (result,) = play(one, [48], now=0.0)

@@ -6,26 +6,26 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from tsepm_ros.analysis.run_summary import RunRecord, ScanRecord, StartRecord
+from tsepm_ros.analysis.run_summary import RunSummary, ScanRecord, StartSummary
 from tsepm_ros.analysis.truth import Outcome
 
 NOTHING = ScanRecord(false=0, held=0, localisation=0.0, missed=0.0, false_held=0.0)
 
 
-def start(scan: int, outcome: Outcome = Outcome.TRUE, **more) -> StartRecord:
+def start(scan: int, outcome: Outcome = Outcome.TRUE, **more) -> StartSummary:
     """A pure start with 12 s between scans and errors as large as their bounds."""
-    made = StartRecord(scan, 12.0 * scan, outcome, True, 30.0, 2.0, 4.0, 30.0, 2.0)
+    made = StartSummary(scan, 12.0 * scan, outcome, True, 30.0, 2.0, 4.0, 30.0, 2.0)
     if not more.get("pure", True):
         more = {"position_bound": math.nan, "velocity_bound": math.nan, **more}
     return dataclasses.replace(made, **more)
 
 
-def run_of(*starts: StartRecord, false=(0, 0, 0, 0), targets: int = 1, **more) -> RunRecord:
+def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) -> RunSummary:
     """A run with so many false starts per scan."""
     scans = tuple(dataclasses.replace(NOTHING, false=number, **more) for number in false)
-    return RunRecord(targets, starts, scans)
+    return RunSummary(targets, starts, scans)
 
 
-def as_json(records: Iterable[RunRecord]) -> list[dict]:
+def as_json(records: Iterable[RunSummary]) -> list[dict]:
     """The records for comparison: in them nan is not equal to itself."""
     return [record.as_json() for record in records]

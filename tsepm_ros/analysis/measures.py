@@ -19,7 +19,7 @@ from tsepm_ros.analysis.intervals import (
     root,
     root_mean_square,
 )
-from tsepm_ros.analysis.run_summary import RunRecord, StartRecord
+from tsepm_ros.analysis.run_summary import RunSummary, StartSummary
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.simulation import Scenario
 
@@ -32,7 +32,7 @@ def _shown(heading: str, spec: str) -> dict[str, str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figures:
+class Measures:
     """Figures of a method over the runs of a scenario.
 
     *Pure* starts are those of which every hit is one target's, redundant ones left out and
@@ -102,15 +102,15 @@ class Figures:
 
 
 HEADINGS = {
-    one.name: one.metadata["heading"] for one in dataclasses.fields(Figures) if one.metadata
+    one.name: one.metadata["heading"] for one in dataclasses.fields(Measures) if one.metadata
 }
 """What each figure is called in a table."""
-SPECS = {one.name: one.metadata["spec"] for one in dataclasses.fields(Figures) if one.metadata}
+SPECS = {one.name: one.metadata["spec"] for one in dataclasses.fields(Measures) if one.metadata}
 
 
-def figures_of(
-    scenario: Scenario, records: Iterable[RunRecord], scans: int | None = None
-) -> Figures:
+def measures_of(
+    scenario: Scenario, records: Iterable[RunSummary], scans: int | None = None
+) -> Measures:
     """Sum up runs.
 
     Parameters
@@ -125,7 +125,7 @@ def figures_of(
     starts = [start for record in records for start in record.starts]
     true = [start for start in starts if start.outcome is Outcome.TRUE]
     pure = [start for start in starts if start.pure and start.outcome is not Outcome.REDUNDANT]
-    return Figures(
+    return Measures(
         runs=len(records),
         scans=scans,
         **_counts(scenario, records, scans),
@@ -135,7 +135,7 @@ def figures_of(
     )
 
 
-def _counts(scenario: Scenario, records: Sequence[RunRecord], scans: int) -> dict[str, Estimate]:
+def _counts(scenario: Scenario, records: Sequence[RunSummary], scans: int) -> dict[str, Estimate]:
     false = mean_count([record.wrong for record in records])
     targets = sum(record.targets for record in records)
     held = [record.scans[-1].held for record in records]
@@ -157,7 +157,7 @@ def _times(times: Sequence[float]) -> dict[str, Estimate]:
     }
 
 
-def _errors(true: Sequence[StartRecord], pure: Sequence[StartRecord]) -> dict[str, Estimate]:
+def _errors(true: Sequence[StartSummary], pure: Sequence[StartSummary]) -> dict[str, Estimate]:
     bounded = [start for start in pure if not math.isnan(start.position_bound)]
     return {
         "position_error": root_mean_square([start.position_error for start in true]),
@@ -177,7 +177,7 @@ def _errors(true: Sequence[StartRecord], pure: Sequence[StartRecord]) -> dict[st
     }
 
 
-def _gospa(records: Sequence[RunRecord]) -> dict[str, Estimate]:
+def _gospa(records: Sequence[RunSummary]) -> dict[str, Estimate]:
     """Means over the scans of each run, then over the runs."""
     parts = np.array(
         [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.analysis.intervals import RESAMPLES, TAILS, Estimate
-from tsepm_ros.analysis.run_summary import RunRecord
+from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.numerics.arrays import FloatArray
 
@@ -83,7 +83,7 @@ class Comparison:
     ratio: Estimate
 
 
-Points = Mapping[tuple[str, str], Sequence[RunRecord]]
+Points = Mapping[tuple[str, str], Sequence[RunSummary]]
 """The records of each point, by method and label."""
 
 
@@ -152,7 +152,7 @@ def _interval(values: FloatArray) -> Estimate:
     return Estimate(float(values[0]), float(low), float(high))
 
 
-def _resampled(points: Sequence[Sequence[RunRecord]]) -> tuple[FloatArray, FloatArray]:
+def _resampled(points: Sequence[Sequence[RunSummary]]) -> tuple[FloatArray, FloatArray]:
     """False starts per run and P_D of each point, (n, 1 + b): of the runs, and resampled."""
     counts = [
         [(record.count(Outcome.TRUE), record.targets, record.wrong) for record in records]

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tsepm_ros.analysis.measures import Figures, figures_of
+from tsepm_ros.analysis.measures import Measures, measures_of
 from tsepm_ros.analysis.operating_curve import Comparison, compare
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import RunRecord
+from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.study import Workers, study
-from tsepm_ros.analysis.summary_files import RunFile
+from tsepm_ros.analysis.summary_files import SummaryFile
 from tsepm_ros.simulation import Scenario
 
 Progress = Callable[[Iterable[None], int], Iterable[Any]]
@@ -79,7 +79,7 @@ class Evaluated:
     scenario: Scenario
     scans: int
     points: Sequence[OperatingPoint]
-    figures: list[Figures]
+    figures: list[Measures]
     comparisons: list[Comparison]
 
 
@@ -116,7 +116,7 @@ def evaluate(
         for point in plan.points:
             point.make(scenario)
     tasks = [
-        _Task(scenario, point, RunFile(folder, scenario, point, plan.seed), plan)
+        _Task(scenario, point, SummaryFile(folder, scenario, point, plan.seed), plan)
         for scenario in plan.scenarios
         for point in plan.points
     ]
@@ -136,7 +136,7 @@ class _Task:
 
     scenario: Scenario
     point: OperatingPoint
-    file: RunFile
+    file: SummaryFile
     plan: Plan
 
     @property
@@ -144,7 +144,7 @@ class _Task:
         """Runs that the file does not have."""
         return [index for index in range(self.plan.runs) if index not in self.file.records]
 
-    def after(self, scans: int) -> list[RunRecord]:
+    def after(self, scans: int) -> list[RunSummary]:
         """The runs, had they ended after so many scans."""
         return [self.file.records[index].first(scans) for index in range(self.plan.runs)]
 
@@ -167,6 +167,6 @@ def _evaluated(scenario: Scenario, scans: int, tasks: Sequence[_Task]) -> Evalua
         scenario,
         scans,
         points,
-        [figures_of(scenario, runs, scans) for runs in records],
+        [measures_of(scenario, runs, scans) for runs in records],
         compare(dict(zip(names, records, strict=True))),
     )

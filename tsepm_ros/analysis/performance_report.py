@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TextIO
 
 from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.measures import HEADINGS, Figures
+from tsepm_ros.analysis.measures import HEADINGS, Measures
 from tsepm_ros.analysis.operating_curve import Comparison
 from tsepm_ros.analysis.performance import Evaluated, Plan
 from tsepm_ros.analysis.terminal_tables import text_table
@@ -187,7 +187,7 @@ def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:
             writer.writerow([*which, point.method, point.label, options, *_numbers(figures)])
 
 
-def _numbers(figures: Figures) -> list[float]:
+def _numbers(figures: Measures) -> list[float]:
     estimates: list[Estimate] = [getattr(figures, name) for name in HEADINGS]
     return [number for one in estimates for number in (one.value, one.low, one.high)]
 

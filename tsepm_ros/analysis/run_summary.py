@@ -18,7 +18,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True)
-class StartRecord:
+class StartSummary:
     """A start of which a target gave more than half of the hits.
 
     Attributes
@@ -71,7 +71,7 @@ class ScanRecord:
 
 
 @dataclass(frozen=True)
-class RunRecord:
+class RunSummary:
     """What is kept of one run.
 
     Attributes
@@ -84,17 +84,17 @@ class RunRecord:
     """
 
     targets: int
-    starts: tuple[StartRecord, ...]
+    starts: tuple[StartSummary, ...]
     scans: tuple[ScanRecord, ...]
 
-    def first(self, scans: int) -> RunRecord:
+    def first(self, scans: int) -> RunSummary:
         """The run had it ended after so many scans.
 
         What a scan gives does not depend on later ones. (Targets that a scenario draws are drawn to
         stay in their ranges for the whole run.)
         """
         starts = tuple(start for start in self.starts if start.scan < scans)
-        return RunRecord(self.targets, starts, self.scans[:scans])
+        return RunSummary(self.targets, starts, self.scans[:scans])
 
     def count(self, *outcomes: Outcome) -> int:
         """Starts that are one of these."""
@@ -112,10 +112,10 @@ class RunRecord:
         return {"targets": self.targets, "starts": starts, "scans": [*map(_values, self.scans)]}
 
     @classmethod
-    def from_json(cls, content: dict[str, Any]) -> RunRecord:
+    def from_json(cls, content: dict[str, Any]) -> RunSummary:
         """The record that became this."""
         starts = (
-            StartRecord(scan, time, Outcome(outcome), pure, *_numbers(more))
+            StartSummary(scan, time, Outcome(outcome), pure, *_numbers(more))
             for scan, time, outcome, pure, *more in content["starts"]
         )
         scans = (
@@ -124,7 +124,7 @@ class RunRecord:
         return cls(content["targets"], tuple(starts), tuple(scans))
 
 
-def _values(record: StartRecord | ScanRecord) -> list[Any]:
+def _values(record: StartSummary | ScanRecord) -> list[Any]:
     values = [getattr(record, field.name) for field in dataclasses.fields(record)]
     values = [value.value if isinstance(value, Outcome) else value for value in values]
     return [None if value != value else value for value in values]  # nan is not JSON
@@ -134,7 +134,7 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
     return [math.nan if value is None else value for value in values]
 
 
-def record(run: SimulatedRun) -> RunRecord:
+def record(run: SimulatedRun) -> RunSummary:
     """Judge a run and keep what counts."""
     judged = run.judged()
     false = np.zeros(len(run.scans), int)
@@ -144,16 +144,16 @@ def record(run: SimulatedRun) -> RunRecord:
             false[scan] += 1
         else:
             starts.append(_start_record(run, one, scan))
-    return RunRecord(
+    return RunSummary(
         targets=len(run.simulator.targets),
         starts=tuple(starts),
         scans=tuple(_scan_record(run, index, int(false[index])) for index in range(len(run.scans))),
     )
 
 
-def _start_record(run: SimulatedRun, one: Judged, scan: int) -> StartRecord:
+def _start_record(run: SimulatedRun, one: Judged, scan: int) -> StartSummary:
     bound = start_bound(run, one)
-    return StartRecord(
+    return StartSummary(
         scan=scan,
         time=run.scans[scan].stamp - run.simulator.start,
         outcome=one.outcome,

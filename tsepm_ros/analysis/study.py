@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.pool import mapped
-from tsepm_ros.analysis.run_summary import RunRecord, record
+from tsepm_ros.analysis.run_summary import RunSummary, record
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.simulation import Scenario
 
@@ -34,7 +34,7 @@ class Workers:
     scheduler: str | None = None
 
 
-def run(scenario: Scenario, seed: list[int], point: OperatingPoint) -> RunRecord:
+def run(scenario: Scenario, seed: list[int], point: OperatingPoint) -> RunSummary:
     """Simulate, judge and record one run."""
     return record(simulate(scenario, seed, point))
 
@@ -45,7 +45,7 @@ def study(
     runs: Sequence[int],
     seed: int,
     workers: Workers | None = None,
-) -> Iterator[RunRecord]:
+) -> Iterator[RunSummary]:
     """Run a scenario many times.
 
     Run i is seeded with (seed, i), so the results do not depend on who does it, and all methods get
@@ -90,11 +90,11 @@ class _Batch:
     runs: Sequence[int]
 
 
-def _run_batch(batch: _Batch) -> list[RunRecord]:
+def _run_batch(batch: _Batch) -> list[RunSummary]:
     return [run(batch.scenario, [batch.seed, index], batch.point) for index in batch.runs]
 
 
-def _distributed(batches: list[_Batch], scheduler: str) -> Iterator[list[RunRecord]]:
+def _distributed(batches: list[_Batch], scheduler: str) -> Iterator[list[RunSummary]]:
     """Let the workers of a scheduler do the batches; those of a lost worker are done again."""
     try:
         from distributed import Client

@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 
 from tsepm_ros.analysis.operating_points import OperatingPoint, digest
-from tsepm_ros.analysis.run_summary import RunRecord
+from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.simulation import Scenario
 
 JUDGES = ("bounds", "gospa", "run_summary", "simulated_run", "truth")
@@ -39,7 +39,7 @@ def header_of(scenario: Scenario, point: OperatingPoint, seed: int) -> dict[str,
     return header
 
 
-class RunFile:
+class SummaryFile:
     """The recorded runs of an operating point on a scenario.
 
     Parameters
@@ -68,7 +68,7 @@ class RunFile:
         names = (scenario.name, point.method, point.label)
         name = "-".join(re.sub(r"\W+", "_", part) for part in names)
         self.path = folder / f"{name}-{code}.jsonl"
-        self.records: dict[int, RunRecord] = {}
+        self.records: dict[int, RunSummary] = {}
         self._file: IO[str] | None = None
         folder.mkdir(parents=True, exist_ok=True)
         lines = self._whole_lines()
@@ -81,9 +81,9 @@ class RunFile:
             )
         for line in lines[1:]:
             content = self._parsed(line)
-            self.records[content.pop("run")] = RunRecord.from_json(content)
+            self.records[content.pop("run")] = RunSummary.from_json(content)
 
-    def __enter__(self) -> RunFile:
+    def __enter__(self) -> SummaryFile:
         """Open the file for more runs."""
         self._file = self.path.open("a", encoding="utf-8")
         return self
@@ -93,7 +93,7 @@ class RunFile:
         assert self._file is not None
         self._file.close()
 
-    def append(self, index: int, record: RunRecord) -> None:
+    def append(self, index: int, record: RunSummary) -> None:
         """Add a run to the open file; a killed process does not lose it."""
         assert self._file is not None
         self._file.write(json.dumps({"run": index, **record.as_json()}) + "\n")

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.measures import HEADINGS, SPECS, Figures, figures_of
+from tsepm_ros.analysis.measures import HEADINGS, SPECS, Measures, measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.study import study
 from tsepm_ros.analysis.terminal_tables import text_table, with_progress
@@ -138,7 +138,7 @@ def _study(options: argparse.Namespace) -> None:
     scenario = load_scenario(options.scenario, changes)
     point = OperatingPoint(options.method, options=parse_values(options.parameter))
     records = study(scenario, point, range(options.runs), options.seed, workers_of(options))
-    figures = figures_of(scenario, with_progress(records, options.runs))
+    figures = measures_of(scenario, with_progress(records, options.runs))
     given = " ".join(options.parameter) or "defaults"
     print(
         f"method {options.method} ({given}), scenario {scenario.name}, {scenario.scans} scans, "
@@ -167,7 +167,7 @@ STUDY_FIGURES = (
 )
 
 
-def study_table(figures: Figures) -> str:
+def study_table(figures: Measures) -> str:
     """The figures of a study as a table."""
     rows = []
     for name in STUDY_FIGURES:

@@ -22,7 +22,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from tsepm_ros.demo.review import Review, review_recording, review_simulation
-from tsepm_ros.demo.topic_collector import RunRecorder
+from tsepm_ros.demo.topic_collector import TopicCollector
 from tsepm_ros.pictures.plan_position import save
 from tsepm_ros.replay.recording import Recording, read_recording
 from tsepm_ros.simulation import Scenario, load_scenario
@@ -94,7 +94,7 @@ def _scene(options: argparse.Namespace) -> Scenario | Recording:
     return load_scenario(options.scenario)
 
 
-def _run(options: argparse.Namespace, scans: int) -> tuple[RunRecorder, tuple[int, int]]:
+def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, tuple[int, int]]:
     """Run both nodes; returns what was recorded and their exit codes."""
     domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
     os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -107,7 +107,7 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[RunRecorder, tuple[in
     for parameter in options.parameter:
         initiator += ["-p", parameter]
     rclpy.init(domain_id=domain)
-    recorder = RunRecorder(namespace=NAMESPACE)
+    recorder = TopicCollector(namespace=NAMESPACE)
     executor = SingleThreadedExecutor()
     executor.add_node(recorder)
     try:
@@ -138,7 +138,7 @@ def _process(name: str, *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
 
 def _watch(
     executor: SingleThreadedExecutor,
-    recorder: RunRecorder,
+    recorder: TopicCollector,
     scans: int,
     tracker: subprocess.Popen[bytes],
 ) -> None:
@@ -158,7 +158,7 @@ def _watch(
 
 
 def _wait_for_initiator(
-    executor: SingleThreadedExecutor, recorder: RunRecorder, tracker: subprocess.Popen[bytes]
+    executor: SingleThreadedExecutor, recorder: TopicCollector, tracker: subprocess.Popen[bytes]
 ) -> None:
     """Spin until the initiator publishes tracks, or has died."""
     until = time.monotonic() + PATIENCE

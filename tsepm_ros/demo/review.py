@@ -15,7 +15,7 @@ import numpy as np
 from msg_adapters import time_to_ns, track_states
 from tsepm_ros.analysis.terminal_tables import counts_line, target_table, text_table
 from tsepm_ros.analysis.truth import Outcome, judge, origins_of
-from tsepm_ros.demo.topic_collector import RunRecorder
+from tsepm_ros.demo.topic_collector import TopicCollector
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.pictures.plan_position import Picture
@@ -51,7 +51,7 @@ class Review:
     failure: str = ""
 
 
-def replay(recorder: RunRecorder, parameters: Sequence[str]) -> tuple[list[ScanResult], Session]:
+def replay(recorder: TopicCollector, parameters: Sequence[str]) -> tuple[list[ScanResult], Session]:
     """Run the recorded messages through the algorithm offline.
 
     Raises
@@ -73,7 +73,7 @@ def replay(recorder: RunRecorder, parameters: Sequence[str]) -> tuple[list[ScanR
 
 
 def review_simulation(
-    recorder: RunRecorder, scenario: Scenario, seed: int, parameters: Sequence[str]
+    recorder: TopicCollector, scenario: Scenario, seed: int, parameters: Sequence[str]
 ) -> Review:
     """Judge a simulated run against its truth."""
     results, session = replay(recorder, parameters)
@@ -129,7 +129,7 @@ def review_simulation(
 
 
 def review_recording(
-    recorder: RunRecorder, recording: Recording, parameters: Sequence[str], tolerance: float
+    recorder: TopicCollector, recording: Recording, parameters: Sequence[str], tolerance: float
 ) -> Review:
     """Judge a recorded run by the distance of its starts from the recorded targets."""
     results, session = replay(recorder, parameters)
@@ -196,7 +196,7 @@ def _timing(results: Sequence[ScanResult]) -> str:
     )
 
 
-def _same_as_node(recorder: RunRecorder, tracks: Sequence[ConfirmedTrack]) -> bool:
+def _same_as_node(recorder: TopicCollector, tracks: Sequence[ConfirmedTrack]) -> bool:
     if len(recorder.tracks) != len(tracks):
         return False
     records = np.array([record for _, record in recorder.tracks])

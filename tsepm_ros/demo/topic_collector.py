@@ -13,7 +13,7 @@ from msg_adapters import read_track_cloud, time_to_ns
 DEPTH = 1000
 
 
-class RunRecorder(Node):
+class TopicCollector(Node):
     """Keeps the messages of one run.
 
     Attributes

@@ -17,7 +17,7 @@ from itertools import pairwise
 from tsepm_ros.diagnostics.status import Connections, Finding, Latency, Level, Status
 from tsepm_ros.session.clocks import Now, waited
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRACKER, reason_of
-from tsepm_ros.session.snapshot import Figures
+from tsepm_ros.session.snapshot import SessionSnapshot
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
 SCANS = 50
@@ -53,7 +53,7 @@ class _Picture:
     """All that a status is made from."""
 
     options: DiagnosticsOptions
-    figures: Figures
+    figures: SessionSnapshot
     connections: Connections
     recent: Counter[str]
     """Drops of the window by reason; and `_scans`, `_detections` and `_cut`."""
@@ -142,7 +142,7 @@ class Health:
         self._scans.append(_ScanRecord(_first(now), detections, latency))
 
     def report(
-        self, figures: Figures, now: Now, connections: Connections = NO_CONNECTIONS
+        self, figures: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
     ) -> list[Status]:
         """Judge every task.
 
@@ -173,7 +173,7 @@ class Health:
     def _since(self, task: str, now: Now) -> float:
         return waited(self._heard[task], now) if task in self._heard else math.nan
 
-    def _recent(self, figures: Figures, time: float) -> Counter[str]:
+    def _recent(self, figures: SessionSnapshot, time: float) -> Counter[str]:
         """What was counted since the window began; takes the count of now."""
         totals = figures.totals
         counts = Counter(

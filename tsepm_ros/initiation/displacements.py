@@ -11,7 +11,7 @@ from tsepm_ros.numerics.rows import Rows
 
 
 @dataclass(frozen=True)
-class Steps(Rows):
+class Displacements(Rows):
     """Two steps that follow each other, a row each.
 
     Attributes
@@ -28,7 +28,7 @@ class Steps(Rows):
     time_after: FloatArray
 
     @classmethod
-    def of(cls, position: FloatArray, time: FloatArray) -> Steps:
+    def of(cls, position: FloatArray, time: FloatArray) -> Displacements:
         """The steps between three positions (p, 3, 2), m, at times (p, 3), s."""
         step, elapsed = np.diff(position, axis=1), np.diff(time, axis=1)
         return cls(step[:, 0], step[:, 1], elapsed[:, 0], elapsed[:, 1])

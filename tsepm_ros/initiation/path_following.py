@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.displacements import Steps
+from tsepm_ros.initiation.displacements import Displacements
 from tsepm_ros.initiation.hit_counting import HitCounter
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
@@ -201,7 +201,7 @@ class PathFollower(HitCounter):
 
     def _steps(
         self, detections: NDArray[np.void], gate_sigmas: float
-    ) -> tuple[IntArray, IntArray, Steps, BoolArray, int]:
+    ) -> tuple[IntArray, IntArray, Displacements, BoolArray, int]:
         """The steps to reachable detections from the last two hits of the potential tracks.
 
         Parameters
@@ -229,7 +229,7 @@ class PathFollower(HitCounter):
             [known["position"][parent], detections["position"][row, None]], axis=1
         )
         time = np.concatenate([known["time"][parent], detections["time"][row, None]], axis=1)
-        return parent, row, Steps.of(position, time), tracks.hit_count[parent] == 1, cut
+        return parent, row, Displacements.of(position, time), tracks.hit_count[parent] == 1, cut
 
     def _within_limits(self, pairs: Pairs) -> tuple[Pairs, int, int]:
         """The best pairs within the limits, and how many potential and complete tracks are cut."""

@@ -55,7 +55,7 @@ def stay_or_change(
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class InteractingModels:
     """States of tracks in the two modes: going on and turning.
 
     Attributes
@@ -71,13 +71,13 @@ class Motion:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, state: FloatArray, covariance: FloatArray) -> Motion:
+    def of(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
         """Tracks of which nothing is known but states (n, 4) and covariances (n, 4, 4)."""
         turning = 1.0 / TIME_TO_TURN / (1.0 / TIME_TO_TURN + 1.0 / TIME_OF_TURN)
         probability = np.array([[1.0 - turning], [turning]]).repeat(len(state), axis=1)
         return cls(probability, np.stack([state, state]), np.stack([covariance, covariance]))
 
-    def predicted(self, step: FloatArray, max_speed: float) -> Motion:
+    def predicted(self, step: FloatArray, max_speed: float) -> InteractingModels:
         """The tracks after time steps (n,), s, of either sign.
 
         The states are mixed as the modes may have changed, with the probabilities p_ij of it::
@@ -101,7 +101,7 @@ class Motion:
                 strict=True,
             )
         ]
-        return Motion(
+        return InteractingModels(
             probability,
             np.stack([state for state, _ in modes]),
             np.stack([covariance for _, covariance in modes]),
@@ -115,21 +115,23 @@ class Motion:
         """Probability (n,), state (n, 4) and covariance (n, 4, 4) of each mode."""
         return zip(self.probability, self.state, self.covariance, strict=True)
 
-    def with_rows(self, rows: IntArray, other: Motion) -> Motion:
+    def with_rows(self, rows: IntArray, other: InteractingModels) -> InteractingModels:
         """The tracks with those in some rows replaced by others."""
-        made = Motion(self.probability.copy(), self.state.copy(), self.covariance.copy())
+        made = InteractingModels(self.probability.copy(), self.state.copy(), self.covariance.copy())
         made.probability[:, rows] = other.probability
         made.state[:, rows] = other.state
         made.covariance[:, rows] = other.covariance
         return made
 
-    def where(self, rows: NDArray[np.generic]) -> Motion:
+    def where(self, rows: NDArray[np.generic]) -> InteractingModels:
         """The tracks in the given rows (indices or a mask)."""
-        return Motion(self.probability[:, rows], self.state[:, rows], self.covariance[:, rows])
+        return InteractingModels(
+            self.probability[:, rows], self.state[:, rows], self.covariance[:, rows]
+        )
 
-    def joined(self, other: Motion) -> Motion:
+    def joined(self, other: InteractingModels) -> InteractingModels:
         """These tracks and then others."""
-        return Motion(
+        return InteractingModels(
             np.concatenate([self.probability, other.probability], axis=1),
             np.concatenate([self.state, other.state], axis=1),
             np.concatenate([self.covariance, other.covariance], axis=1),

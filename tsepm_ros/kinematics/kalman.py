@@ -102,12 +102,12 @@ def update(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    weight = gain(covariance, step, spread)
+    weight = kalman_gain(covariance, step, spread)
     state = state + (weight @ innovation[..., None])[..., 0]
     return state, covariance - weight @ spread @ np.swapaxes(weight, 1, 2)
 
 
-def gain(covariance: FloatArray, step: FloatArray, spread: FloatArray) -> FloatArray:
+def kalman_gain(covariance: FloatArray, step: FloatArray, spread: FloatArray) -> FloatArray:
     """Kalman gain ``K = P H' S^-1``, (n, 4, 2), for arguments as in `update`."""
     cross = covariance[:, :, 0::2] + step[:, None, None] * covariance[:, :, 1::2]
     weight: FloatArray = cross @ inverse(spread)

@@ -5,9 +5,9 @@ association", IEEE Trans. Autom. Control 39(6), 1994): each track has a probabil
 exists, which falls with every miss, and is updated by the mean of its detections, each weighted by
 the probability that it is the target's. What exists may fade and be seen again (their Markov chain
 two): misses come in runs where scans follow quickly, and a run of them does not end a track. The
-modes in which a target moves are weighed by what the detections say of them (`kinematics.interacting_models`;
-together: Musicki, Suvorova, "Tracking in clutter using IMM-IPDA-based algorithms", IEEE Trans.
-Aerosp. Electron. Syst. 44(1), 2008).
+modes in which a target moves are weighed by what the detections say of them
+(`kinematics.interacting_models`; together: Musicki, Suvorova, "Tracking in clutter using
+IMM-IPDA-based algorithms", IEEE Trans. Aerosp. Electron. Syst. 44(1), 2008).
 
 Where a downstream tracker says what it tracks, that replaces what is held, and the rules by which
 tracks end here are for the others only: those it has not listed yet.
@@ -26,7 +26,7 @@ from scipy.spatial import cKDTree
 from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.kinematics.interacting_models import Motion, stay_or_change
+from tsepm_ros.kinematics.interacting_models import InteractingModels, stay_or_change
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
@@ -148,7 +148,7 @@ class TrackHold:
 
     def _forget(self) -> None:
         self._tracks = TrackArrays.of([])
-        self._motion = Motion.of(np.zeros((0, 4)), np.zeros((0, 4, 4)))
+        self._motion = InteractingModels.of(np.zeros((0, 4)), np.zeros((0, 4, 4)))
         self._existence = np.zeros(0)
         # Probability that each target, if it exists, is seen: not faded.
         self._seen = np.zeros(0)
@@ -284,7 +284,7 @@ class TrackHold:
         unknown = Histories.of(np.zeros((len(tracks), 0, 3)))
         self._histories = Histories.joined(self._histories, histories or unknown)
         self._tracks = self._tracks.joined(tracks)
-        self._motion = self._motion.joined(Motion.of(tracks.state, tracks.covariance))
+        self._motion = self._motion.joined(InteractingModels.of(tracks.state, tracks.covariance))
         self._seen = np.concatenate([self._seen, np.ones(len(tracks))])
         self._undecided = np.concatenate([self._undecided, np.zeros(len(tracks))])
         self._existence = np.concatenate([self._existence, np.broadcast_to(existence, len(tracks))])
@@ -328,7 +328,9 @@ class TrackHold:
             covariance=_put(held.covariance, row, told.covariance),
             age=_put(held.age, row, held.age[row] + told.stamp - held.stamp[row]),
         )
-        self._motion = self._motion.with_rows(row, Motion.of(told.state, told.covariance))
+        self._motion = self._motion.with_rows(
+            row, InteractingModels.of(told.state, told.covariance)
+        )
         self._existence[row] = TRACKED_EXISTENCE
         self._last_taken[row] = np.maximum(self._last_taken[row], told.stamp)
         self._waiting_since[row] = -np.inf
@@ -401,7 +403,7 @@ class TrackHold:
     def _update(
         self,
         stamp: float,
-        predicted: Motion,
+        predicted: InteractingModels,
         near: Neighbours,
         found: list[Association],
         ratios: FloatArray,
@@ -437,7 +439,7 @@ class TrackHold:
             states.append(after[0])
             covariances.append(after[1])
         gain = np.sum(gains, axis=0)
-        self._motion = Motion(gains / gain, np.array(states), np.array(covariances))
+        self._motion = InteractingModels(gains / gain, np.array(states), np.array(covariances))
         state, covariance = self._motion.combined()
         self._existence = gain * self._existence / (1.0 - (1.0 - gain) * self._existence)
         self._seen = 1.0 - (1.0 - self._seen) / gain
@@ -511,7 +513,7 @@ class TrackHold:
 
 
 def _over_modes(
-    motion: Motion, near: Neighbours, values: FloatArray | list[FloatArray]
+    motion: InteractingModels, near: Neighbours, values: FloatArray | list[FloatArray]
 ) -> FloatArray:
     """Mean of values (2, p) of pairs over the modes of their tracks, (p,)."""
     mean: FloatArray = (motion.probability[:, near.owner] * np.asarray(values)).sum(axis=0)
@@ -526,7 +528,7 @@ def _put(array: FloatArray, row: IntArray, values: FloatArray) -> FloatArray:
 
 
 def _neighbours(
-    motion: Motion, expected: FloatArray, stamp: float, detections: NDArray[np.void]
+    motion: InteractingModels, expected: FloatArray, stamp: float, detections: NDArray[np.void]
 ) -> Neighbours:
     """The detections nearest to each predicted track, as far as the gate of any mode reaches."""
     if not len(detections) or not len(expected):
@@ -601,7 +603,7 @@ def _mixed(
     some, *sums = (np.bincount(near.owner, weight * part, minlength=n) for part in parts)
     mean = np.stack(sums[:2], axis=-1)
     square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
-    gain = kalman.gain(covariance, found.lag, found.spread)
+    gain = kalman.kalman_gain(covariance, found.lag, found.spread)
     change = square - mean[:, :, None] * mean[:, None, :] - some[:, None, None] * found.spread
     state = state + (gain @ mean[..., None])[..., 0]
     return _symmetric(state, covariance + gain @ change @ np.swapaxes(gain, 1, 2))

@@ -33,7 +33,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.initiation.displacements import Steps
+from tsepm_ros.initiation.displacements import Displacements
 from tsepm_ros.initiation.hit_counting import check_rule
 from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.numerics.arrays import FloatArray
@@ -124,6 +124,6 @@ class Heuristic(PathFollower):
         largest = np.zeros(n)
         for last in range(2, count):
             three = hits[:, last - 2 : last + 1]
-            steps = Steps.of(three["position"], three["time"])
+            steps = Displacements.of(three["position"], three["time"])
             largest = np.maximum(largest, steps.acceleration)
         return largest

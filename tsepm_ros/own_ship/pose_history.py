@@ -21,7 +21,7 @@ SHORTEST_PERIOD = 0.009
 """Least time between two samples that are kept, s: below that of 100 Hz, far below a roll's."""
 
 
-class Coverage(enum.Enum):
+class PoseCoverage(enum.Enum):
     """Whether a history can answer for a span of time."""
 
     YES = "yes"
@@ -175,21 +175,21 @@ class PoseHistory:
         """Stamp of the newest sample, s."""
         return self._samples[-1].stamp if self._samples else None
 
-    def coverage(self, first: float, last: float) -> Coverage:
+    def coverage(self, first: float, last: float) -> PoseCoverage:
         """Whether poses from `first` to `last` (s) can be given, now or with later samples."""
         if not self._samples:
-            return Coverage.NOT_YET
+            return PoseCoverage.NOT_YET
         if first < self._samples[0].stamp - self.max_extrapolation:
-            return Coverage.NEVER
+            return PoseCoverage.NEVER
         settled = _settled(self._samples)
         if last > self._samples[settled - 1].stamp:
-            return Coverage.NOT_YET
+            return PoseCoverage.NOT_YET
         if first < self._samples[0].stamp and settled < 2:
-            return Coverage.NOT_YET
+            return PoseCoverage.NOT_YET
         stamps = np.array([sample.stamp for sample in self._bracket(first, last)])
         begin = max(int(np.searchsorted(stamps, first, side="right")) - 1, 0)
         inside = stamps[begin : int(np.searchsorted(stamps, last)) + 1]
-        return Coverage.NEVER if (np.diff(inside) > self.max_gap).any() else Coverage.YES
+        return PoseCoverage.NEVER if (np.diff(inside) > self.max_gap).any() else PoseCoverage.YES
 
     def can_extrapolate(self, last: float) -> bool:
         """Whether `last` (s) is beyond the newest sample by no more than what is allowed."""
@@ -311,8 +311,8 @@ class PoseHistory:
 
     def _around(self, first: float, last: float) -> list[PoseSample]:
         """The samples around a span of time that is covered."""
-        if self.coverage(first, last) is not Coverage.YES and not (
-            self.coverage(first, first) is not Coverage.NEVER and self.can_extrapolate(last)
+        if self.coverage(first, last) is not PoseCoverage.YES and not (
+            self.coverage(first, first) is not PoseCoverage.NEVER and self.can_extrapolate(last)
         ):
             raise ValueError(f"no pose is known from {first} s to {last} s")
         return self._bracket(first, last)

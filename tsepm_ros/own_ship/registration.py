@@ -56,7 +56,7 @@ def at_rest(arrived: SensorScan) -> Scan:
     return _chosen(arrived, arrived.scan.range, arrived.scan.azimuth).scan
 
 
-def placed(
+def to_fixed_frame(
     arrived: SensorScan, poses: PoseHistory, mounting: Mounting, *, sector: bool = False
 ) -> Scan:
     """Place a scan by the poses of its echoes.

@@ -18,13 +18,13 @@ from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport, usable
 from tsepm_ros.maintenance.held_tracks import Tracker
 from tsepm_ros.own_ship import registration
-from tsepm_ros.own_ship.pose_history import Coverage, PoseHistory, PoseSample
+from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.clocks import Now, waited
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.scan_order import Arrival, ScanOrder
-from tsepm_ros.session.snapshot import Figures
+from tsepm_ros.session.snapshot import SessionSnapshot
 from tsepm_ros.settings.settings import Settings
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
@@ -294,13 +294,13 @@ class Session:
             if result is not None:
                 yield result
 
-    def figures(self) -> Figures:
+    def figures(self) -> SessionSnapshot:
         """State of the session, by which its health is judged."""
         initiator = self.initiator
         newest = None if self._poses_restarted else initiator.stamp
         if self._waiting:
             newest = self._waiting[-1][1].scan.stamp
-        return Figures(
+        return SessionSnapshot(
             totals=self.totals,
             potential_tracks=initiator.statistics.potential_tracks,
             tracks=len(initiator.hold.current),
@@ -392,7 +392,7 @@ class Session:
         if self.look_up is not None:
             self.look_up(arrived.frame_id, first, last, arrived.axes)
         timed_out = waiting >= self._settings.session.own_ship_timeout
-        return self._poses.coverage(first, last) is Coverage.NOT_YET and not timed_out
+        return self._poses.coverage(first, last) is PoseCoverage.NOT_YET and not timed_out
 
     def _result(self, arrived: SensorScan, waiting: float) -> ScanResult | None:
         """Process the first scan, which need not wait; None where it is dropped."""
@@ -424,8 +424,8 @@ class Session:
             return self._with_usable_rates(scan, registration.at_rest(arrived))
         first, last = registration.echo_span(arrived)
         coverage = self._poses.coverage(first, last)
-        if coverage is Coverage.NEVER or not (
-            coverage is Coverage.YES or self._poses.can_extrapolate(last)
+        if coverage is PoseCoverage.NEVER or not (
+            coverage is PoseCoverage.YES or self._poses.can_extrapolate(last)
         ):
             reason = "own_ship_stale" if len(self._poses) else "own_ship_missing"
             self.drop(reason, f"no own-ship data for the scan of {scan.stamp:.3f} s")
@@ -436,7 +436,9 @@ class Session:
         if needed and covariance is not None and covariance[2, 2] > MAX_YAW_VARIANCE:
             self.drop("heading_unknown", "the own-ship data has no heading, but it is needed")
             return None
-        found = registration.placed(arrived, self._poses, self._settings.mounting, sector=sector)
+        found = registration.to_fixed_frame(
+            arrived, self._poses, self._settings.mounting, sector=sector
+        )
         lost = len(scan) - len(found)
         if lost:
             self.drop(

@@ -9,7 +9,7 @@ from tsepm_ros.initiation.statistics import ScanStatistics
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figures:
+class SessionSnapshot:
     """State of a session.
 
     Attributes

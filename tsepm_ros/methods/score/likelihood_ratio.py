@@ -19,7 +19,7 @@ LARGEST_DETECTION_PROBABILITY = 0.999
 """A miss must stay possible: a target fades, whatever the data sheet says."""
 
 
-def hit_gain(
+def hit_increment(
     log_density: FloatArray, detection_probability: float | FloatArray, clutter: FloatArray
 ) -> FloatArray:
     """Gain of a detection: ``ln(P_D N(z; H x, S) / lambda)``.
@@ -45,7 +45,7 @@ def hit_gain(
     return gain
 
 
-def miss_gain(detectable: FloatArray, gate_probability: float) -> FloatArray:
+def miss_increment(detectable: FloatArray, gate_probability: float) -> FloatArray:
     """Gain, below 0, of no detection: ``ln(1 - P_D P_G)``; 0 where nothing can be detected.
 
     Parameters

@@ -388,12 +388,12 @@ class Score(Initiator):
             found,
             self.options.gate_probability,
         )
-        gain = likelihood_ratio.hit_gain(density, detectable[parent], clutter)
+        gain = likelihood_ratio.hit_increment(density, detectable[parent], clutter)
         return predicted.score[parent] + gain
 
     def _miss(self, predicted: Hypotheses, detectable: FloatArray) -> Hypotheses:
         """The branches of all hypotheses that leave the scan out."""
-        gain = likelihood_ratio.miss_gain(detectable, self.options.gate_probability)
+        gain = likelihood_ratio.miss_increment(detectable, self.options.gate_probability)
         return replace(predicted, score=predicted.score + gain, beside=predicted.beside + gain)
 
     def _start(

@@ -246,7 +246,9 @@ def _scores(
     scores = np.full((n, window), -np.inf)
     scores[:, first] = np.where(targets.detected[:, first], start, -np.inf)
     everyone, at_once = np.arange(n), np.zeros(n)
-    missed = likelihood_ratio.miss_gain(np.full(n, sensor.detection_probability), gate_probability)
+    missed = likelihood_ratio.miss_increment(
+        np.full(n, sensor.detection_probability), gate_probability
+    )
     for scan in range(first + 1, window):
         state, covariance = kalman.predict(state, covariance, interval, process_noise)
         found = targets.found[:, scan]
@@ -257,7 +259,7 @@ def _scores(
         )
         hit = targets.detected[:, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(found, sensor)
-        gain = likelihood_ratio.hit_gain(density, sensor.detection_probability, clutter)
+        gain = likelihood_ratio.hit_increment(density, sensor.detection_probability, clutter)
         scores[:, scan] = scores[:, scan - 1] + np.where(hit, gain, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
         state[hit], covariance[hit] = kalman.update(
