@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.builders import reconfigured
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.environment.detection_probability import DATA_SHEET_SCANS, DetectionProbability
@@ -88,7 +89,7 @@ def test_it_is_known_in_either_case_and_used_where_asked_for():
     assert given.sensor_in_use is SENSOR
     assert given.estimated_detection_probability == pytest.approx(0.6, abs=0.1)
     assert estimated.sensor_in_use.detection_probability == estimated.detection_probability
-    assert isinstance(estimated, Score) and isinstance(given, Score)
+    assert isinstance(estimated.method, Score) and isinstance(given.method, Score)
     # A miss costs less, and the threshold is that of the sensor as it is.
     first = estimated.potential_tracks()
     for initiator in (given, estimated):
@@ -96,7 +97,7 @@ def test_it_is_known_in_either_case_and_used_where_asked_for():
     missed = math.log1p(-0.99 * estimated.detection_probability)
     loss = first.score.max() - estimated.potential_tracks().score.max()
     assert loss == pytest.approx(-missed, abs=1e-6)
-    assert estimated.threshold != given.threshold
+    assert estimated.method.threshold != given.method.threshold
 
 
 def test_starts_are_not_harmed_where_the_data_sheet_is_right():
@@ -112,7 +113,7 @@ def test_forgetting_all_forgets_it_and_another_data_sheet_counts_at_once():
     initiator = run(seen(0.6, 3), "given")
     before = initiator.estimated_detection_probability
     sheet = replace(SENSOR, detection_probability=0.5)
-    initiator.configure(sheet, initiator.common, initiator.options)
+    reconfigured(initiator, sheet, initiator.common, initiator.options)
     assert initiator.estimated_detection_probability < before
     initiator.reset()
     assert initiator.estimated_detection_probability == pytest.approx(0.5)

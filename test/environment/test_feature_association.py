@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -145,7 +146,7 @@ def test_echoes_outside_the_coverage_change_no_track_s_features(method, outside)
             started.append(track)
             features = np.array([own[scan] for scan, index in track.hits if index == outside])
             if len(features) == len(track.hits):
-                found = made._surroundings.histories(TrackArrays.of([track]))
+                found = made.front_end.learned.features.histories(TrackArrays.of([track]))
                 np.testing.assert_allclose(found.mean[0], features.mean(axis=0))
     assert started, "the target is found"
     assert made.statistics.outside_coverage == outside
@@ -182,13 +183,25 @@ def test_features_keep_two_tracks_apart_that_are_one_without():
     assert [held_through(False, seed) for seed in range(3)] == [False] * 3
 
 
+class Zone(ClutterMap):
+    """A clutter map all or nothing of which is a zone."""
+
+    def __init__(self, sensor: SensorModel, zone: bool) -> None:
+        super().__init__(sensor)
+        self.zone = zone
+
+    def in_zone(self, range: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+        return np.full(len(range), self.zone)
+
+
 @pytest.mark.parametrize("method", ["sequential", "logic", "multiple_model"])
 def test_a_scan_by_scan_method_leaves_out_unlike_plots_in_a_zone(method):
     # A target straight ahead; then its plot or one of clutter in its place.
     def hits(features: bool, last: np.ndarray, zone: bool) -> int:
         sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003)
         made = make_initiator(method, sensor=sensor, min_hits=12, window=14, plot_features=features)
-        made._clutter_map.in_zone = lambda range, azimuth: np.full(len(range), zone)
+        learned = dataclasses.replace(made.front_end.learned, clutter_map=Zone(sensor, zone))
+        made.front_end.learned = learned
         plots = plots_like(BIG, 9, seed=4)
         plots[-1] = last
         for k, (intensity, depth, width) in enumerate(plots):

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
+from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, reconfigured, scan_at
 from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
@@ -296,7 +296,7 @@ def test_potential_tracks_have_two_hits_and_more():
 def test_a_changed_speed_counts_at_the_next_scan():
     made = initiator(max_speed=1.0)
     made.process(scan_at(0.0, [HERE]))
-    kept = made.configure(made.sensor, CommonOptions(max_speed=50.0), made.options)
+    kept = reconfigured(made, made.sensor, CommonOptions(max_speed=50.0), made.options)
     assert kept
     made.process(scan_at(12.0, [(3000.0, 500.0)]))
     assert made.statistics.started == 0
@@ -307,7 +307,7 @@ def test_configuring_with_the_same_options_changes_nothing():
     for scan in scans:
         expected, found = one.process(scan), other.process(scan)
         assert_same_tracks(found, expected)
-        assert other.configure(other.sensor, other.common, other.options)
+        assert reconfigured(other, other.sensor, other.common, other.options)
     assert one.totals == other.totals
 
 
@@ -315,11 +315,13 @@ def test_a_smaller_window_ends_tracks_at_once_and_a_larger_one_keeps_them():
     made = initiator(min_hits=3, window=6)
     for k, seen in enumerate([[HERE], [], []]):
         made.process(scan_at(12.0 * k, seen))
-    assert made.configure(made.sensor, made.common, dataclasses.replace(made.options, window=20))
+    assert reconfigured(
+        made, made.sensor, made.common, dataclasses.replace(made.options, window=20)
+    )
     for k in range(3, 9):
         made.process(Scan(12.0 * k, [], []))
     assert made.statistics.potential_tracks == 1
-    assert made.configure(made.sensor, made.common, dataclasses.replace(made.options, window=9))
+    assert reconfigured(made, made.sensor, made.common, dataclasses.replace(made.options, window=9))
     made.process(scan_at(108.0, [HERE]))
     assert made.statistics.started == 1, "nothing of before is there to gate"
 
@@ -329,7 +331,7 @@ def test_another_number_of_hits_starts_over_and_says_so():
     for k in range(2):
         made.process(scan_at(12.0 * k, [HERE]))
     options = dataclasses.replace(made.options, min_hits=2)
-    assert not made.configure(made.sensor, made.common, options)
+    assert not reconfigured(made, made.sensor, made.common, options)
     tracks = [made.process(scan_at(24.0 + 12.0 * k, [HERE])) for k in range(2)]
     assert [len(new) for new in tracks] == [0, 1]
 
@@ -339,7 +341,7 @@ def test_memory_does_not_grow_with_the_scans():
     rng = np.random.default_rng(1)
     for k in range(60):
         made.process(scan_at(12.0 * k, rng.uniform(-5000, 5000, (20, 2))))
-    assert len(made._window) <= 20 * made.options.window
+    assert len(made.method.detections) <= 20 * made.options.window
 
 
 def test_importing_the_package_imports_no_ros_and_no_matplotlib():

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import FIXED_RANGE_ERROR, scan_at
+from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
@@ -281,10 +281,13 @@ def test_what_was_cut_under_another_threshold_starts_over(changed, density):
     for scan in busy_scans()[:5]:
         made.process(scan)
     same = made.sensor, made.common, made.options
-    assert made.configure(*same)
+    assert reconfigured(made, *same)
     assert made.statistics.hopeless_tracks > 0
-    kept = made.configure(
-        replace(made.sensor, clutter_density=density), made.common, replace(made.options, **changed)
+    kept = reconfigured(
+        made,
+        replace(made.sensor, clutter_density=density),
+        made.common,
+        replace(made.options, **changed),
     )
     assert not kept
     made.process(busy_scans()[5])

@@ -28,7 +28,7 @@ def line(seen: str, velocity=(3.0, 4.0)):
 def test_a_cell_is_that_of_the_normal_form():
     made = make_initiator("hough", sensor=SENSOR, angles=90, cell=50.0)
     offset = np.array([[300.0, 400.0], [-20.0, 7.0]])
-    cell, from_middle = made._cells(offset)
+    cell, from_middle = made.method._cells(offset)
     for i, (x, y) in enumerate(offset):
         for j in range(90):
             theta = np.pi * j / 90

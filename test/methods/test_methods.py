@@ -12,12 +12,14 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from support.builders import assert_same_tracks, scan_at
+from support.builders import assert_same_tracks, reconfigured, scan_at
 from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.initiation.method import Method
+from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.registry import METHODS
@@ -203,7 +205,7 @@ def test_memory_does_not_grow_with_the_scans(method):
     made = make_initiator(method, sensor=SensorModel())
     for scan in cluttered(2 * made.options.window + 5, 10, 5000.0):
         made.process(scan)
-    assert len(made._window) <= 10 * made.options.window
+    assert len(made.method.detections) <= 10 * made.options.window
 
 
 @EVERY_METHOD
@@ -225,10 +227,10 @@ def test_options_may_change_between_scans(method):
         window = max(made.options.window + (3 if k % 6 < 3 else -3), 10)
         made.potential_tracks()
         options = dataclasses.replace(made.options, window=window)
-        made.configure(made.sensor, made.common, options)
+        reconfigured(made, made.sensor, made.common, options)
         made.potential_tracks()
         made.process(scan)
-    kept = made.configure(made.sensor, CommonOptions(max_speed=8.0), made.options)
+    kept = reconfigured(made, made.sensor, CommonOptions(max_speed=8.0), made.options)
     assert kept
 
 
@@ -265,26 +267,22 @@ class ToyOptions:
         check_group(self)
 
 
-class Toy(Initiator):
+class Toy(Method):
     """Starts a track of every detection that is the only one of its scan."""
 
     Options = ToyOptions
     operating_points = MappingProxyType({"default": {}, "long": {"window": 4}})
 
-    def forget_potential_tracks(self) -> None:
+    def forget(self) -> None:
         pass
 
-    def potential_tracks(self) -> TrackArrays:
-        return TrackArrays.of([])
-
-    def process(self, scan: Scan) -> TrackArrays:
-        detections = self._receive(scan)
-        if len(detections) != 1:
-            return self._deliver(TrackArrays.of([]), ScanStatistics(scans=1))
-        (x, y), spread = detections["position"][0], np.diag([25.0, 9.0, 25.0, 9.0])
-        track = ConfirmedTrack(0, self._now, np.array([x, 0, y, 0]), spread, ((0, 0),), 0.0)
-        tracks = TrackArrays.of([track]).numbered(self._take_track_ids(1))
-        return self._deliver(tracks, ScanStatistics(scans=1, confirmed=1))
+    def step(self, observed: Observation) -> Step:
+        if len(observed.detections) != 1:
+            return Step()
+        (x, y), spread = observed.detections["position"][0], np.diag([25.0, 9.0, 25.0, 9.0])
+        state = np.array([x, 0.0, y, 0.0])
+        track = ConfirmedTrack(0, observed.stamp, state, spread, ((observed.scan_index, 0),), 0.0)
+        return Step(TrackArrays.of([track]), ScanStatistics(scans=1, confirmed=1))
 
 
 TOY = """
@@ -334,9 +332,9 @@ def test_options_that_cannot_be_used_leave_a_method_as_it_was(method):
     broken = SensorModel(max_range=5000.0)
     object.__setattr__(broken, "max_range", 0.0)  # as if its bound had been forgotten
     with pytest.raises(ZeroDivisionError):
-        made.configure(broken, CommonOptions(hold_time=1.0), options)
+        reconfigured(made, broken, CommonOptions(hold_time=1.0), options)
     if method not in ("hough", "split_merge"):  # those look at no option when they change
         with pytest.raises(AttributeError):
-            made.configure(SensorModel(max_range=5000.0), CommonOptions(hold_time=1.0), None)
+            reconfigured(made, SensorModel(max_range=5000.0), CommonOptions(hold_time=1.0), None)
     assert (made.sensor, made.common, made.options) == (sensor, common, options)
     assert made.hold.hold_time == common.hold_time

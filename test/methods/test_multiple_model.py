@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from support.builders import FIXED_RANGE_ERROR, scan_at
+from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 
 from tsepm_ros import make_initiator
 from tsepm_ros.methods.multiple_model import cells
@@ -103,6 +103,6 @@ def test_other_cells_start_over():
     made = make_initiator("multiple_model", sensor=FIXED_RANGE_ERROR)
     made.process(scan_at(0.0, [(3000.0, 0.0)]))
     other = make_initiator("multiple_model", sensor=FIXED_RANGE_ERROR, headings=12).options
-    assert not made.configure(made.sensor, made.common, other)
+    assert not reconfigured(made, made.sensor, made.common, other)
     made.process(scan_at(12.0, [(3000.0, 0.0)]))
     assert made.statistics.started == 1

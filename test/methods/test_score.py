@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.builders import scan_at
+from support.builders import reconfigured, scan_at
 from support.plain_score import Rule, plain_hypotheses, plain_starts, strong_groups
 from support.plain_tsepm import Parameters
 from support.scenes import Scene, crowded_scene, random_scene
@@ -38,7 +38,7 @@ JOYRIDE = Path(__file__).parents[2].parent / "shared" / "data" / "joyride"
 
 def score(sensor: SensorModel = SONAR, **options) -> Score:
     made = make_initiator("score", sensor=sensor, **options)
-    assert isinstance(made, Score)
+    assert isinstance(made.method, Score)
     return made
 
 
@@ -110,7 +110,7 @@ def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
         assert {track.hits for track in found} == {keys for keys in plain if len(keys) > 1}
         for row, hits in enumerate(found.hits):
             np.testing.assert_allclose(found.score[row], plain[hits].score, rtol=1e-7, atol=1e-7)
-        inside = initiator._hypotheses[initiator._hypotheses.hit_count > 1]
+        inside = initiator.method._hypotheses[initiator.method._hypotheses.hit_count > 1]
         for row, hits in enumerate(found.hits):
             np.testing.assert_allclose(inside.state[row], plain[hits].state, rtol=1e-6, atol=1e-5)
             scale = np.linalg.norm(plain[hits].covariance)
@@ -128,7 +128,7 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     """
     plain_scans, sensor, options = in_plain_loops(scene, seed)
     initiator = score(sensor, **options)
-    initiator._threshold_if_near = lambda evidence_found: threshold
+    initiator.method._threshold_if_near = lambda evidence_found: threshold
     strong = 0
     for index, (scan, grown) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
         tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
@@ -226,7 +226,7 @@ def test_a_start_waits_until_it_is_clear_which_detections_are_its_targets():
     initiator.process(scan_at(0.0, [ways[0]]))
     initiator.process(scan_at(12.0, ways[1:3]))
     assert len(initiator.process(scan_at(24.0, ways[3:]))) == 0
-    assert initiator.potential_tracks().score.max() > initiator.threshold, "evidence enough"
+    assert initiator.potential_tracks().score.max() > initiator.method.threshold, "evidence enough"
     (track,) = initiator.process(scan_at(36.0, [(3000.0, 252.0)]))
     assert set(track.hits) <= {(0, 0), (1, 0), (2, 0), (3, 0)}
     assert track.velocity[1] == pytest.approx(7.0, abs=1.0)
@@ -395,7 +395,7 @@ def test_a_track_says_its_evidence_and_by_how_much_it_passed():
     initiator = score()
     for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)]):
         for track in initiator.process(scan):
-            assert track.score - track.evaluation == pytest.approx(initiator.threshold)
+            assert track.score - track.evaluation == pytest.approx(initiator.method.threshold)
             assert track.evaluation >= 0
             return
     pytest.fail("nothing was confirmed")
@@ -468,11 +468,13 @@ def test_another_window_starts_over_and_other_options_do_not():
     for scan in sea(np.random.default_rng(1), 3, []):
         initiator.process(scan)
     options = initiator.options
-    assert initiator.configure(
-        initiator.sensor, initiator.common, replace(options, false_tracks_per_hour=5.0)
+    assert reconfigured(
+        initiator, initiator.sensor, initiator.common, replace(options, false_tracks_per_hour=5.0)
     )
     assert len(initiator.potential_tracks())
-    assert not initiator.configure(initiator.sensor, initiator.common, replace(options, window=20))
+    assert not reconfigured(
+        initiator, initiator.sensor, initiator.common, replace(options, window=20)
+    )
     assert not len(initiator.potential_tracks())
 
 
@@ -634,3 +636,16 @@ def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density
 
     # A true ratio of 1.4 stays below 2 with 97 %; cells that straddle the border gave 2.8.
     assert confirmed(factor * 1e-6, "estimated") < 2.0 * confirmed(1e-6, "given")
+
+
+@pytest.mark.parametrize("rate", [0.0, 5e-324, 1e-31])
+def test_a_rate_of_next_to_no_false_tracks_is_refused(rate):
+    with pytest.raises(ValueError, match="false_tracks_per_hour must be from 1e-30"):
+        score(false_tracks_per_hour=rate)
+
+
+def test_the_smallest_rate_has_a_threshold():
+    initiator = score(false_tracks_per_hour=NEVER)
+    for k in range(4):
+        initiator.process(scan_at(0.1 * k, np.full((500, 2), 3000.0)))
+    assert 0.0 < initiator.method.threshold < math.inf

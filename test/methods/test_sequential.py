@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.builders import FIXED_RANGE_ERROR, scan_at
+from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.sensing.conversion import convert
@@ -152,5 +152,5 @@ def test_a_moving_sensor_is_taken_out():
 def test_another_number_of_hits_starts_over():
     made = initiator()
     made.process(scan_at(0.0, [(3000.0, 0.0)]))
-    assert not made.configure(made.sensor, made.common, initiator(min_hits=5).options)
+    assert not reconfigured(made, made.sensor, made.common, initiator(min_hits=5).options)
     assert not made.potential_tracks()

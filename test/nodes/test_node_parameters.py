@@ -233,7 +233,7 @@ def test_own_ship_from_tf_needs_a_fixed_frame(world):
         ("tsepm__min_hits", 1, "tsepm.min_hits"),
         ("tsepm__evaluation", "best", "tsepm.evaluation must be one of"),
         ("method", "best", "method must be one of"),
-        ("sensor__max_range", 0.0, "sensor.max_range must be above 0"),
+        ("sensor__max_range", 0.0, "sensor.max_range"),
         ("diagnostics_period", 0.0, "diagnostics_period"),
     ],
 )

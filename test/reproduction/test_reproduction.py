@@ -17,6 +17,7 @@ from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.commands.cli import main
 from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.reproduction import (
     figures_5_to_8,
@@ -207,7 +208,7 @@ def test_counts_are_those_of_an_evaluation(seed):
 def test_split_only_puts_out_every_raw_confirmation():
     scenario = load_scenario("four_targets", {"scans": 8})
     counts = monte_carlo.run_four_targets(monte_carlo.FourTargets(scenario), [1, 0])
-    starter = SplitMerge(scenario.sensor, CommonOptions(), SplitMergeOptions())
+    starter = Initiator(SplitMerge(scenario.sensor, CommonOptions(), SplitMergeOptions()))
     merged = Scene.drawn(scenario, [1, 0]).started(starter, 8)
     assert counts["merged"][0] == len(merged.tracks)
     assert counts["split"][0] == starter.totals.raw_confirmations > len(merged.tracks)

@@ -162,7 +162,9 @@ def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
     initiator = make_initiator("score", sensor=SECTOR)
     initiator.process(Scan(0.0, [1000.0], [0.0], sensor_pose=[[500.0, 0.0, 1.0]]))
     initiator.process(Scan(6.0, [], [], sensor_pose=np.zeros((0, 3))))
-    assert initiator._detectable(np.array([[600.0, 200.0], [500.0, -900.0]])).tolist() == [0.8, 0.0]
+    assert initiator.front_end.detection_probability_at(
+        np.array([[600.0, 200.0], [500.0, -900.0]])
+    ).tolist() == [0.8, 0.0]
 
 
 DISC = SensorModel(max_range=4000.0, clutter_density=2e-6)
@@ -243,7 +245,7 @@ def test_a_hypothesis_beyond_the_edge_pays_for_no_miss_and_gains_by_no_hit():
     for k in range(4):
         initiator.process(Scan(4.0 * k, [1020.0], [0.0]))
     assert initiator.statistics.potential_tracks == 4, "each detection's own start, and no pair"
-    np.testing.assert_array_equal(initiator._hypotheses.score, 0.0)
+    np.testing.assert_array_equal(initiator.method._hypotheses.score, 0.0)
 
 
 def test_detections_outside_the_coverage_are_counted_and_said():

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.sensing.conversion import DETECTION
 
 FIXED_RANGE_ERROR = SensorModel(range_std=30.0, range_std_fraction=0.0)
@@ -57,3 +58,8 @@ def whitened(sample: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def fit_matrix(tau: np.ndarray) -> np.ndarray:
     """The stacked H of Eq. 15 for hits at the times tau after the state."""
     return np.vstack([np.kron(np.eye(2), [1.0, t]) for t in tau])
+
+
+def reconfigured(initiator: Initiator, sensor: SensorModel, common: Any, options: Any) -> bool:
+    """Change an initiator's options, its method staying the same; see `Initiator.configure`."""
+    return initiator.configure(type(initiator.method)(sensor, common, options))

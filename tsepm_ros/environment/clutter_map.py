@@ -65,6 +65,11 @@ class ClutterMap:
         self._counts = np.zeros((len(self._edges) - 1, columns))
         self._density: FloatArray | None = None
 
+    def fits(self, sensor: SensorModel) -> bool:
+        """Whether the map is of a sensor's coverage and begins with its density."""
+        concerned = ("min_range", "max_range", "azimuth_min", "azimuth_max", "clutter_density")
+        return all(getattr(sensor, name) == getattr(self._sensor, name) for name in concerned)
+
     def at(self, range: FloatArray, azimuth: FloatArray) -> FloatArray:
         """Density at positions in the sensor's frame, (n,), 1/m^2.
 

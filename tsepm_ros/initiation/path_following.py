@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.displacements import Displacements
 from tsepm_ros.initiation.hit_counting import HitCounter
+from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.sensing.conversion import DETECTION
 from tsepm_ros.sensing.plot_features import Histories
-from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import pruning, splitting
 from tsepm_ros.stages.association import Pairs, best_of_each
@@ -30,8 +30,8 @@ MAX_PAIRS = 1_000_000
 class PathFollower(HitCounter):
     """A hit counter that extends potential tracks from scan to scan.
 
-    A method says which detections may extend which potential track (`_pairs`) and which of them do
-    (`_choose`). A detection that extends none starts a potential track, which ends N scans later.
+    A method says which detections may extend which potential track (`pairs`) and which of them do
+    (`choose`). A detection that extends none starts a potential track, which ends N scans later.
     The hits of a confirmed track are no other's: potential tracks that share one end.
     """
 
@@ -39,15 +39,15 @@ class PathFollower(HitCounter):
     """Whether a detection that extends a potential track starts another as well."""
 
     @abstractmethod
-    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """Potential tracks and detections that may extend them; and the pairs a limit left out."""
 
-    def _choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: Pairs) -> Pairs:
         """The pairs that become potential tracks: for each track the best.
 
         A first hit, of which no motion is known yet, is extended by every detection it may be.
         """
-        single = self._potential.hit_count[pairs.parent] == 1
+        single = self.potential.hit_count[pairs.parent] == 1
         return Pairs.joined(pairs[single], best_of_each(pairs[~single]))
 
     @property
@@ -55,55 +55,55 @@ class PathFollower(HitCounter):
         """Whether a potential track that no detection extends ends at once."""
         return False
 
-    def forget_potential_tracks(self) -> None:
-        """See `Initiator.forget_potential_tracks`."""
-        super().forget_potential_tracks()
-        self._potential = self._started(np.zeros(0, np.int64), np.zeros(0, DETECTION))
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        super().forget()
+        self.potential = self.started(np.zeros(0, np.int64), np.zeros(0, DETECTION))
 
-    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; a shorter window ends tracks, another number of hits starts over.
 
-        See `Initiator._configure`.
+        See `Method.configure`.
         """
         unlike = options.min_hits != self.options.min_hits
-        super()._configure(sensor, common, options)
+        super().configure(sensor, common, options)
         if unlike:
-            self.forget_potential_tracks()
+            self.forget()
             return False
-        self._potential = self._potential[~self._expired(self._potential.first_scan)]
+        self.potential = self.potential[~self.expired(self.potential.first_scan)]
         return True
 
-    def process(self, scan: Scan) -> TrackArrays:
-        """Take one scan and return the tracks that it newly confirms.
+    def step(self, observed: Observation) -> Step:
+        """Extend the potential tracks, confirm those of M hits, start new ones.
 
-        See `Initiator.process`.
+        See `Method.step`.
         """
-        detections = self._receive(scan)
-        ids = self._window.append(detections)
-        pairs, cut_pairs = self._pairs(detections)
-        pairs = self._resembling(pairs, detections)
-        extending, cut_potential, cut_raw = self._within_limits(self._choose(pairs))
-        children = self._extended(extending.parent, ids[extending.row], detections[extending.row])
+        detections = observed.detections
+        ids = self.begin(observed)
+        pairs, cut_pairs = self.pairs(detections)
+        pairs = self._resembling(pairs, observed)
+        extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
+        children = self.extended(extending.parent, ids[extending.row], detections[extending.row])
         reached = pruning.confirmed(children.hit_count, self.options.min_hits)
-        confirmation = self._confirm(children[reached])
-        missed = np.ones(len(self._potential), bool)
+        confirmation = self.confirm(children[reached])
+        missed = np.ones(len(self.potential), bool)
         missed[extending.parent] = False
         waiting, terminated = self._waiting(
-            children[~reached], self._potential[missed], confirmation.hits
+            children[~reached], self.potential[missed], confirmation.hits
         )
         free = ~np.isin(ids, confirmation.hits)
         if not self.every_detection_starts:
             free[extending.row] = False
         beyond = max(int(np.count_nonzero(free)) - self._most, 0)
-        started = self._started(ids[free][: self._most], detections[free][: self._most])
-        self._potential, surplus = self._limit(type(started).joined(waiting, started))
-        self._window.forget(self.scan_index + 2 - self.options.window)
-        return self._deliver(
+        started = self.started(ids[free][: self._most], detections[free][: self._most])
+        self.potential, surplus = self._limit(type(started).joined(waiting, started))
+        self.detections.forget(self.scan_index + 2 - self.options.window)
+        return Step(
             confirmation.tracks,
             ScanStatistics(
                 scans=1,
                 detections=len(detections),
-                potential_tracks=len(self._potential),
+                potential_tracks=len(self.potential),
                 started=len(started),
                 terminated=terminated,
                 raw_confirmations=int(np.count_nonzero(reached)) + cut_raw,
@@ -115,28 +115,30 @@ class PathFollower(HitCounter):
             ),
         )
 
-    def _resembling(self, pairs: Pairs, detections: NDArray[np.void]) -> Pairs:
+    def _resembling(self, pairs: Pairs, observed: Observation) -> Pairs:
         """The pairs but those in a clutter zone whose detection is unlike the track's hits."""
         if not self.common.plot_features:
             return pairs
-        zone = np.flatnonzero(self._in_zone[pairs.row])
-        hits = self._potential.hits[pairs.parent[zone]]
+        zone = np.flatnonzero(observed.in_clutter_zone[pairs.row])
+        hits = self.potential.hits[pairs.parent[zone]]
         some = hits != NO_HIT
         features = np.full((*hits.shape, 3), np.nan)
-        features[some] = self._window[hits[some]]["features"]
+        features[some] = self.detections[hits[some]]["features"]
         kept = np.ones(len(pairs), bool)
-        kept[zone] = Histories.of(features).resembled_by(detections["features"][pairs.row[zone]])
+        kept[zone] = Histories.of(features).resembled_by(
+            observed.detections["features"][pairs.row[zone]]
+        )
         return pairs[kept]
 
-    def potential_tracks(self) -> TrackArrays:
+    def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `evaluation` is the figure of the hits so far.
 
-        See `Initiator.potential_tracks`.
+        See `Method.potential_tracks`.
         """
-        several = self._potential[self._potential.hit_count > 1]
-        estimates = self._estimate(several)
-        accepted = self._accept(estimates)
-        tracks = self._tracks(several[accepted], estimates[accepted])
+        several = self.potential[self.potential.hit_count > 1]
+        estimates = self.estimate(several)
+        accepted = self.accept(estimates)
+        tracks = self.tracks(several[accepted], estimates[accepted])
         return tracks.numbered(np.arange(len(tracks)))
 
     def _waiting(self, growing: Paths, missed: Paths, taken: IntArray) -> tuple[Paths, int]:
@@ -145,7 +147,7 @@ class PathFollower(HitCounter):
         Those end whose scans are over, and those with a hit that a confirmed track has taken.
         """
         waiting = growing if self.ends_when_missed else type(growing).joined(growing, missed)
-        ended = self._expired(waiting.first_scan) | self._uses(waiting, taken)
+        ended = self.expired(waiting.first_scan) | self._uses(waiting, taken)
         going_on = waiting[~ended]
         return going_on, len(growing) + len(missed) - len(going_on)
 
@@ -154,20 +156,20 @@ class PathFollower(HitCounter):
         """Potential tracks held at most."""
         return self.common.max_potential_tracks
 
-    def _started(self, ids: IntArray, found: NDArray[np.void]) -> Paths:
+    def started(self, ids: IntArray, found: NDArray[np.void]) -> Paths:
         """New potential tracks of one hit each: detections found (n,), and their ids."""
         return starting(ids, self.scan_index, self.options.min_hits)
 
-    def _extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Paths:
+    def extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Paths:
         """Potential tracks that each add a detection; see `Paths.extended`."""
-        return self._potential.extended(parent, ids)
+        return self.potential.extended(parent, ids)
 
     @staticmethod
     def _uses(paths: Paths, hits: IntArray) -> BoolArray:
         """Which paths have one of some hits, (n,)."""
         return np.asarray(np.isin(paths.hits, hits[hits != NO_HIT]).any(axis=1))
 
-    def _reachable(
+    def reachable(
         self, detections: NDArray[np.void], margin: FloatArray
     ) -> tuple[IntArray, IntArray, int]:
         """Potential tracks and detections within ``v_max |dt|`` and a margin of their last hits.
@@ -186,9 +188,9 @@ class PathFollower(HitCounter):
             Pairs that a limit left out.
         """
         last_hits, first, gate = np.unique(
-            self._potential.last_hit, return_index=True, return_inverse=True
+            self.potential.last_hit, return_index=True, return_inverse=True
         )
-        hits = self._window[last_hits]
+        hits = self.detections[last_hits]
         gated = splitting.gate_within(hits, detections, self.common.max_speed, margin[first])
         owner = np.ascontiguousarray(hits["position"])
 
@@ -199,7 +201,7 @@ class PathFollower(HitCounter):
         parent, row, cut = splitting.split_within(gate, gated, MAX_PAIRS, length)
         return parent, row, cut + gated.cut
 
-    def _steps(
+    def displacements(
         self, detections: NDArray[np.void], gate_sigmas: float
     ) -> tuple[IntArray, IntArray, Displacements, BoolArray, int]:
         """The steps to reachable detections from the last two hits of the potential tracks.
@@ -220,11 +222,11 @@ class PathFollower(HitCounter):
         cut : int
             Pairs that a limit left out.
         """
-        tracks = self._potential
-        sigma = self._window[tracks.last_hit]["major_sigma"]
-        parent, row, cut = self._reachable(detections, gate_sigmas * sigma)
+        tracks = self.potential
+        sigma = self.detections[tracks.last_hit]["major_sigma"]
+        parent, row, cut = self.reachable(detections, gate_sigmas * sigma)
         before = tracks.hits[np.arange(len(tracks)), np.maximum(tracks.hit_count - 2, 0)]
-        known = self._window[np.stack([before, tracks.last_hit], axis=1)]
+        known = self.detections[np.stack([before, tracks.last_hit], axis=1)]
         position = np.concatenate(
             [known["position"][parent], detections["position"][row, None]], axis=1
         )
@@ -233,7 +235,7 @@ class PathFollower(HitCounter):
 
     def _within_limits(self, pairs: Pairs) -> tuple[Pairs, int, int]:
         """The best pairs within the limits, and how many potential and complete tracks are cut."""
-        complete = self._potential.hit_count[pairs.parent] == self.options.min_hits - 1
+        complete = self.potential.hit_count[pairs.parent] == self.options.min_hits - 1
         kept = []
         for part, limit in (
             (pairs[~complete], self._most),

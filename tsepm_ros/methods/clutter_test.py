@@ -81,7 +81,6 @@ class ClutterTest(Tsepm):
         }
     )
 
-    def _merge(self, candidates: Candidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """Every candidate is a track of its own."""
-        tracks = self._tracks(candidates)
-        return tracks.numbered(self._take_track_ids(len(tracks)))
+        return self.tracks(candidates)

@@ -108,17 +108,17 @@ class Heuristic(PathFollower):
     )
     every_detection_starts = True
 
-    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections that satisfy the rules after each track's last hits, by acceleration."""
         options = self.options
-        parent, row, steps, first, cut = self._steps(detections, options.gate_sigmas)
+        parent, row, steps, first, cut = self.displacements(detections, options.gate_sigmas)
         acceleration = np.where(first, 0.0, steps.acceleration)
         kept = steps.faster_than(options.min_speed)
         kept &= first | (acceleration <= options.max_acceleration)
         kept &= first | (steps.turn <= options.max_turn)
         return Pairs(parent[kept], row[kept], acceleration[kept]), cut
 
-    def _evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
+    def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
         """Largest acceleration of each track, (n,), m/s^2; 0 of two hits."""
         n, count = hits.shape
         largest = np.zeros(n)

@@ -33,12 +33,12 @@ from types import MappingProxyType
 import numpy as np
 
 from tsepm_ros.initiation.hit_counting import Estimates, HitCounter, check_rule
+from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.stages.paths import NO_HIT, Paths, starting
 
 MAX_VOTES = 5_000_000
@@ -91,27 +91,27 @@ class Hough(HitCounter):
         }
     )
 
-    def forget_potential_tracks(self) -> None:
-        """See `Initiator.forget_potential_tracks`."""
-        super().forget_potential_tracks()
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        super().forget()
         self._image = np.zeros(0, np.int64)  # ids of the detections in the image, ascending
 
-    def process(self, scan: Scan) -> TrackArrays:
-        """Take one scan and return the tracks that it newly confirms.
+    def step(self, observed: Observation) -> Step:
+        """Move the image on by a scan and confirm its lines.
 
-        See `Initiator.process`.
+        See `Method.step`.
         """
-        ids = self._window.append(self._receive(scan))
+        ids = self.begin(observed)
         image = np.concatenate([self._image, ids])
         ended = self._expired_hits(image)
         image, beyond = self._newest(image[~ended])
-        lines = self._lines(image, self.options.min_hits)
+        lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
         kept = lines[keep_best(votes, self.common.max_raw_confirmations)]
-        confirmation = self._confirm(kept)
+        confirmation = self.confirm(kept)
         self._image = image[~np.isin(image, confirmation.hits)]
-        self._window.forget(self.scan_index + 1 - self.options.window)
-        return self._deliver(
+        self.detections.forget(self.scan_index + 1 - self.options.window)
+        return Step(
             confirmation.tracks,
             ScanStatistics(
                 scans=1,
@@ -128,27 +128,27 @@ class Hough(HitCounter):
             ),
         )
 
-    def potential_tracks(self) -> TrackArrays:
+    def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Lines of fewer votes through the last scan that share no detection.
 
-        See `Initiator.potential_tracks`.
+        See `Method.potential_tracks`.
         """
-        lines = self._lines(self._image, 2)
+        lines = self._lines(self._image, 2, observed.sensor_position)
         lines = lines[keep_best(-lines.hit_count.astype(float), self.common.max_raw_confirmations)]
-        best, estimates, _ = self._best(lines)
-        tracks = self._tracks(best, estimates)
+        best, estimates, _ = self.best(lines)
+        tracks = self.tracks(best, estimates)
         return tracks.numbered(np.arange(len(tracks)))
 
     def _expired_hits(self, image: IntArray) -> BoolArray:
         """Which detections of the image are older than its N scans."""
-        return self._expired(self._window[image]["scan"] + 1)
+        return self.expired(self.detections[image]["scan"] + 1)
 
     def _newest(self, image: IntArray) -> tuple[IntArray, int]:
         """The newest detections, within the limits; and how many are cut."""
         limit = min(self.common.max_potential_tracks, MAX_VOTES // self.options.angles)
         return image[-limit:], max(len(image) - limit, 0)
 
-    def _lines(self, image: IntArray, votes: int) -> Paths:
+    def _lines(self, image: IntArray, votes: int, sensor: FloatArray) -> Paths:
         """Lines through a detection of the last scan that have so many votes at least.
 
         Parameters
@@ -156,9 +156,11 @@ class Hough(HitCounter):
         image : (d,) ndarray of int
             Ids of the detections of the image.
         votes : int
+        sensor : (2,) ndarray
+            Position of the sensor, m.
         """
-        detections = self._window[image]
-        cell, from_middle = self._cells(detections["position"] - self._poses.middle[:2])
+        detections = self.detections[image]
+        cell, from_middle = self._cells(detections["position"] - sensor)
         scan = detections["scan"]
         found = np.unique(cell[scan == self.scan_index])
         if not len(found):
@@ -200,12 +202,12 @@ class Hough(HitCounter):
         cell = np.floor(rho / size)
         return cell.astype(np.int64) * number + np.arange(number), np.abs(rho - (cell + 0.5) * size)
 
-    def _accept(self, estimates: Estimates) -> BoolArray:
+    def accept(self, estimates: Estimates) -> BoolArray:
         """Which tracks have a state, and are no faster than v_max, (n,)."""
         speed = np.hypot(estimates.state[:, 1], estimates.state[:, 3])
-        return super()._accept(estimates) & (speed <= self.common.max_speed)
+        return super().accept(estimates) & (speed <= self.common.max_speed)
 
-    def _preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
+    def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
         """More votes first, then the better fit."""
         place = np.empty(len(paths))
         place[np.lexsort((estimates.evaluation, -paths.hit_count))] = np.arange(len(paths))

@@ -109,16 +109,16 @@ class Logic(PathFollower):
         """See `PathFollower.ends_when_missed`."""
         return self.options.missed == "ends"
 
-    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections in the acceptance region of each potential track, by D."""
         if not len(detections):
             return Pairs.none(), 0
-        counts = self._potential.hit_count
+        counts = self.potential.hit_count
         middle = float(detections["time"].min() + 0.5 * np.ptp(detections["time"]))
         parts, cuts = [Pairs.none()], 0
         for count in np.unique(counts):
             rows = np.flatnonzero(counts == count)
-            hits = self._window[self._potential.hits[rows, :count]]
+            hits = self.detections[self.potential.hits[rows, :count]]
             predicted = Polynomials.fitted(hits, middle, min(int(count) - 1, self.options.degree))
             owner, row, cut = self._near(predicted, detections)
             distance = partial(self._distance, predicted, detections)

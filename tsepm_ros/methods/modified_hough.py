@@ -104,15 +104,15 @@ class ModifiedHough(PathFollower):
     )
     every_detection_starts = True
 
-    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
-        parent, row, steps, first, cut = self._steps(detections, options.gate_sigmas)
+        parent, row, steps, first, cut = self.displacements(detections, options.gate_sigmas)
         kept = steps.faster_than(options.min_speed)
         turn = np.where(first, 0.0, steps.turn)
         kept &= turn <= options.max_turn
         return Pairs(parent[kept], row[kept], turn[kept]), cut
 
-    def _choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: Pairs) -> Pairs:
         """All pairs: each detection that satisfies the rules makes a potential track."""
         return pairs

@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.hit_counting import Estimates, check_rule
+from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.interacting_models import combined
@@ -46,7 +47,6 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.conversion import major_sigma, turned
-from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import splitting
 from tsepm_ros.stages.association import Pairs, nearest_first, within
@@ -160,34 +160,32 @@ class MultipleModel(PathFollower):
             for min_hits, window in ((8, 10), (7, 8), (6, 8), (5, 6), (5, 8), (4, 6), (3, 5))
         }
     )
-    _potential: Banks
+    potential: Banks
 
-    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; other cells start over, as does another number of hits.
 
-        See `Initiator._configure`.
+        See `Method.configure`.
         """
         before = self.options.speeds, self.options.headings
-        kept = super()._configure(sensor, common, options)
+        kept = super().configure(sensor, common, options)
         if (options.speeds, options.headings) == before:
             return kept
-        self.forget_potential_tracks()
+        self.forget()
         return False
 
-    def _receive(self, scan: Scan) -> NDArray[np.void]:
-        before = self.stamp
-        detections = super()._receive(scan)
-        step = 0.0 if before is None else self._now - before
-        self._potential = self._potential.predicted(step, self.options.process_noise)
-        return detections
+    def begin(self, observed: Observation) -> IntArray:
+        """Predict the banks to the scan, and see `HitCounter.begin`."""
+        self.potential = self.potential.predicted(observed.interval, self.options.process_noise)
+        return super().begin(observed)
 
-    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections in the gate of each weighted prediction, by normalised distance."""
         if not len(detections):
             return Pairs.none(), 0
-        state, covariance = self._potential.output()
+        state, covariance = self.potential.output()
         factor = gaussian.gate_factor(self.options.gate_probability)
-        longest = np.abs(detections["time"] - self._now).max()
+        longest = np.abs(detections["time"] - self.stamp).max()
         sigma = major_sigma(covariance[:, 0::2, 0::2])
         sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
         radius = factor * np.hypot(sigma, detections["major_sigma"].max())
@@ -198,27 +196,23 @@ class MultipleModel(PathFollower):
 
         def distance(parent: IntArray, row: IntArray) -> FloatArray:
             found = detections[row]
-            lag = found["time"] - self._now
+            lag = found["time"] - self.stamp
             expected = state[parent, 0::2] + lag[:, None] * state[parent, 1::2]
             spread = kalman.position_covariance_after(covariance[parent], lag)
             return squared_distance(found["position"] - expected, spread + found["covariance"])
 
         return within(parent, row, distance, factor**2), cut
 
-    def _choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: Pairs) -> Pairs:
         """Each track and each detection is matched once, the nearest first."""
         return nearest_first(pairs)
 
-    def _extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Banks:
-        children = self._potential.extended(parent, ids)
-        return children.updated(found["time"] - self._bank_stamp, found)
+    def extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Banks:
+        """See `PathFollower.extended`."""
+        children = self.potential.extended(parent, ids)
+        return children.updated(found["time"] - self.stamp, found)
 
-    @property
-    def _bank_stamp(self) -> float:
-        """Stamp of the banks, s; 0 before the first scan, when there are none."""
-        return self.stamp or 0.0
-
-    def _started(self, ids: IntArray, found: NDArray[np.void]) -> Banks:
+    def started(self, ids: IntArray, found: NDArray[np.void]) -> Banks:
         """A bank for each detection, carried from its time to the scan's stamp."""
         mean, spread = cells(self.common.max_speed, self.options.speeds, self.options.headings)
         n, number = len(ids), len(mean)
@@ -227,7 +221,7 @@ class MultipleModel(PathFollower):
         state[..., 0::2], state[..., 1::2] = found["position"][:, None], mean
         covariance[..., 0::2, 0::2] = found["covariance"][:, None]
         covariance[..., 1::2, 1::2] = spread
-        step = (self._bank_stamp - found["time"]).repeat(number)
+        step = (self.stamp - found["time"]).repeat(number)
         state, covariance = kalman.predict(
             state.reshape(-1, 4), covariance.reshape(-1, 4, 4), step, self.options.process_noise
         )
@@ -240,15 +234,15 @@ class MultipleModel(PathFollower):
             np.full((n, number), 1.0 / number),
         )
 
-    def _estimate(self, paths: Paths) -> Estimates:
+    def estimate(self, paths: Paths) -> Estimates:
         """The weighted output, and f_1 (TSEPM 2018, Eq. 23) of the hits around it."""
         assert isinstance(paths, Banks)
         state, covariance = paths.output()
         figure = np.zeros(len(paths))
         for count in np.unique(paths.hit_count):
             rows = np.flatnonzero(paths.hit_count == count)
-            hits = self._window[paths.hits[rows, :count]]
-            tau = hits["time"] - self._now
+            hits = self.detections[paths.hits[rows, :count]]
+            tau = hits["time"] - self.stamp
             fitted = Fit(state[rows], covariance[rows], tau, hits["covariance"])
             figure[rows] = normalized_distance(hits, fitted)
         return Estimates(state, covariance, figure)

@@ -7,6 +7,7 @@ from typing import Any
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.initiation.method import Method
 from tsepm_ros.methods.clutter_test import ClutterTest
 from tsepm_ros.methods.heuristic import Heuristic
 from tsepm_ros.methods.hough import Hough
@@ -19,7 +20,7 @@ from tsepm_ros.methods.split_merge import SplitMerge
 from tsepm_ros.methods.tsepm import Tsepm
 from tsepm_ros.sensing.sensor import SensorModel
 
-METHODS: dict[str, type[Initiator]] = {
+METHODS: dict[str, type[Method]] = {
     "tsepm": Tsepm,
     "score": Score,
     "sequential": Sequential,
@@ -43,6 +44,27 @@ def option_names(method: str) -> frozenset[str]:
     """Names of the options that a method takes, its own and those common to all."""
     groups = (CommonOptions, METHODS[method].Options)
     return frozenset(field.name for group in groups for field in dataclasses.fields(group))
+
+
+def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
+    """Make a method; see `make_initiator`."""
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    if not isinstance(sensor, SensorModel):
+        raise TypeError(f"sensor must be a SensorModel; got {type(sensor).__name__}")
+    kind = METHODS[method]
+    known = option_names(method)
+    unknown = sorted(set(options) - known)
+    if unknown:
+        raise ValueError(
+            f"{unknown[0]} is not an option of method {method!r}; it has {', '.join(sorted(known))}"
+        )
+    common = {field.name for field in dataclasses.fields(CommonOptions)}
+    return kind(
+        sensor,
+        CommonOptions(**{name: value for name, value in options.items() if name in common}),
+        kind.Options(**{name: value for name, value in options.items() if name not in common}),
+    )
 
 
 def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initiator:
@@ -70,20 +92,4 @@ def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initi
     TypeError
         If `sensor` is not a SensorModel.
     """
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
-    if not isinstance(sensor, SensorModel):
-        raise TypeError(f"sensor must be a SensorModel; got {type(sensor).__name__}")
-    kind = METHODS[method]
-    known = option_names(method)
-    unknown = sorted(set(options) - known)
-    if unknown:
-        raise ValueError(
-            f"{unknown[0]} is not an option of method {method!r}; it has {', '.join(sorted(known))}"
-        )
-    common = {field.name for field in dataclasses.fields(CommonOptions)}
-    return kind(
-        sensor,
-        CommonOptions(**{name: value for name, value in options.items() if name in common}),
-        kind.Options(**{name: value for name, value in options.items() if name not in common}),
-    )
+    return Initiator(make_method(method, sensor=sensor, **options))

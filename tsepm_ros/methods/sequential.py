@@ -110,11 +110,11 @@ class Sequential(PathFollower):
         }
     )
 
-    def _pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections in the gate of each potential track, by distance (Eq. 7)."""
-        last_hits = self._window[self._potential.last_hit]
+        last_hits = self.detections[self.potential.last_hit]
         margin = self.options.gate_sigmas * self._sigma(last_hits)
-        parent, row, cut = self._reachable(detections, margin)
+        parent, row, cut = self.reachable(detections, margin)
         step = detections["position"][row] - last_hits["position"][parent]
         return Pairs(parent, row, np.hypot(step[:, 0], step[:, 1])), cut
 
@@ -124,16 +124,17 @@ class Sequential(PathFollower):
             return np.asarray(hits["major_sigma"])
         return np.sqrt(range_variance_at(hits, measured_polar(hits)[0], self.sensor))
 
-    def _choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: Pairs) -> Pairs:
         """One detection at most for each track, by the reading of Step 3 that is chosen."""
         if self.options.matching == "shared":
             return best_of_each(pairs)
         if self.options.matching == "oldest":
-            return oldest_first(pairs, self._potential.first_scan)
+            return oldest_first(pairs, self.potential.first_scan)
         return nearest_first(pairs)
 
-    def _fit(self, hits: NDArray[np.void]) -> Fit:
+    def fit(self, hits: NDArray[np.void]) -> Fit:
+        """See `HitCounter.fit`."""
         options = self.options
         return initial_state.estimate(
-            hits, self._now, self.sensor, options.estimator, options.process_noise
+            hits, self.stamp, self.sensor, options.estimator, options.process_noise
         )

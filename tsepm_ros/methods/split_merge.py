@@ -47,7 +47,6 @@ from tsepm_ros.methods.tsepm import Candidates, Tsepm
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.conversion import unscented
-from tsepm_ros.sensing.scan import Scan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,22 +99,23 @@ class SplitMerge(Tsepm):
     def reason(self, track: ConfirmedTrack) -> str:
         """Its rule.
 
-        See `Initiator.reason`.
+        See `Method.reason`.
         """
         rule = f"{self.options.min_hits}/{self.options.window}"
         return f"{len(track.hits)} hits within {track.scan_count} scans, by the rule {rule}"
 
-    def _receive(self, scan: Scan) -> NDArray[np.void]:
-        return unscented(super()._receive(scan), self.sensor)
+    def convert(self, detections: NDArray[np.void]) -> NDArray[np.void]:
+        """The unscented transform's covariances (Step 1)."""
+        return unscented(detections, self.sensor)
 
     @property
-    def _threshold(self) -> float:
+    def threshold(self) -> float:
         """Nothing is pruned."""
         return math.inf
 
-    def _merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group, from its combined measurements."""
-        fitted = self._fit(combined(self._window[np.unique(group.hits)])[None])
+        fitted = self.fit(combined(self.detections[np.unique(group.hits)])[None])
         return fitted.state[0], fitted.covariance[0]
 
 

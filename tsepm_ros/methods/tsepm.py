@@ -45,17 +45,17 @@ from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.hit_counting import check_rule
-from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.initiation.method import Method
+from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.numerics.limits import TimeLimit, keep_best
 from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.detection_window import DetectionWindow
-from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import evaluation, merging, pruning, splitting
 from tsepm_ros.stages.estimation import ESTIMATORS, Fit, fit
@@ -184,7 +184,7 @@ class Gates:
         return paths.children(self.of(paths.last_hit), self.gated, self.ids)
 
 
-class Tsepm(Initiator):
+class Tsepm(Method):
     """The method of TSEPM 2018, step by step as in its Section 4."""
 
     Options = TsepmOptions
@@ -200,30 +200,31 @@ class Tsepm(Initiator):
         }
     )
 
-    def forget_potential_tracks(self) -> None:
-        """See `Initiator.forget_potential_tracks`."""
-        self._window = DetectionWindow()
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        self.detections = DetectionWindow()
+        self.stamp, self.scan_index = 0.0, -1
         self._potential = starting(np.zeros(0, np.int64), 0, self.options.min_hits)
         # Paths cut because they could not pass the evaluation any more, and because of a limit.
         self._hopeless = PathCounts.none()
         self._surplus = PathCounts.none()
 
-    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; a shorter window ends tracks.
 
         Another number of hits starts over, and so does another evaluation, or another threshold of
         it, where paths were cut that could not pass the one before.
 
-        See `Initiator._configure`.
+        See `Method.configure`.
         """
-        before = self.options, self._threshold, self._given_density
-        super()._configure(sensor, common, options)
+        before = self.options, self.threshold, self._given_density
+        super().configure(sensor, common, options)
         unlike = options.min_hits != before[0].min_hits
         # What was cut as hopeless under another rule cannot be brought back.
-        after = self._threshold, self._given_density
+        after = self.threshold, self._given_density
         unlike |= len(self._hopeless) > 0 and before[1:] != after
         if unlike:
-            self.forget_potential_tracks()
+            self.forget()
             return False
         self._potential = self._potential[~self._expired(self._potential.first_scan)]
         self._hopeless = self._hopeless[~self._expired(self._hopeless.first_scan)]
@@ -237,32 +238,35 @@ class Tsepm(Initiator):
             return self.sensor.clutter_density
         return None
 
-    def process(self, scan: Scan) -> TrackArrays:
-        """Take one scan and return the tracks that it newly confirms (Steps 1-8).
+    def convert(self, detections: NDArray[np.void]) -> NDArray[np.void]:
+        """The detections with the positions and errors that the method uses (Step 1)."""
+        return detections
 
-        See `Initiator.process`.
+    def step(self, observed: Observation) -> Step:
+        """Take one scan through Steps 2-8.
+
+        See `Method.step`.
         """
-        detections = self._receive(scan)
-        gates = self._gate(detections)
+        gates = self._gate(observed)  # Step 2
         updated, missed, surplus = self._split(gates)
         hopeful, hopeless = self._cut_hopeless(updated)
-        raw, potential, terminated = self._confirm(hopeful, missed)
-        candidates = self._estimate(raw)
-        kept = self._prune(candidates)
-        merging = self._in_time(kept)
-        tracks = self._merge(merging)
-        started = self._start(gates)
+        raw, potential, terminated = self._confirm(hopeful, missed)  # Step 3
+        candidates = self._estimate(raw, observed.time_limit)  # Steps 4 and 5
+        kept = self._prune(candidates)  # Step 6
+        merging = self._in_time(kept, observed.time_limit)
+        tracks = self.merge(merging)  # Step 7
+        started = self._start(gates)  # Step 8
         self._potential, beyond = self._limit(Paths.joined(potential, started))
         self._hopeless, hopeless_raw, hopeless_ended = self._follow(self._hopeless, gates, hopeless)
         self._surplus, surplus_raw, _ = self._follow(
             self._surplus, gates, PathCounts.joined(surplus, beyond, self._ungated(gates))
         )
-        self._window.forget(self.scan_index + 2 - self.options.window)
-        return self._deliver(
+        self.detections.forget(self.scan_index + 2 - self.options.window)
+        return Step(
             tracks,
             ScanStatistics(
                 scans=1,
-                detections=len(detections),
+                detections=len(observed.detections),
                 potential_tracks=len(self._potential),
                 hopeless_tracks=self._hopeless.total,
                 started=len(started),
@@ -281,36 +285,38 @@ class Tsepm(Initiator):
     def reason(self, track: ConfirmedTrack) -> str:
         """Its rule, and the evaluation with its threshold.
 
-        See `Initiator.reason`.
+        See `Method.reason`.
         """
         name = "f_1" if self.options.evaluation == "normalized_distance" else "f_2"
         return (
             f"{super().reason(track)}, by the rule {self.options.min_hits}/{self.options.window}; "
-            f"{name} is {track.evaluation:.2f}, at most the threshold {self._threshold:.2f}"
+            f"{name} is {track.evaluation:.2f}, at most the threshold {self.threshold:.2f}"
         )
 
-    def potential_tracks(self) -> TrackArrays:
+    def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `evaluation` is f_1 of the hits so far.
 
-        See `Initiator.potential_tracks`.
+        See `Method.potential_tracks`.
         """
-        if self.stamp is None:
-            return TrackArrays.of([])
         several = [
-            self._estimate(self._potential[self._potential.hit_count == count], count)
+            self._estimate(
+                self._potential[self._potential.hit_count == count], observed.time_limit, count
+            )
             for count in range(2, self.options.min_hits)
         ]
-        tracks = TrackArrays.of([]).joined(*map(self._tracks, several))
+        tracks = TrackArrays.of([]).joined(*map(self.tracks, several))
         return tracks.numbered(np.arange(len(tracks)))
 
-    def _gate(self, detections: NDArray[np.void]) -> Gates:
+    def _gate(self, observed: Observation) -> Gates:
         """Gate the scan: paths that share a last hit share its gate (Step 2)."""
-        ids = self._window.append(detections)
+        self.stamp, self.scan_index = observed.stamp, observed.scan_index
+        detections = self.convert(observed.detections)
+        ids = self.detections.append(detections)
         paths = (self._potential, self._hopeless, self._surplus)
         last_hits = np.unique(np.concatenate([part.last_hit for part in paths]))
-        return Gates(last_hits, self._gated(self._window[last_hits], detections), ids)
+        return Gates(last_hits, self.gated(self.detections[last_hits], detections), ids)
 
-    def _gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> splitting.Gated:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> splitting.Gated:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
         return splitting.gate(
             last_hits, detections, self.common.max_speed, self.options.gate_probability
@@ -365,7 +371,7 @@ class Tsepm(Initiator):
             return updated, PathCounts.none()
         # A hair above: the sum over all hits may round otherwise than the sum over some.
         least = self._clutter_statistic(updated)
-        hopeless = ~pruning.keep(least, self._threshold * (1.0 + 1e-9))
+        hopeless = ~pruning.keep(least, self.threshold * (1.0 + 1e-9))
         return updated[~hopeless], PathCounts.of_paths(updated[hopeless])
 
     def _confirm(self, updated: Paths, missed: Paths) -> tuple[Paths, Paths, int]:
@@ -403,7 +409,9 @@ class Tsepm(Initiator):
     def _expired(self, first_scan: IntArray) -> NDArray[np.bool_]:
         return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
 
-    def _estimate(self, tracks: Paths, count: int | None = None) -> Candidates:
+    def _estimate(
+        self, tracks: Paths, time_limit: TimeLimit, count: int | None = None
+    ) -> Candidates:
         """Estimate state and covariance and evaluate (Steps 4 and 5).
 
         `count` is the number of hits of each track, M if not given. At most half of a time limit is
@@ -411,52 +419,53 @@ class Tsepm(Initiator):
         """
         count = count or self.options.min_hits
         order = np.arange(len(tracks))
-        if self._time.finite and len(tracks) > BLOCK:
+        if time_limit.finite and len(tracks) > BLOCK:
             order = np.argsort(self._cost(tracks), kind="stable")
-        begin = self._time.elapsed
+        begin = time_limit.elapsed
         blocks = [self._estimate_block(tracks.hits[order[:BLOCK], :count])]
         for first in range(BLOCK, len(tracks), BLOCK):
-            if self._time.left < 0.5 * self._time.seconds:
+            if time_limit.left < 0.5 * time_limit.seconds:
                 break
             rows = order[first : first + BLOCK]
             blocks.append(self._estimate_block(tracks.hits[rows, :count]))
         candidates = Candidates.joined(*blocks)
-        self._seconds_per_track = (self._time.elapsed - begin) / max(len(candidates), 1)
+        self._seconds_per_track = (time_limit.elapsed - begin) / max(len(candidates), 1)
         return candidates[np.argsort(order[: len(candidates)])]
 
-    def _in_time(self, candidates: Candidates) -> Candidates:
+    def _in_time(self, candidates: Candidates, time_limit: TimeLimit) -> Candidates:
         """The best candidates, as many as can be merged in the time that is left."""
-        if not self._time.finite or len(candidates) <= BLOCK:
+        if not time_limit.finite or len(candidates) <= BLOCK:
             return candidates
-        possible = self._time.left / (MERGING_COST * self._seconds_per_track)
+        possible = time_limit.left / (MERGING_COST * self._seconds_per_track)
         return candidates[keep_best(candidates.evaluation, max(int(possible), BLOCK))]
 
     def _estimate_block(self, ids: IntArray) -> Candidates:
-        hits = self._window[ids]
-        fitted = self._fit(hits)
+        hits = self.detections[ids]
+        fitted = self.fit(hits)
         distance = evaluation.normalized_distance(hits, fitted)
         figure = distance
         if self.options.evaluation == "clutter_statistic":
             figure = evaluation.clutter_statistic(hits["position"], hits["clutter_density"])
         return Candidates(ids, fitted.state, fitted.covariance, distance, figure)
 
-    def _fit(self, hits: NDArray[np.void]) -> Fit:
-        assert self.stamp is not None
+    def fit(self, hits: NDArray[np.void]) -> Fit:
+        """Fit the states to the hits (n, m) of n tracks (Step 4)."""
         return fit(hits, self.stamp, self.sensor, self.options.estimator)
 
     def _prune(self, candidates: Candidates) -> Candidates:
         """Remove the tracks whose evaluation exceeds its threshold (Step 6), or without a fit."""
-        kept = pruning.keep(candidates.evaluation, self._threshold)
+        kept = pruning.keep(candidates.evaluation, self.threshold)
         return candidates[kept & np.isfinite(candidates.distance)]
 
     @property
-    def _threshold(self) -> float:
+    def threshold(self) -> float:
+        """Largest evaluation with which a track is kept (Eq. 26, or the clutter test's)."""
         options = self.options
         if options.evaluation == "clutter_statistic":
             return pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
         return pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
 
-    def _merge(self, candidates: Candidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """Merge the tracks that seem to be one target's (Step 7)."""
         labels = merging.groups(
             candidates.hits,
@@ -466,24 +475,23 @@ class Tsepm(Initiator):
         )
         groups = grouped.members_of_groups(labels)
         best = [members[np.argmin(candidates.evaluation[members])] for members in groups]
-        tracks = self._tracks(candidates[np.array(best, np.int64)])
+        tracks = self.tracks(candidates[np.array(best, np.int64)])
         for row, members in enumerate(groups):
             if len(members) > 1:
-                tracks.state[row], tracks.covariance[row] = self._merged(candidates[members])
-        return tracks.numbered(self._take_track_ids(len(tracks)))
+                tracks.state[row], tracks.covariance[row] = self.merged(candidates[members])
+        return tracks
 
-    def _merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group."""
         if self.options.merging == "refit":
-            union = self._fit(self._window[np.unique(group.hits)][None])
+            union = self.fit(self.detections[np.unique(group.hits)][None])
             return union.state[0], union.covariance[0]
         return merging.moments(group.state, group.covariance, group.distance)
 
-    def _tracks(self, candidates: Candidates) -> TrackArrays:
+    def tracks(self, candidates: Candidates) -> TrackArrays:
         """Candidates as tracks, without ids yet."""
-        assert self.stamp is not None
         n = len(candidates)
-        hits = self._window[candidates.hits]
+        hits = self.detections[candidates.hits]
         pairs = np.stack([hits["scan"], hits["index"]], axis=-1)
         return TrackArrays(
             track_id=np.zeros(n, np.int64),
@@ -529,6 +537,6 @@ class Tsepm(Initiator):
             rows = np.flatnonzero(tracks.hit_count == count)
             hits = tracks.hits[rows, :count]
             statistic[rows] = evaluation.clutter_statistic(
-                self._window.positions(hits), self._window.clutter_densities(hits)
+                self.detections.positions(hits), self.detections.clutter_densities(hits)
             )
         return statistic

@@ -13,6 +13,7 @@ from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.initiation import initial_state
 from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.sequential import Sequential, SequentialOptions
 from tsepm_ros.numerics.arrays import FloatArray
@@ -119,7 +120,7 @@ def run_hexagon(what: Case, seed: list[int]) -> Result:
             CommonOptions(max_speed=published.MAX_SPEED),
             SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
         )
-        started = scene.started(starter, what.scenario.scans)
+        started = scene.started(Initiator(starter), what.scenario.scans)
         judged = started.judged()
         true = [one for one in judged if one.outcome is Outcome.TRUE]
         for name, stamps in (

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.analysis.truth import measurement_sigma
 from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
@@ -84,7 +85,8 @@ class FixedMargin(Tsepm):
     Only the gate has it; estimating, pruning and merging have each detection's own errors.
     """
 
-    def _gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:
+        """See `Tsepm.gated`."""
         margin = np.full(len(last_hits), STATED_MARGIN)
         return gate_within(last_hits, detections, self.common.max_speed, margin)
 
@@ -156,7 +158,8 @@ def _table_1_counts(scene: Scene, row: Table1Row, reading: str, fixed_margin: bo
         pruning_reading=reading,
     )
     kind = FixedMargin if fixed_margin else Tsepm
-    starter = kind(scene.simulator.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
+    method = kind(scene.simulator.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
+    starter = Initiator(method)
     started = scene.started(starter, window)
     found, wrong = started.counts()
     first = _of_first_scan(started)
@@ -239,9 +242,9 @@ def run_comparison(point: Point, seed: list[int]) -> Result:
 class SplitOnly(SplitMerge):
     """Split-merge 2016 before its merging: every confirmed track is put out."""
 
-    def _merge(self, candidates: Candidates) -> TrackArrays:
-        tracks = self._tracks(candidates)
-        return tracks.numbered(self._take_track_ids(len(tracks)))
+    def merge(self, candidates: Candidates) -> TrackArrays:
+        """Every candidate is a track of its own."""
+        return self.tracks(candidates)
 
 
 @dataclass(frozen=True)
@@ -262,7 +265,7 @@ def run_four_targets(what: FourTargets, seed: list[int]) -> Result:
     options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
     results: Result = {}
     for name, kind in (("split", SplitOnly), ("merged", SplitMerge)):
-        starter = kind(what.scenario.sensor, CommonOptions(), options)
+        starter = Initiator(kind(what.scenario.sensor, CommonOptions(), options))
         started = scene.started(starter, what.scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = np.zeros(len(started.tracks), bool)

@@ -140,13 +140,8 @@ class Session:
             Whether potential tracks were kept. Another method, or another number of hits, starts
             over.
         """
-        window, kept = settings.window, False
-        if settings.session.method == self._settings.session.method:
-            kept = self.initiator.configure(
-                settings.sensor, settings.common, settings.method_options
-            )
-        else:
-            self._change_method(settings)
+        window = settings.window
+        kept = self.initiator.configure(settings.make_method())
         old, self._settings = self._settings, settings
         options = settings.session
         self._order.restart_jump = options.restart_jump
@@ -159,20 +154,7 @@ class Session:
 
     def rehearse(self, settings: Settings) -> None:
         """Raise what `configure` would; nothing changes."""
-        if settings.session.method == self._settings.session.method:
-            self.initiator.configured(settings.sensor, settings.common, settings.method_options)
-        else:
-            settings.make_initiator()
-
-    def _change_method(self, settings: Settings) -> None:
-        made = settings.make_initiator()
-        self._totals_before = self.totals
-        before, self.initiator = self.initiator, made
-        made.next_track_id = before.next_track_id
-        made.stamp = before.stamp
-        made.hold = before.hold
-        made.hold.hold_time = settings.common.hold_time
-        made.hold.tracked_timeout = settings.common.tracked_timeout
+        self.initiator.rehearse(settings.make_method())
 
     def reset(self) -> list[int]:
         """Forget scans, tracks, poses and counts; returns the ids of the tracks that end."""

@@ -8,7 +8,8 @@ from typing import Any
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.methods.registry import METHODS, make_initiator
+from tsepm_ros.initiation.method import Method
+from tsepm_ros.methods.registry import METHODS, make_method
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.session_options import SessionOptions
@@ -56,7 +57,11 @@ class Settings:
 
     def make_initiator(self) -> Initiator:
         """Make the initiator that these settings describe."""
-        return make_initiator(
+        return Initiator(self.make_method())
+
+    def make_method(self) -> Method:
+        """Make the method that these settings describe."""
+        return make_method(
             self.session.method,
             sensor=self.sensor,
             **dataclasses.asdict(self.common),

@@ -43,7 +43,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE, Initiator
+from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
+from tsepm_ros.initiation.method import Method
+from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
@@ -58,7 +60,6 @@ from tsepm_ros.numerics.grouped import places, sums_over_hits
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.sensing import range_rates, sensor
 from tsepm_ros.sensing.detection_window import DetectionWindow
-from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import pruning
 from tsepm_ros.stages.estimation import fit
@@ -134,11 +135,12 @@ class _Start:
     evidence: float
 
 
-class Score(Initiator):
+class Score(Method):
     """The likelihood-ratio method, the default: evidence for a target, against clutter."""
 
     Options = ScoreOptions
     options: ScoreOptions
+    clutter_excludes_held = True
     operating_points = MappingProxyType(
         {
             f"{wish:g}/h": {"false_tracks_per_hour": wish}
@@ -146,43 +148,44 @@ class Score(Initiator):
         }
     )
 
-    def forget_potential_tracks(self) -> None:
-        """See `Initiator.forget_potential_tracks`."""
-        self._window = DetectionWindow()
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        self._observed: Observation | None = None
+        self.detections = DetectionWindow()
         self._has_range_rates = False
         self._hypotheses = Hypotheses.none(self.options.window)
         self._counts: deque[int] = deque(maxlen=MEMORY)
         self._intervals: deque[float] = deque(maxlen=MEMORY)
 
-    def _configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; another window starts over.
 
-        See `Initiator._configure`.
+        See `Method.configure`.
         """
         window = self.options.window
-        super()._configure(sensor, common, options)
+        super().configure(sensor, common, options)
         if options.window != window:
-            self.forget_potential_tracks()
+            self.forget()
             return False
         return True
 
-    def process(self, scan: Scan) -> TrackArrays:
+    def step(self, observed: Observation) -> Step:
         """Take one scan and return the tracks that it newly confirms.
 
-        See `Initiator.process`.
+        See `Method.step`.
         """
-        follows = self.stamp is not None and len(self._counts) > 0
-        interval = scan.stamp - self._now if follows else 0.0
-        detections = self._receive(scan)
-        ids = self._window.append(detections)
-        row, probability = self.hold.claims
-        self._window.claim(ids[row], probability)
+        self._observed = observed
+        interval = observed.interval if self._counts else 0.0
+        detections = observed.detections
+        ids = self.detections.append(detections)
+        row, probability = observed.held_association
+        self.detections.claim(ids[row], probability)
         self._has_range_rates = bool(range_rates.measured(detections).any())
-        clutter = self._clutter_density(detections)
+        clutter = observed.clutter_density
         self._observe(len(detections), interval)
         predicted = self._hypotheses.predicted(interval, self.options.process_noise)
-        detectable = self._detectable(predicted.state[:, 0::2])
-        log_explained = np.log1p(self._explained / np.maximum(clutter, sensor.LEAST_DENSITY))
+        detectable = observed.detection_probability(predicted.state[:, 0::2])
+        log_explained = np.log1p(observed.held_density / np.maximum(clutter, sensor.LEAST_DENSITY))
         children, cut_children = self._split(
             predicted, detectable, detections, ids, clutter, log_explained
         )
@@ -190,13 +193,12 @@ class Score(Initiator):
         updated = Hypotheses.joined(children, started)
         missed = self._miss(predicted, detectable)
         target = self._target_share(updated, ids)
-        self._clutter_map.withdraw(*self._polar, self._clutter_share * target)
         tracks, starts = self._confirm(updated, missed, ids)
         grown = _beside(Hypotheses.joined(updated, missed), starts)
         kept = self._prune(grown)
         self._hypotheses, cut = self._limit(kept)
-        self._window.forget(self.scan_index + 2 - self.options.window)
-        return self._deliver(
+        self.detections.forget(self._last.scan_index + 2 - self.options.window)
+        return Step(
             tracks,
             ScanStatistics(
                 scans=1,
@@ -207,6 +209,8 @@ class Score(Initiator):
                 confirmed=len(tracks),
                 cut_potential_tracks=cut_children + cut,
             ),
+            existence=self._probable(tracks.evaluation),
+            target_probability=target,
         )
 
     @property
@@ -216,13 +220,17 @@ class Score(Initiator):
         if share is None:
             return math.inf
         sensor = self.sensor
+        observed = self._observed
         if self.common.detection_probability == "estimated":
-            coarse = max(round(self.detection_probability, 1), 0.1)
+            known = (
+                observed.detection_probability_in_use if observed else sensor.detection_probability
+            )
+            coarse = max(round(known, 1), 0.1)
             sensor = replace(sensor, detection_probability=coarse)
-        if self.common.clutter_density == "estimated" and len(self._polar[0]):
-            density = float(np.median(self._clutter_map.at(*self._polar)))
+        if self.common.clutter_density == "estimated" and observed and len(observed.detections):
+            density = float(np.median(observed.detections["clutter_density"]))
             coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
-            half = 2.0 ** round(math.log2(self._sensor_of_clutter.clutter_range_rate))
+            half = 2.0 ** round(math.log2(observed.clutter_sensor.clutter_range_rate))
             sensor = replace(sensor, clutter_density=coarse, clutter_range_rate=half)
         if not self._has_range_rates:
             sensor = replace(sensor, range_rate_std=0.0)
@@ -238,16 +246,11 @@ class Score(Initiator):
         )
         return plan.threshold(share)
 
-    def _probably_clutter(self, clutter: FloatArray) -> FloatArray:
-        """What no held target explains: few of the tracks are false.
-
-        See `Initiator._probably_clutter`.
-        """
-        return clutter / (clutter + self._explained)
-
-    def _existence(self, tracks: TrackArrays) -> FloatArray:
-        """See `Initiator._existence`."""
-        return self._probable(tracks.evaluation)
+    @property
+    def _last(self) -> Observation:
+        """The scan at hand."""
+        assert self._observed is not None
+        return self._observed
 
     def _probable(self, evaluation: FloatArray) -> FloatArray:
         """Posterior probability of tracks so far above the threshold, (n,).
@@ -292,12 +295,12 @@ class Score(Initiator):
             f"clutter passes {self.options.false_tracks_per_hour:g} times an hour"
         )
 
-    def potential_tracks(self) -> TrackArrays:
+    def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
 
         Those of held targets are left out, also where one might be of another beside it.
 
-        See `Initiator.potential_tracks`.
+        See `Method.potential_tracks`.
         """
         found = self._hypotheses[self._spread_in_time(self._hypotheses, 2)]
         found = found[self._claimed_share(found, np.arange(len(found)), len(found)) <= CLAIMED]
@@ -332,14 +335,14 @@ class Score(Initiator):
         Returns the children that are not deleted at once, and the pairs that a limit left out.
         """
         parent, row, cut = predicted.near(
-            detections, self._now, self.sensor, self.options.gate_probability
+            detections, self._last.stamp, self.sensor, self.options.gate_probability
         )
         order = np.arange(len(parent))
-        if self._time.finite and len(parent) > BLOCK:
+        if self._last.time_limit.finite and len(parent) > BLOCK:
             order = np.argsort(-predicted.score[parent], kind="stable")
         score = np.full(len(parent), -np.inf)
         for first in range(0, len(parent), BLOCK):
-            if first and self._time.left < 0.5 * self._time.seconds:
+            if first and self._last.time_limit.left < 0.5 * self._last.time_limit.seconds:
                 cut += len(parent) - first
                 break
             part = order[first : first + BLOCK]
@@ -361,7 +364,7 @@ class Score(Initiator):
                 ids[row[part]],
                 score[part],
                 beside[part],
-                self._now,
+                self._last.stamp,
                 self.sensor,
             )
             for part in blocks
@@ -377,7 +380,9 @@ class Score(Initiator):
         clutter: FloatArray,
     ) -> FloatArray:
         """Score of each child; -inf outside the gate, or where P_D (of the parents) is 0."""
-        lag, innovation, spread = predicted.innovations(parent, found, self._now, self.sensor)
+        lag, innovation, spread = predicted.innovations(
+            parent, found, self._last.stamp, self.sensor
+        )
         density = kalman.log_likelihood(
             predicted.state,
             predicted.covariance,
@@ -406,16 +411,16 @@ class Score(Initiator):
         for a target or against it.
         """
         n = len(ids)
-        path = starting(ids, self.scan_index, self.options.window)
+        path = starting(ids, self._last.scan_index, self.options.window)
         state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
         state[:, 0::2] = detections["position"]
         covariance[:, 0::2, 0::2] = detections["covariance"]
         covariance[:, [1, 3], [1, 3]] = self.common.max_speed**2 / 4.0
         state, covariance, gain = range_rates.begun(
-            state, covariance, detections, self._sensor_of_clutter
+            state, covariance, detections, self._last.clutter_sensor
         )
         # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
-        lag = detections["time"] - self._now
+        lag = detections["time"] - self._last.stamp
         state, covariance = kalman.predict(state, covariance, -lag)
         beside = gain - log_explained
         return Hypotheses(
@@ -449,13 +454,13 @@ class Score(Initiator):
         rows = np.flatnonzero(strong[group])
         ending, group = updated[rows], group[rows]
         new = self._claimed_share(ending, group, n) <= CLAIMED
-        new &= self._window.claimed(ids) <= CLAIMED_NEWEST
+        new &= self.detections.claimed(ids) <= CLAIMED_NEWEST
         strong &= new | (grouped.summed(ending.beside, group, n) >= threshold + BESIDE)
         starts: list[_Start] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
             members = ending[group == newest]
             start = None
-            if new[newest] and self._window.claimed(ids[[newest]])[0] <= CLAIMED_NEWEST:
+            if new[newest] and self.detections.claimed(ids[[newest]])[0] <= CLAIMED_NEWEST:
                 start = self._resolved(members, updated, missed, CLAIMED)
             if start is None:
                 members = _beside(members, starts).as_beside()
@@ -467,7 +472,7 @@ class Score(Initiator):
             if start is not None:
                 starts.append(start)
                 beyond = np.array([start.evidence - threshold])
-                self._window.claim(start.claimed, start.probability * self._probable(beyond))
+                self.detections.claim(start.claimed, start.probability * self._probable(beyond))
         tracks = self._tracks(
             [start.hits for start in starts],
             np.reshape([start.state for start in starts], (-1, 4)),
@@ -475,7 +480,7 @@ class Score(Initiator):
             np.array([start.evidence for start in starts], float),
             threshold,
         )
-        return tracks.numbered(self._take_track_ids(len(tracks))), starts
+        return tracks, starts
 
     def _claimed_share(self, ending: Hypotheses, group: IntArray, count: int) -> FloatArray:
         """Share of each group's hits that are a confirmed track's, over its hypotheses, (count,).
@@ -485,7 +490,7 @@ class Score(Initiator):
         weight = np.exp(ending.score - grouped.largest_of(ending.score, group, count)[group])
         hit = ending.hits != NO_HIT
         claimed = np.zeros(ending.hits.shape)
-        claimed[hit] = self._window.claimed(ending.hits[hit])
+        claimed[hit] = self.detections.claimed(ending.hits[hit])
         theirs = np.bincount(group, weight * claimed.sum(axis=1), minlength=count)
         hits = np.bincount(group, weight * ending.hit_count, minlength=count)
         return theirs / np.maximum(hits, 1e-300)
@@ -557,8 +562,8 @@ class Score(Initiator):
         enough = hypotheses.hit_count >= min_hits
         if not enough.any():
             return enough
-        newest = self._window[hypotheses.last_hit]["time"]
-        oldest = self._window[hypotheses.hits[:, 0]]["time"]
+        newest = self.detections[hypotheses.last_hit]["time"]
+        oldest = self.detections[hypotheses.hits[:, 0]]["time"]
         return enough & (np.abs(newest - oldest) > LEAST_SPREAD * self._interval)
 
     def _mixture(self, members: Hypotheses) -> tuple[FloatArray, FloatArray]:
@@ -574,8 +579,8 @@ class Score(Initiator):
         state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
         for count in np.unique(hypotheses.hit_count):
             rows = np.flatnonzero(hypotheses.hit_count == count)
-            hits = self._window[hypotheses.hits[rows, :count]]
-            fitted = fit(hits, self._now, self.sensor, self.options.estimator)
+            hits = self.detections[hypotheses.hits[rows, :count]]
+            fitted = fit(hits, self._last.stamp, self.sensor, self.options.estimator)
             state[rows], covariance[rows] = fitted.state, fitted.covariance
         return state, covariance
 
@@ -588,12 +593,12 @@ class Score(Initiator):
         threshold: float,
     ) -> TrackArrays:
         n = len(hits)
-        found = [self._window[ids] for ids in hits]
+        found = [self.detections[ids] for ids in hits]
         first = [int(track["scan"][0]) for track in found]
         begin = np.array([track["time"][0] for track in found], float)
         return TrackArrays(
             track_id=np.arange(n),
-            stamp=np.full(n, self._now),
+            stamp=np.full(n, self._last.stamp),
             state=state,
             covariance=covariance,
             hits=[
@@ -603,8 +608,8 @@ class Score(Initiator):
             hit_count=np.array([len(track) for track in found], np.int64),
             evaluation=score - threshold,
             score=score,
-            scan_count=self.scan_index + 1 - np.array(first, np.int64),
-            age=self._now - begin,
+            scan_count=self._last.scan_index + 1 - np.array(first, np.int64),
+            age=self._last.stamp - begin,
         )
 
     def _prune(self, hypotheses: Hypotheses) -> Hypotheses:
@@ -614,7 +619,9 @@ class Score(Initiator):
         same last detection, or as many better ones with it as are kept.
         """
         kept = hypotheses.score > self.deletion
-        kept &= ~pruning.expired(self.scan_index + 1 - hypotheses.first_scan, self.options.window)
+        kept &= ~pruning.expired(
+            self._last.scan_index + 1 - hypotheses.first_scan, self.options.window
+        )
         hypotheses = hypotheses[kept]
         return hypotheses[hypotheses.best_of_last_hit(self.options.max_per_detection, FORGOTTEN)]
 

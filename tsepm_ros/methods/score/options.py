@@ -24,7 +24,7 @@ class ScoreOptions:
     false_tracks_per_hour: float = parameter(
         1.0,
         "False tracks per hour that are wanted, over the whole coverage; sets the threshold",
-        positive=True,
+        minimum=1e-30,
         maximum=1e6,
     )
     miss_probability: float = parameter(

@@ -1,0 +1,200 @@
+"""Before every method: conversion, coverage, clutter density, and what held tracks explain."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from tsepm_ros.environment.learned import Learned
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.observation import Observation, Step
+from tsepm_ros.maintenance.held_tracks import TrackHold
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.limits import TimeLimit
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.sensing.coverage import PosesByRange, inside
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
+
+
+class FrontEnd:
+    """Observes scans, learns from them, and carries the held tracks through them.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+    common : CommonOptions
+    held : TrackHold
+        The confirmed tracks.
+    clutter_excludes_held : bool
+        Whether the clutter map leaves out the detections of held tracks.
+
+    Attributes
+    ----------
+    stamp : float or None
+        Stamp of the last scan, s.
+    scan_index : int
+        Number of the last scan, from 0; -1 before the first.
+    outside_coverage : int
+        Detections of the last scan that are not used.
+    """
+
+    def __init__(
+        self,
+        sensor: SensorModel,
+        common: CommonOptions,
+        held: TrackHold,
+        clutter_excludes_held: bool,
+    ) -> None:
+        self.sensor = sensor
+        self.common = common
+        self.held = held
+        self.clutter_excludes_held = clutter_excludes_held
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the scans so far and what was learned from them."""
+        self.stamp: float | None = None
+        self.scan_index = -1
+        self.outside_coverage = 0
+        self.learned = Learned.nothing(self.sensor)
+        self._poses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
+        self._polar = np.zeros(0), np.zeros(0)
+        self._clutter_weight = np.zeros(0)
+
+    def configure(
+        self, sensor: SensorModel, common: CommonOptions, clutter_excludes_held: bool
+    ) -> None:
+        """Change the options before the next scan; what was learned and still holds is kept."""
+        self.learned = self.learned.under(sensor)
+        self.sensor = sensor
+        self.common = common
+        self.clutter_excludes_held = clutter_excludes_held
+
+    @property
+    def estimated_detection_probability(self) -> float:
+        """Detection probability as the tracks held tell it, whether it is used or not."""
+        return self.held.detection_probability.estimate(self.sensor.detection_probability)
+
+    @property
+    def detection_probability(self) -> float:
+        """Detection probability in use: given or estimated."""
+        if self.common.detection_probability == "given":
+            return self.sensor.detection_probability
+        return self.estimated_detection_probability
+
+    @property
+    def clutter_density(self) -> float:
+        """Clutter density in use, 1/m^2: given, or the mean of the estimate over the coverage."""
+        if self.common.clutter_density == "given":
+            return self.sensor.clutter_density
+        return self.learned.clutter_map.mean
+
+    @property
+    def sensor_in_use(self) -> SensorModel:
+        """The sensor with the detection probability in use."""
+        if self.common.detection_probability == "given":
+            return self.sensor
+        return dataclasses.replace(self.sensor, detection_probability=self.detection_probability)
+
+    def observe(self, scan: Scan, time_limit: TimeLimit) -> Observation:
+        """Count a scan in and convert its detections in the coverage (Step 1).
+
+        The held tracks take their detections at the density that was known before, and then the
+        scan is learned from.
+
+        Raises
+        ------
+        ValueError
+            If the stamp is not later than the last one, or the scan has more than
+            `max_detections` detections. Nothing has changed then.
+        """
+        self._check(scan)
+        interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
+        self.stamp = scan.stamp
+        self.scan_index += 1
+        self._poses = PosesByRange.of(scan) or self._poses
+        covered = inside(scan, self.sensor)
+        self.outside_coverage = len(scan) - int(np.count_nonzero(covered))
+        detections = convert(scan, self.sensor, self.scan_index)[covered]
+        self._polar = scan.range[covered], scan.azimuth[covered]
+
+        learned, with_features = self.learned, self.common.plot_features
+        in_zone, environment = np.zeros(len(detections), bool), None
+        if with_features:
+            in_zone = learned.clutter_map.in_zone(*self._polar)
+            environment = learned.features.at(in_zone, self.common.encounter_time)
+        learned.clutter_rates.update(detections)
+        clutter_sensor = self.sensor
+        if self.common.clutter_density == "estimated":
+            clutter_sensor = learned.clutter_rates.estimate(self.sensor)
+        of_rates = range_rates.clutter_density(detections, clutter_sensor)
+        before = self._local_density(len(detections)) * of_rates
+        held_density = self.held.step(
+            scan.stamp,
+            detections,
+            before,
+            self.detection_probability_at,
+            self.sensor_in_use,
+            self.common.max_speed,
+            environment,
+        )
+        if with_features:
+            learned.features.observe(
+                self.scan_index, detections["index"], detections["features"], held_density < before
+            )
+        self._clutter_weight = np.ones(len(detections))
+        if self.clutter_excludes_held:
+            self._clutter_weight = before / (before + held_density)
+        learned.clutter_map.update(*self._polar, self._clutter_weight)
+        detections["clutter_density"] = self._local_density(len(detections))
+        return Observation(
+            stamp=scan.stamp,
+            scan_index=self.scan_index,
+            interval=interval,
+            detections=detections,
+            clutter_density_before=before,
+            clutter_density=detections["clutter_density"] * of_rates,
+            held_density=held_density,
+            held_association=self.held.claims,
+            in_clutter_zone=in_zone,
+            clutter_sensor=clutter_sensor,
+            sensor_position=self._poses.middle[:2],
+            detection_probability=self.detection_probability_at,
+            detection_probability_in_use=self.detection_probability,
+            time_limit=time_limit,
+        )
+
+    def finish(self, step: Step, existence: FloatArray, ids: IntArray) -> None:
+        """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter."""
+        tracks = step.tracks.numbered(ids)
+        if step.target_probability is not None:
+            self.learned.clutter_map.withdraw(
+                *self._polar, self._clutter_weight * step.target_probability
+            )
+        histories = self.learned.features.histories(tracks) if self.common.plot_features else None
+        self.held.add(tracks, existence, histories)
+
+    def _check(self, scan: Scan) -> None:
+        if self.stamp is not None and scan.stamp <= self.stamp:
+            raise ValueError(
+                f"stamp must be later than the last scan's; got {scan.stamp!r} after {self.stamp!r}"
+            )
+        if len(scan) > self.common.max_detections:
+            raise ValueError(
+                f"range has {len(scan)} detections, more than max_detections = "
+                f"{self.common.max_detections}"
+            )
+
+    def detection_probability_at(self, positions: FloatArray) -> FloatArray:
+        """Probability that a target at each position (n, 2) is detected in this scan."""
+        covered = self.sensor.covers(*self._poses.polar(positions))
+        return np.where(covered, self.detection_probability, 0.0)
+
+    def _local_density(self, number: int) -> FloatArray:
+        """Clutter density where each of the scan's detections is, (number,), 1/m^2."""
+        if self.common.clutter_density == "given":
+            return np.full(number, self.sensor.clutter_density)
+        return self.learned.clutter_map.at(*self._polar)

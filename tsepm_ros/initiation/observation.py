@@ -1,0 +1,89 @@
+"""One scan as a method sees it, and what a method makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.limits import TimeLimit
+from tsepm_ros.sensing.sensor import SensorModel
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A scan's detections in the coverage, and what is known of each before the method.
+
+    Attributes
+    ----------
+    stamp : float
+        The scan's stamp, s.
+    scan_index : int
+        Number of the scan since the start or the last reset, from 0.
+    interval : float
+        Time since the scan before, s; 0 for the first.
+    detections : (d,) ndarray of DETECTION
+        Converted to the fixed frame; `clutter_density` is that after learning.
+    clutter_density_before, clutter_density : (d,) ndarray
+        Clutter density at each detection before and after this scan was learned from, 1/m^2,
+        times the density of its range rate, s/m, where it has one.
+    held_density : (d,) ndarray
+        Density at each detection due to held tracks, to be added to the clutter density.
+    held_association : tuple of (p,) ndarray
+        Rows of detections that may be a held track's, and the probability of each that the track's
+        target exists and caused the detection.
+    in_clutter_zone : (d,) ndarray of bool
+        With `plot_features`; else all False.
+    clutter_sensor : SensorModel
+        The sensor with the range rates of its clutter as given or learned.
+    sensor_position : (2,) ndarray
+        Where the sensor was, in the fixed frame, m.
+    detection_probability : callable
+        P_D in this scan of targets at positions (n, 2); 0 outside the coverage.
+    detection_probability_in_use : float
+        P_D in the coverage, given or estimated.
+    time_limit : TimeLimit
+        Time that the scan may take.
+    """
+
+    stamp: float
+    scan_index: int
+    interval: float
+    detections: NDArray[np.void]
+    clutter_density_before: FloatArray
+    clutter_density: FloatArray
+    held_density: FloatArray
+    held_association: tuple[IntArray, FloatArray]
+    in_clutter_zone: BoolArray
+    clutter_sensor: SensorModel
+    sensor_position: FloatArray
+    detection_probability: Callable[[FloatArray], FloatArray]
+    detection_probability_in_use: float
+    time_limit: TimeLimit
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a method makes of a scan.
+
+    Attributes
+    ----------
+    tracks : TrackArrays
+        Newly confirmed tracks at the scan's stamp; their ids are not set yet.
+    statistics : ScanStatistics
+    existence : (n,) ndarray, optional
+        Probability that each new track's target exists; `NEW_TRACK_EXISTENCE` if not given.
+    target_probability : (d,) ndarray, optional
+        Probability that each detection is of a target that is not confirmed yet: so much of it
+        does not count as clutter.
+    """
+
+    tracks: TrackArrays = field(default_factory=lambda: TrackArrays.of([]))
+    statistics: ScanStatistics = field(default_factory=lambda: ScanStatistics(scans=1))
+    existence: FloatArray | None = None
+    target_probability: FloatArray | None = None
