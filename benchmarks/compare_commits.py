@@ -1,0 +1,259 @@
+"""Compare what two commits put out, on random scenes, recordings and a bag; or, --time, their time.
+
+python benchmarks/compare_commits.py BASE [HEAD] [--tolerance 1e-12] [--time]
+
+HEAD is the working tree if not given. Differences are relative to the norm of BASE's; tolerance 0
+asks for every bit. A scene at which a side fails is compared up to there, and counted as
+shorter there: where HEAD (H) fails is a difference, where BASE (B) alone does is not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import pickle
+import re
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from compare_worker import OPTIONS
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+ROOT = Path(__file__).resolve().parents[1]
+WORKER = (sys.executable, str(ROOT / "benchmarks" / "compare_worker.py"))
+STORE = get_typestore(Stores.ROS2_JAZZY)
+FORMATS = {2: "u1", 4: "<u2", 6: "<u4", 7: "<f4", 8: "<f8"}
+NUMBERS = ("state", "covariance", "figures", "held state", "held cov.")
+COUNTED = ("runs", "tracks", "to the bit", "other hits", "other counts", "B shorter", "H shorter")
+NOISE = "sensor.range_std:=15.0 sensor.range_std_fraction:=0.0 max_speed:=15.0"
+LEARNING = "clutter_density:=estimated detection_probability:=estimated"
+Run = dict[str, Any]
+
+
+def compare(base: Run, head: Run) -> Counter[str]:
+    """Count what differs in one run, and the largest differences of numbers."""
+    pairs = list(zip(base["scans"], head["scans"], strict=False))
+    counts = Counter({"runs": 1, "tracks": sum(len(a["hits"]) for a, _ in pairs)})
+    counts["other hits"] = any(a["hits"] != b["hits"] for a, b in pairs)
+    counts["other counts"] = any(
+        a["counts"] != b["counts"]
+        or any(b["statistics"].get(k, v) != v for k, v in a["statistics"].items())
+        for a, b in pairs
+    )
+    counts["B shorter"] = len(base["scans"]) < len(head["scans"])
+    counts["H shorter"] = len(head["scans"]) < len(base["scans"])
+    same = all(a.get("bytes") == b.get("bytes") for a, b in pairs)
+    for name in NUMBERS:
+        counts[name] = max((_apart(a[name], b[name]) for a, b in pairs), default=0.0)
+        same &= all(a[name].tobytes() == b[name].tobytes() for a, b in pairs)
+    counts["to the bit"] = same and not counts["other hits"] and not counts["other counts"]
+    return counts
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest difference of rows against the norm of the first, and of figures at least 1."""
+    if a.shape != b.shape:
+        return np.inf
+    with np.errstate(invalid="ignore"):
+        apart = np.linalg.norm(np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, b - a), axis=1)
+        size = np.maximum(np.linalg.norm(np.nan_to_num(a), axis=1), float(a.shape[1] == 1))
+        ratio = np.where(apart == 0.0, 0.0, apart / np.maximum(size, 1e-300))
+    return float(np.nan_to_num(ratio, nan=np.inf).max(initial=0.0))
+
+
+def report(pairs: Iterable[tuple[Run, Run]], tolerance: float) -> bool:
+    """Print a table of comparisons and where they differ; returns whether all is well."""
+    table: dict[str, Counter[str]] = {}
+    differing, well = [], True
+    for base, head in pairs:
+        found, row = compare(base, head), table.setdefault(base["row"], Counter())
+        for name in COUNTED:
+            row[name] += found[name]
+        for name in NUMBERS:
+            row[name] = max(row[name], found[name])
+        bad = found["other hits"] or found["other counts"] or found["H shorter"]
+        bad = bad or not base["scans"] or max(found[name] for name in NUMBERS) > tolerance
+        bad = bad or (tolerance == 0.0 and not found["to the bit"])
+        well &= not bad
+        if bad or found["B shorter"]:
+            kind = "DIFFERS" if bad else "BASE failed"
+            abouts = dict.fromkeys((base["about"], head["about"]))  # an exception is part of it
+            differing.append(f"{kind}: {base['row']}, {' | '.join(abouts)}")
+    print(f"{'':28}" + "".join(f"{name:>13}" for name in (*COUNTED, *NUMBERS)))
+    for name, row in table.items():
+        cells = [*(str(row[key]) for key in COUNTED), *(f"{row[key]:.1e}" for key in NUMBERS)]
+        print(f"{name:28}" + "".join(f"{cell:>13}" for cell in cells))
+    print(*differing[:40], f"... {len(differing)} in all" * (len(differing) > 40), sep="\n")
+    return well
+
+
+class Side:
+    """A tree of files, and a folder to run it in."""
+
+    def __init__(self, tree: Path, work: Path) -> None:
+        self.tree, self.work = tree, work
+        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        self.environment = {**os.environ, **threads, "PYTHONPATH": str(tree)}
+        self.work.mkdir()
+
+    def worker(self, *arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
+        """Run the worker to its end."""
+        command = [*WORKER, *map(str, arguments)]
+        return subprocess.run(command, env=self.environment, cwd=self.work, text=True, **options)
+
+    def scenes(self, number: int) -> Path:
+        """Run the random scenes; returns the file with what they gave."""
+        self.worker("scenes", self.work / "scenes", number, check=True)
+        return self.work / "scenes"
+
+    def run(self, name: str, recording: Path, parameters: str) -> Run:
+        """Run the command `tsepm run` on a recording or a bag."""
+        setup = (self.tree / "setup.py").read_text(encoding="utf-8")
+        [entry] = re.findall(r'"tsepm = ([\w.]+):(\w+)"', setup)
+        out = self.work / f"{recording.stem} {name}"
+        given = [part for value in parameters.split() for part in ("-p", value)]
+        run = ("command", *entry, "run", recording, "--out", out, *given)
+        done = self.worker(*run, capture_output=True)
+        result = {"row": f"{recording.stem} {name}", "about": parameters, "scans": [], "out": out}
+        if done.returncode:
+            return result | {"about": done.stderr[-200:]}
+        with (out / "tracks.csv").open(encoding="utf-8", newline="") as file:
+            table = [row[:-1] for row in csv.reader(file)]  # without the sentence
+        scans = list(_clouds(out / "tracks.mcap"))
+        dropped = sorted(re.findall(r"dropped: (\d+) ", done.stderr))
+        scans[-1] |= {"bytes": (*scans[-1]["bytes"], table), "statistics": {"dropped": dropped}}
+        return result | {"scans": scans}
+
+
+def _clouds(path: Path) -> Iterator[Run]:
+    """What each scan gave, from the messages on `tracks` and `tracks/current`."""
+    with AnyReader([path], default_typestore=STORE) as bag:
+        messages = [(link.topic, time, data) for link, time, data in bag.messages()]
+    new, held = ([m for m in messages if m[0] == t] for t in ("/tracks", "/tracks/current"))
+    for (_, time, data), (_, _, held_data) in zip(new, held, strict=True):
+        tracks, current = _points(data), _points(held_data)
+        yield {
+            "hits": tracks["hit_count"].tolist(),
+            "counts": [time, tracks["track_id"].tolist(), current["track_id"].tolist()],
+            "statistics": {},
+            "figures": _columns(tracks, ("evaluation", "score", "age")).reshape(-1, 1),
+            **{"state": _columns(tracks, "state"), "covariance": _columns(tracks, "cov")},
+            **{"held state": _columns(current, "state"), "held cov.": _columns(current, "cov")},
+            "bytes": (data, held_data),
+        }
+
+
+def _points(data: bytes) -> np.ndarray:
+    cloud: Any = STORE.deserialize_cdr(data, "sensor_msgs/msg/PointCloud2")
+    layout = [(field.name, FORMATS[field.datatype], field.offset) for field in cloud.fields]
+    kind = dict(zip(("names", "formats", "offsets"), zip(*layout, strict=True), strict=True))
+    return np.frombuffer(cloud.data.tobytes(), np.dtype(kind | {"itemsize": cloud.point_step}))
+
+
+def _columns(points: np.ndarray, prefix: str | tuple[str, ...]) -> np.ndarray:
+    names = [name for name in points.dtype.names or () if name.startswith(prefix)]
+    return np.stack([points[name] for name in names], axis=1)
+
+
+def runs(sides: list[Side], scenes: int, recordings: Path) -> Iterator[tuple[Run, Run]]:
+    """Iterate over all pairs of runs; the two of a pair are at work at the same time."""
+    bag = sides[0].work / "bag"
+    sides[0].worker("bag", bag, check=True)
+    plan = [(name, bag, f"method:={name} {NOISE} sensor.max_range:=3000.0") for name in OPTIONS]
+    folders = sorted(path.parent for path in recordings.rglob("detections.csv"))
+    print("\n".join(map(str, folders)) or f"note: no recordings in {recordings}")
+    for folder in folders:
+        given = f"bearing_reference:=north {NOISE}"
+        plan += [(name, folder, f"method:={name} {given}") for name in ("score", "tsepm")]
+        plan.append(("learning", folder, f"method:=score {given} {LEARNING}"))
+    with ThreadPoolExecutor(2) as pool:
+        paths = pool.map(lambda side: side.scenes(scenes), sides)
+        with next(paths).open("rb") as base, next(paths).open("rb") as head:
+            for _ in range(scenes * len(OPTIONS) + scenes // 4):
+                yield pickle.load(base), pickle.load(head)
+        for one in plan:
+            base_run, head_run = pool.map(lambda side, one=one: side.run(*one), sides)
+            yield base_run, head_run
+
+
+def time_both(sides: list[Side], repeats: int) -> None:
+    """Print the processor time per ping of both, who take turns ping by ping, and the ratio."""
+    print("method  density  BASE ms  HEAD ms  HEAD / BASE: median (min .. max of the repeats)")
+    for method in ("tsepm", "score"):
+        for density in (3.6e-8, 1e-6, 5e-6):
+            pings = np.array([_race(sides, method, density, seed) for seed in range(repeats)])
+            ratio = np.median(pings[:, :, 1] / pings[:, :, 0], axis=1)
+            base, head = 1e3 * np.median(pings, axis=(0, 1))
+            print(f"{method:7} {density:.1e} {base:8.3f} {head:8.3f}  ", end="")
+            print(f"{np.median(ratio):.3f} ({ratio.min():.3f} .. {ratio.max():.3f})", flush=True)
+
+
+def _race(sides: list[Side], method: str, density: float, seed: int) -> np.ndarray:
+    """Times of the pings once the window is full, (n, 2), s: a disc of 9 km with one target."""
+    rng, streams = (
+        np.random.default_rng(seed),
+        {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE},
+    )
+    workers = [
+        subprocess.Popen([*WORKER, "time"], env=side.environment, **streams) for side in sides
+    ]
+    times = np.zeros((40, 2))
+    for worker in workers:
+        worker.stdin.write(pickle.dumps((method, density)))
+    for ping in range(len(times)):
+        n, x, y = rng.poisson(density * np.pi * 9000.0**2), 3000.0 + 48.0 * ping, 2000.0
+        range_ = np.append(9000.0 * np.sqrt(rng.uniform(1e-4, 1.0, n)), np.hypot(x, y))
+        azimuth = np.append(rng.uniform(-np.pi, np.pi, n), np.arctan2(y, x))
+        scan = pickle.dumps({"stamp": 12.0 * ping, "range": range_, "azimuth": azimuth})
+        for index in (0, 1) if (ping + seed) % 2 else (1, 0):
+            workers[index].stdin.write(scan)
+            workers[index].stdin.flush()
+            times[ping, index] = float(workers[index].stdout.readline())
+    for worker in workers:
+        worker.communicate(pickle.dumps(None))
+    return times[16:]
+
+
+def main() -> int:
+    """Compare; returns 0 if all is equal within the tolerance."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("base")
+    parser.add_argument("head", nargs="?")
+    parser.add_argument("--tolerance", type=float, default=0.0)
+    parser.add_argument("--scenes", type=int, default=300)
+    parser.add_argument("--recordings", type=Path, help="default: shared/data beside the checkout")
+    parser.add_argument("--time", action="store_true", help="compare the time per ping instead")
+    parser.add_argument("--repeats", type=int, default=5)
+    given, git = parser.parse_args(), ["git", "-C", str(ROOT)]
+    common = [*git, "rev-parse", "--path-format=absolute", "--git-common-dir"]
+    checkout = Path(
+        subprocess.run(common, check=True, capture_output=True, text=True).stdout
+    ).parent
+    recordings = given.recordings or checkout.parent / "shared" / "data"
+    with tempfile.TemporaryDirectory() as folder:
+        trees = [Path(folder) / "base", Path(folder) / "head" if given.head else ROOT]
+        made = list(zip(trees, [given.base, given.head], strict=True))[: 1 + bool(given.head)]
+        try:
+            for tree, revision in made:
+                subprocess.run([*git, "worktree", "add", "--detach", tree, revision], check=True)
+            sides = [Side(tree, Path(folder) / f"work{n}") for n, tree in enumerate(trees)]
+            if given.time:
+                time_both(sides, given.repeats)
+                return 0
+            return 0 if report(runs(sides, given.scenes, recordings), given.tolerance) else 1
+        finally:
+            for tree, _ in made:
+                subprocess.run([*git, "worktree", "remove", "--force", tree], check=False)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
