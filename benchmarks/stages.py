@@ -21,7 +21,8 @@ from scenes import make_scene
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.tsepm import Tsepm, TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 
 STAGES = {
     "_receive": "convert",

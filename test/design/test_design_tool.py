@@ -24,7 +24,7 @@ from tsepm_ros.design.prediction import (
     targets_found,
 )
 from tsepm_ros.methods.score.options import ScoreOptions
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.simulation import Scenario
 from tsepm_ros.simulation.scenario import TargetArea

@@ -16,7 +16,7 @@ from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 
 HERE = (3000.0, 0.0)
 

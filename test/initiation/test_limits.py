@@ -14,7 +14,7 @@ from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.initiation.path_counts import PathCounts
-from tsepm_ros.methods.tsepm import Tsepm
+from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
 
 

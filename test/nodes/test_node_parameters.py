@@ -22,7 +22,7 @@ from support.sonar_driver import pings
 
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator

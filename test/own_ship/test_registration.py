@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan

@@ -11,7 +11,7 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 
 from tsepm_ros import Scan
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.scan_order import Arrival

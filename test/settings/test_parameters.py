@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.parameters import check_group, parameter, table
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.node_options import (

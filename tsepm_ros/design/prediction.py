@@ -23,7 +23,7 @@ from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.design.expected_counts import Gating, error_radius, gate_areas
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import make_initiator
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import convert, major_sigma, position_covariance
 from tsepm_ros.sensing.scan import Scan

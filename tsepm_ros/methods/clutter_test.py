@@ -29,7 +29,8 @@ from typing import ClassVar
 
 from tsepm_ros.initiation.hit_counting import check_rule
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.tsepm import Candidates, Tsepm
+from tsepm_ros.methods.tsepm.candidates import Candidates
+from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.stages.estimation import ESTIMATORS
 

@@ -17,7 +17,7 @@ from tsepm_ros.methods.multiple_model import MultipleModel
 from tsepm_ros.methods.score.method import Score
 from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.split_merge import SplitMerge
-from tsepm_ros.methods.tsepm import Tsepm
+from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
 from tsepm_ros.sensing.sensor import SensorModel
 
 METHODS: dict[str, type[Method]] = {

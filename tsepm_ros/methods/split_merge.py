@@ -43,7 +43,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros.initiation.hit_counting import check_rule
 from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.methods.tsepm import Candidates, Tsepm
+from tsepm_ros.methods.tsepm.candidates import Candidates
+from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.conversion import unscented

@@ -19,7 +19,9 @@ from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
-from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
+from tsepm_ros.methods.tsepm.candidates import Candidates
+from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.reproduction.published_split_merge_2016 import AREA_SIDE, TABLE_I_RULE
 from tsepm_ros.reproduction.published_tsepm_2018 import (
     COORDINATE,

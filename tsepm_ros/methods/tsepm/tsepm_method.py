@@ -36,7 +36,6 @@ Readings
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -44,144 +43,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.hit_counting import check_rule
 from tsepm_ros.initiation.method import Method
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.methods.tsepm.candidates import Candidates
+from tsepm_ros.methods.tsepm.gates import Gates
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
-from tsepm_ros.numerics.rows import Rows
-from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import evaluation, merging, pruning, splitting
-from tsepm_ros.stages.estimation import ESTIMATORS, Fit, fit
+from tsepm_ros.stages.estimation import Fit, fit
 from tsepm_ros.stages.paths import Paths, starting
 
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
 BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TsepmOptions:
-    """Options of the published method; the defaults are the paper's.
-
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
-    window: int = parameter(
-        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
-    )
-    gate_probability: float = parameter(
-        0.9,
-        "Probability P that a detected target falls into the gate (Eq. 5)",
-        positive=True,
-        maximum=0.999999,
-    )
-    estimator: str = parameter(
-        "unweighted",
-        "Fit of a track: least squares as published, weighted with the errors re-evaluated at the "
-        "fit, or polar, the maximum likelihood of ranges and azimuths",
-        choices=ESTIMATORS,
-    )
-    evaluation: str = parameter(
-        "normalized_distance",
-        "What a track is evaluated by: f_1 (Eq. 23) or Kennedy's f_2 (Eq. 25)",
-        choices=evaluation.EVALUATIONS,
-    )
-    pruning_probability: float = parameter(
-        0.99,
-        "Probability P_TP that a true track's distance passes (Eq. 26)",
-        positive=True,
-        maximum=0.999999,
-    )
-    pruning_reading: str = parameter(
-        "literal",
-        "Compare f_1 with the threshold of Eq. 26 as printed, or squared",
-        choices=pruning.READINGS,
-    )
-    clutter_test_size: float = parameter(
-        0.05,
-        "Nominal share of clutter tracks that pass Kennedy's test",
-        positive=True,
-        maximum=0.999999,
-    )
-    merging_probability: float = parameter(
-        0.9, "Probability P_TM that two states overlap (Eq. 30)", positive=True, maximum=0.999999
-    )
-    merging: str = parameter(
-        "moments",
-        "Merged state from Eqs. 31-33, or fitted again to the union of the hits",
-        choices=merging.MERGINGS,
-    )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
-
-
-@dataclass(frozen=True)
-class Candidates(Rows):
-    """Tracks that reached confirmation, fitted and evaluated.
-
-    Attributes
-    ----------
-    hits : (n, M) ndarray of int
-        Detection ids.
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        The fit.
-    distance : (n,) ndarray
-        f_1, also the weight in merging.
-    evaluation : (n,) ndarray
-        The evaluation that pruning uses.
-    """
-
-    hits: IntArray
-    state: FloatArray
-    covariance: FloatArray
-    distance: FloatArray
-    evaluation: FloatArray
-
-
-@dataclass(frozen=True)
-class Gates:
-    """The gates of a scan.
-
-    Attributes
-    ----------
-    last_hits : (g,) ndarray of int
-        Detection id of the hit that each gate surrounds, ascending.
-    gated : Gated
-        Detections in each gate.
-    ids : (d,) ndarray of int
-        Ids of the scan's detections.
-    """
-
-    last_hits: IntArray
-    gated: splitting.Gated
-    ids: IntArray
-
-    def of(self, last_hit: IntArray) -> IntArray:
-        """Row of the gate that each path uses, (n,)."""
-        return np.searchsorted(self.last_hits, last_hit)
-
-    def missed(self, last_hit: IntArray) -> NDArray[np.bool_]:
-        """Which paths have no detection in their gate, (n,)."""
-        missed: NDArray[np.bool_] = self.gated.count[self.of(last_hit)] == 0
-        return missed
-
-    def children(self, paths: PathCounts) -> PathCounts:
-        """Paths that extend these by each of their gated detections."""
-        return paths.children(self.of(paths.last_hit), self.gated, self.ids)
 
 
 class Tsepm(Method):

@@ -1,0 +1,1 @@
+"""Track splitting, evaluating, pruning and merging (TSEPM 2018)."""

@@ -1,0 +1,31 @@
+"""Tracks that reached confirmation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.rows import Rows
+
+
+@dataclass(frozen=True)
+class Candidates(Rows):
+    """Tracks that reached confirmation, fitted and evaluated.
+
+    Attributes
+    ----------
+    hits : (n, M) ndarray of int
+        Detection ids.
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        The fit.
+    distance : (n,) ndarray
+        f_1, also the weight in merging.
+    evaluation : (n,) ndarray
+        The evaluation that pruning uses.
+    """
+
+    hits: IntArray
+    state: FloatArray
+    covariance: FloatArray
+    distance: FloatArray
+    evaluation: FloatArray

@@ -1,0 +1,72 @@
+"""Options of TSEPM 2018."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.stages import evaluation, merging, pruning
+from tsepm_ros.stages.estimation import ESTIMATORS
+
+
+@dataclass(frozen=True, kw_only=True)
+class TsepmOptions:
+    """Options of the published method; the defaults are the paper's.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
+    window: int = parameter(
+        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
+    )
+    gate_probability: float = parameter(
+        0.9,
+        "Probability P that a detected target falls into the gate (Eq. 5)",
+        positive=True,
+        maximum=0.999999,
+    )
+    estimator: str = parameter(
+        "unweighted",
+        "Fit of a track: least squares as published, weighted with the errors re-evaluated at the "
+        "fit, or polar, the maximum likelihood of ranges and azimuths",
+        choices=ESTIMATORS,
+    )
+    evaluation: str = parameter(
+        "normalized_distance",
+        "What a track is evaluated by: f_1 (Eq. 23) or Kennedy's f_2 (Eq. 25)",
+        choices=evaluation.EVALUATIONS,
+    )
+    pruning_probability: float = parameter(
+        0.99,
+        "Probability P_TP that a true track's distance passes (Eq. 26)",
+        positive=True,
+        maximum=0.999999,
+    )
+    pruning_reading: str = parameter(
+        "literal",
+        "Compare f_1 with the threshold of Eq. 26 as printed, or squared",
+        choices=pruning.READINGS,
+    )
+    clutter_test_size: float = parameter(
+        0.05,
+        "Nominal share of clutter tracks that pass Kennedy's test",
+        positive=True,
+        maximum=0.999999,
+    )
+    merging_probability: float = parameter(
+        0.9, "Probability P_TM that two states overlap (Eq. 30)", positive=True, maximum=0.999999
+    )
+    merging: str = parameter(
+        "moments",
+        "Merged state from Eqs. 31-33, or fitted again to the union of the hits",
+        choices=merging.MERGINGS,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        check_rule(self.min_hits, self.window)
