@@ -27,30 +27,20 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
-from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.mn_options import MnOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm.candidates import Candidates
 from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.stages.estimation import ESTIMATORS
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClutterTestOptions:
-    """Options of the clutter test.
-
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
+class ClutterTestOptions(MnOptions):
+    """Options of the clutter test."""
 
     evaluation: ClassVar[str] = "clutter_statistic"
 
-    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
-    window: int = parameter(
-        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
-    )
     gate_probability: float = parameter(
         0.9,
         "Probability P that a detected target falls into the gate (Eq. 5)",
@@ -64,10 +54,6 @@ class ClutterTestOptions:
         maximum=0.999999,
     )
     estimator: str = parameter("unweighted", "Fit of a track, as with tsepm", choices=ESTIMATORS)
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 class ClutterTest(Tsepm):

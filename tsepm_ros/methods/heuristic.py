@@ -34,28 +34,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.displacements import Displacements
-from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.mn_options import MnOptions, hits_option, window_option
 from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.stages.association import Pairs
 from tsepm_ros.stages.estimation import Fit
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeuristicOptions:
-    """Options of the heuristic method.
+class HeuristicOptions(MnOptions):
+    """Options of the heuristic method."""
 
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(3, "Hits that confirm a track (M)", minimum=3, maximum=32)
-    window: int = parameter(
-        3, "Scans within which they must come, the first hit's included (N)", minimum=3, maximum=64
-    )
+    min_hits: int = hits_option(3, minimum=3)
+    window: int = window_option(3, minimum=3)
     min_speed: float = parameter(
         0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
     )
@@ -76,10 +68,6 @@ class HeuristicOptions:
         minimum=0.0,
         maximum=100.0,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 class Heuristic(PathFollower):

@@ -32,13 +32,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from tsepm_ros.initiation.hit_counting import Estimates, HitCounter, check_rule
+from tsepm_ros.initiation.hit_counting import Estimates, HitCounter
+from tsepm_ros.initiation.mn_options import MnOptions, hits_option, window_option
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.stages.paths import NO_HIT, Paths, starting
 
 MAX_VOTES = 5_000_000
@@ -46,25 +47,13 @@ MAX_VOTES = 5_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class HoughOptions:
-    """Options of the Hough transform.
+class HoughOptions(MnOptions):
+    """Options of the Hough transform."""
 
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(
-        6, "Scans with a detection on a line that confirm it (M)", minimum=2, maximum=32
-    )
-    window: int = parameter(8, "Scans of the image (N)", minimum=2, maximum=64)
+    min_hits: int = hits_option(6, meaning="Scans with a detection on a line that confirm it (M)")
+    window: int = window_option(8, meaning="Scans of the image (N)")
     angles: int = parameter(45, "Cells of theta, over half a turn", minimum=2, maximum=1000)
     cell: float = parameter(300.0, "Size of a cell of rho", unit="m", minimum=0.1, maximum=1e6)
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 class Hough(HitCounter):

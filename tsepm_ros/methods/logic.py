@@ -42,31 +42,23 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.mn_options import MnOptions, hits_option, window_option
 from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.kinematics.polynomials import Polynomials
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.stages import splitting
 from tsepm_ros.stages.association import Pairs, within
 
 
 @dataclass(frozen=True, kw_only=True)
-class LogicOptions:
-    """Options of the logic-based method.
+class LogicOptions(MnOptions):
+    """Options of the logic-based method."""
 
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(4, "Hits that confirm a track (M)", minimum=2, maximum=32)
-    window: int = parameter(
-        5, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
-    )
+    min_hits: int = hits_option(4)
+    window: int = window_option(5)
     gate_probability: float = parameter(
         0.99,
         "Probability that a detected target falls into the acceptance region",
@@ -82,10 +74,6 @@ class LogicOptions:
         "over, or ends at once",
         choices=("waits", "ends"),
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 class Logic(PathFollower):

@@ -36,26 +36,18 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.mn_options import MnOptions, hits_option, window_option
 from tsepm_ros.initiation.path_following import PathFollower
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.stages.association import Pairs
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModifiedHoughOptions:
-    """Options of the modified Hough transform.
+class ModifiedHoughOptions(MnOptions):
+    """Options of the modified Hough transform."""
 
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(4, "Hits that confirm a track (M)", minimum=3, maximum=32)
-    window: int = parameter(
-        5, "Scans within which they must come, the first hit's included (N)", minimum=3, maximum=64
-    )
+    min_hits: int = hits_option(4, minimum=3)
+    window: int = window_option(5, minimum=3)
     max_turn: float = parameter(
         0.5,
         "Largest angle between consecutive zero crossings (sigma_theta)",
@@ -73,10 +65,6 @@ class ModifiedHoughOptions:
         minimum=0.0,
         maximum=100.0,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 class ModifiedHough(PathFollower):

@@ -37,7 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.hit_counting import Estimates, check_rule
+from tsepm_ros.initiation.hit_counting import Estimates
+from tsepm_ros.initiation.mn_options import MnOptions
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.kinematics import kalman
@@ -45,7 +46,7 @@ from tsepm_ros.kinematics.interacting_models import combined
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.sensing.conversion import major_sigma, turned
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import splitting
@@ -59,19 +60,9 @@ MAX_FILTERS = 500_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultipleModelOptions:
-    """Options of the multiple-model start.
+class MultipleModelOptions(MnOptions):
+    """Options of the multiple-model start."""
 
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
-    window: int = parameter(
-        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
-    )
     speeds: int = parameter(2, "Cells of the speed, from 0 to v_max", minimum=1, maximum=20)
     headings: int = parameter(8, "Cells of the heading", minimum=3, maximum=72)
     gate_probability: float = parameter(
@@ -87,10 +78,6 @@ class MultipleModelOptions:
         minimum=0.0,
         maximum=100.0,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 @dataclass(frozen=True)

@@ -41,29 +41,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation import initial_state
-from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.mn_options import MnOptions, hits_option, window_option
 from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.sensing.conversion import measured_polar, range_variance_at
 from tsepm_ros.stages.association import Pairs, best_of_each, nearest_first, oldest_first
 from tsepm_ros.stages.estimation import Fit
 
 
 @dataclass(frozen=True, kw_only=True)
-class SequentialOptions:
-    """Options of the improved sequential method; the defaults are the article's.
+class SequentialOptions(MnOptions):
+    """Options of the improved sequential method; the defaults are the article's."""
 
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(6, "Hits that confirm a track (M)", minimum=2, maximum=32)
-    window: int = parameter(
-        10, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
-    )
+    min_hits: int = hits_option(6)
+    window: int = window_option(10)
     gate_sigmas: float = parameter(
         2.0,
         "Margin of the gate in standard deviations of the last hit's error (Eq. 7)",
@@ -92,10 +84,6 @@ class SequentialOptions:
         minimum=0.0,
         maximum=100.0,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 class Sequential(PathFollower):

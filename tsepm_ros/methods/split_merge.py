@@ -41,32 +41,22 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.initiation.hit_counting import check_rule
+from tsepm_ros.initiation.mn_options import MnOptions
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.tsepm.candidates import Candidates
 from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import parameter
 from tsepm_ros.sensing.conversion import unscented
 
 
 @dataclass(frozen=True, kw_only=True)
-class SplitMergeOptions:
-    """Options of splitting and merging; the defaults are the paper's.
-
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
+class SplitMergeOptions(MnOptions):
+    """Options of splitting and merging; the defaults are the paper's."""
 
     evaluation: ClassVar[str] = "normalized_distance"
     estimator: ClassVar[str] = "unweighted"
 
-    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
-    window: int = parameter(
-        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
-    )
     gate_probability: float = parameter(
         0.9,
         "Probability of the error ellipse whose half axis is sigma_l (Eqs. 1 and 2)",
@@ -79,10 +69,6 @@ class SplitMergeOptions:
         positive=True,
         maximum=0.999999,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
 
 
 class SplitMerge(Tsepm):
