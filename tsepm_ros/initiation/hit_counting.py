@@ -22,18 +22,6 @@ BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 
 
-def check_rule(min_hits: int, window: int) -> None:
-    """Refuse an M/N rule that nothing can satisfy.
-
-    Raises
-    ------
-    ValueError
-        If the window is shorter than the number of hits.
-    """
-    if window < min_hits:
-        raise ValueError(f"window must be at least min_hits; got {window} and {min_hits}")
-
-
 @dataclass(frozen=True)
 class Estimates(Rows):
     """Tracks as estimated from their hits.

@@ -4,26 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsepm_ros.initiation.hit_counting import check_rule
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.initiation.mn_options import MnOptions
+from tsepm_ros.parameters import parameter
 from tsepm_ros.stages import evaluation, merging, pruning
 from tsepm_ros.stages.estimation import ESTIMATORS
 
 
 @dataclass(frozen=True, kw_only=True)
-class TsepmOptions:
-    """Options of the published method; the defaults are the paper's.
+class TsepmOptions(MnOptions):
+    """Options of the published method; the defaults are the paper's."""
 
-    Raises
-    ------
-    ValueError
-        Naming the option whose value is not allowed.
-    """
-
-    min_hits: int = parameter(5, "Hits that confirm a track (M)", minimum=2, maximum=32)
-    window: int = parameter(
-        8, "Scans within which they must come, the first hit's included (N)", minimum=2, maximum=64
-    )
     gate_probability: float = parameter(
         0.9,
         "Probability P that a detected target falls into the gate (Eq. 5)",
@@ -66,7 +56,3 @@ class TsepmOptions:
         "Merged state from Eqs. 31-33, or fitted again to the union of the hits",
         choices=merging.MERGINGS,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
-        check_rule(self.min_hits, self.window)
