@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
-from pathlib import Path
 
 import pytest
 
 from tsepm_ros.diagnostics.health import Health
-from tsepm_ros.diagnostics.status import Connections, Latency, Level, Status
+from tsepm_ros.diagnostics.health_figures import Connections, Latency
+from tsepm_ros.diagnostics.status import Level, Status
 from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.parameters import table
 from tsepm_ros.session.clocks import waited
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.session.snapshot import SessionSnapshot
@@ -360,12 +358,3 @@ def test_reset_forgets_drops_scans_and_arrivals():
     run.figures = GOOD
     assert run.said("detections", 13.0) == (Level.WARN, "no scan yet")
     assert run.health.latency == Latency()
-
-
-def test_the_operating_page_names_every_entry_and_every_threshold():
-    page = (Path(__file__).parents[2] / "docs/operating.md").read_text()
-    entries = [one.task for one in Health(DiagnosticsOptions()).report(GOOD, 0.0)]
-    thresholds = [row.name for row in table(DiagnosticsOptions)]
-    missing = [task for task in entries if f"\n| `{task}` | " not in page]
-    missing += [name for name in thresholds if not re.search(rf"`(diagnostics\.)?{name}`", page)]
-    assert missing == []

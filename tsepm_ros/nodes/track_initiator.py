@@ -14,8 +14,9 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, make_header, time_to_ns
-from tsepm_ros.diagnostics.health import Health, unused_own_ship
-from tsepm_ros.diagnostics.status import Connections, Latency
+from tsepm_ros.diagnostics.health import Health
+from tsepm_ros.diagnostics.health_figures import Connections, Latency
+from tsepm_ros.diagnostics.rules import unused_own_ship_on
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
@@ -191,7 +192,7 @@ class TrackInitiator(Node):
             return ""
         if not self._said_unused:
             self._said_unused = True
-            self.get_logger().warning(unused_own_ship(topic))
+            self.get_logger().warning(unused_own_ship_on(topic))
         return topic
 
     def _now(self) -> tuple[float, float]:

@@ -1,0 +1,151 @@
+"""The entries of ``/diagnostics``: for each task its figures, and what is said while it is well."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from tsepm_ros.diagnostics.health_figures import HealthFigures, Latency
+from tsepm_ros.diagnostics.rules import (
+    CLUTTER,
+    LATENCY,
+    QUALITY_OF_SERVICE,
+    densities,
+    findings_of,
+)
+from tsepm_ros.diagnostics.status import Status, status_of
+from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRACKER
+
+
+@dataclass(frozen=True)
+class Entry:
+    """How one entry is made.
+
+    Attributes
+    ----------
+    healthy : callable
+        Makes the message where no rule finds anything.
+    values : callable
+        Makes the figures.
+    """
+
+    healthy: Callable[[HealthFigures], str]
+    values: Callable[[HealthFigures], Mapping[str, object]]
+
+
+def statuses(figures: HealthFigures) -> list[Status]:
+    """Judge every task."""
+    return [
+        status_of(task, findings_of(task, figures), entry.healthy(figures), entry.values(figures))
+        for task, entry in ENTRIES.items()
+    ]
+
+
+def _initiation(figures: HealthFigures) -> str:
+    totals = figures.snapshot.totals
+    return f"{totals.scans} scans, {totals.confirmed} confirmed tracks"
+
+
+def _initiation_values(figures: HealthFigures) -> Mapping[str, object]:
+    snapshot = figures.snapshot
+    return {
+        **dataclasses.asdict(snapshot.totals),
+        "potential_tracks": snapshot.potential_tracks,
+        "potential_tracks_most": snapshot.totals.potential_tracks,
+        "tracks": snapshot.tracks,
+        "detection_probability": snapshot.detection_probability,
+        "detection_probability_estimated": snapshot.detection_probability_estimated,
+        **figures.dropped_of(INITIATION),
+    }
+
+
+def _detections(figures: HealthFigures) -> str:
+    sentence = f"{figures.snapshot.totals.detections} detections"
+    if math.isnan(figures.interval):
+        return sentence
+    return f"{sentence}, a scan every {figures.interval:.3g} s"
+
+
+def _detections_values(figures: HealthFigures) -> Mapping[str, object]:
+    return {
+        "received": figures.snapshot.totals.detections,
+        "dropped_share": figures.dropped_share,
+        "scan_interval_s": figures.interval,
+        "scan_period_expected_s": figures.period,
+        "since_last_scan_s": figures.since_scan,
+        **figures.dropped_of(DETECTIONS),
+    }
+
+
+def _own_ship(figures: HealthFigures) -> str:
+    source = figures.own_ship_source
+    if source == "none":
+        return "not needed: the sensor does not move"
+    return f"own-ship data from {source}"
+
+
+def _own_ship_values(figures: HealthFigures) -> Mapping[str, object]:
+    if figures.own_ship_source == "none":
+        return {"source": "none"}
+    return {
+        "source": figures.own_ship_source,
+        "mounting": figures.snapshot.mounting,
+        "age_s": figures.since_own_ship,
+        "behind_newest_scan_s": figures.own_ship_behind,
+        "waiting_for_own_ship": figures.snapshot.waiting,
+        **figures.dropped_of(OWN_SHIP),
+    }
+
+
+def _latency(figures: HealthFigures) -> str:
+    return f"at most {1e3 * figures.longest_latency(lambda latency: latency.total):.3g} ms"
+
+
+def _latency_values(figures: HealthFigures) -> Mapping[str, object]:
+    last = figures.scans[-1].latency if figures.scans else Latency()
+    longest = figures.longest_latency
+    return {
+        "latency_ms": 1e3 * last.to_tracks,
+        "latency_all_ms": 1e3 * last.to_all,
+        "waiting_ms": 1e3 * last.waiting,
+        "core_ms": 1e3 * last.core,
+        "publishing_ms": 1e3 * last.publishing,
+        "total_most_ms": 1e3 * longest(lambda latency: latency.total),
+        "waiting_most_ms": 1e3 * longest(lambda latency: latency.waiting),
+        "core_most_ms": 1e3 * longest(lambda latency: latency.core),
+        "publishing_most_ms": 1e3 * longest(lambda latency: latency.publishing),
+    }
+
+
+def _clutter_values(figures: HealthFigures) -> Mapping[str, object]:
+    return {
+        "clutter_density": figures.snapshot.clutter_density,
+        "detection_density": figures.detection_density,
+    }
+
+
+def _quality_of_service_values(figures: HealthFigures) -> Mapping[str, object]:
+    heard = figures.connections.mismatches_heard
+    return {f"mismatches.{topic}": number for topic, number in sorted(heard.items())}
+
+
+def _tracker(figures: HealthFigures) -> str:
+    return {"none": "none has been heard", "alive": "heard"}.get(figures.snapshot.tracker, "")
+
+
+def _tracker_values(figures: HealthFigures) -> Mapping[str, object]:
+    return {"tracker": figures.snapshot.tracker, **figures.dropped_of(TRACKER)}
+
+
+ENTRIES = {
+    INITIATION: Entry(_initiation, _initiation_values),
+    DETECTIONS: Entry(_detections, _detections_values),
+    OWN_SHIP: Entry(_own_ship, _own_ship_values),
+    LATENCY: Entry(_latency, _latency_values),
+    CLUTTER: Entry(densities, _clutter_values),
+    QUALITY_OF_SERVICE: Entry(lambda _: "everything fits", _quality_of_service_values),
+    TRACKER: Entry(_tracker, _tracker_values),
+}
+"""Every entry by its task, in the order in which they are published."""
