@@ -15,6 +15,7 @@ from tsepm_ros.parameters import check_group, parameter, table
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
+    PlaybackOptions,
     PlayerNodeOptions,
     SimulatorNodeOptions,
 )
@@ -26,6 +27,7 @@ GROUPS = [
     SensorModel,
     SessionOptions,
     InitiatorNodeOptions,
+    PlaybackOptions,
     SimulatorNodeOptions,
     PlayerNodeOptions,
 ]

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 
 from msg_adapters import MessageError, message_class, supported_types
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.node_parameters import refusing
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 
@@ -68,10 +68,8 @@ class DetectionsSubscription:
         self._found: tuple[str, ...] = ()
         self._subscribed = ""
         if type_name != "auto":
-            try:
+            with refusing("detections_type"):
                 message_class(type_name)
-            except MessageError as error:
-                raise ParameterError(f"detections_type: {error}") from None
         if type_name != "auto" and reliability != "auto":
             self._subscribe(type_name, _RELIABILITY[reliability])
         else:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -35,10 +36,8 @@ _TYPE_HINTS = {
     str: "a text",
 }
 
-
 AUTO_DECLARE = {"automatically_declare_parameters_from_overrides": True}
 """How a node that uses `NodeParameters` is made."""
-
 
 Made = Mapping[type[Any], Any]
 """Groups of parameters by their type."""
@@ -46,6 +45,15 @@ Made = Mapping[type[Any], Any]
 
 class ParameterError(ValueError):
     """A parameter was given a value that it cannot have."""
+
+
+@contextmanager
+def refusing(name: str = "") -> Iterator[None]:
+    """Turn a ValueError into a ParameterError, whose sentence begins with a parameter's name."""
+    try:
+        yield
+    except ValueError as error:
+        raise ParameterError(f"{name}: {error}" if name else str(error)) from None
 
 
 def _ignore(made: Made) -> None:
@@ -119,10 +127,8 @@ class NodeParameters:
         return {name: self._node.get_parameter(name).value for name in self._rows}
 
     def _make(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
-        try:
+        with refusing():
             return make_groups(self._groups, {**self._values(), **changes})
-        except ValueError as error:
-            raise ParameterError(str(error)) from None
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
         changes = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -15,11 +15,16 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from msg_adapters import ns_to_time, seconds_to_ns
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.settings.node_options import PlaybackOptions
 
 Event = tuple[float, Callable[[], None]]
 """Time in the recording (s) and what publishes then."""
 
 WAIT_PERIOD = 0.05
+"""Time between looks at the subscribers, s."""
+LOG_PERIOD = 5.0
+"""Least time between log entries that say how far the playback is, s."""
 PUBLISHER_DEPTH = 1000
 """Messages that a publisher keeps for subscribers that have not acknowledged them yet."""
 ACKNOWLEDGE_EVERY = 500
@@ -27,37 +32,52 @@ ACKNOWLEDGE_EVERY = 500
 overwritten; not fewer, since the middleware may take its heartbeat of 3 s to acknowledge."""
 ACKNOWLEDGE_TIME = 10.0
 """Time that a reliable subscriber is given to acknowledge, s; after that it is taken for dead."""
-
-
 ACKNOWLEDGE_STEP = 0.2
+"""Longest single wait in that time, s."""
+
+
+class Played(Protocol):
+    """What is played: a scenario, a recording or a bag."""
+
+    @property
+    def detections(self) -> Publisher:
+        """Publisher whose subscribers are waited for."""
+
+    @property
+    def publishers(self) -> Sequence[Publisher]:
+        """Those whose messages must arrive, made with at least PUBLISHER_DEPTH."""
+
+    def events(self) -> Iterator[Event]:
+        """Iterate over the events in order of time; anew for every loop."""
+
+
+def check_start_offset(start_offset: float, duration: float, played: str) -> None:
+    """Refuse a start beyond the end of what is played, s.
+
+    Raises
+    ------
+    ParameterError
+        If it is.
+    """
+    if start_offset > duration:
+        raise ParameterError(
+            f"start_offset: {start_offset:g} s is beyond the end of the {played} of {duration:g} s"
+        )
 
 
 class Playback:
     """Publishes a sequence of events, paced by the wall clock.
 
     It does not outrun a reliable subscriber: no message is overwritten before it is acknowledged,
-    and the last ones are acknowledged before the end.
+    and the last ones are acknowledged before the end. Before the first event it settles: a
+    publisher knows of a subscription before the subscription knows of it; what is published in
+    between is lost, reliable or not.
 
     Parameters
     ----------
     node : rclpy.node.Node
-    events : callable
-        Gives the events, in order of time, anew for every loop.
-    publishers : sequence of Publisher
-        Those whose messages must arrive, made with at least PUBLISHER_DEPTH.
-    wait_for : Publisher
-        Begin when this one has `wait_for_subscribers` subscribers.
-    wait_for_subscribers : int
-        0: begin at once.
-    settling_time : float
-        Time between that and the first event, s. A publisher knows of a subscription before the
-        subscription knows of it; what is published in between is lost, reliable or not.
-    rate_factor : float
-        How much faster than real time.
-    publish_clock : bool
-        Publish the events' times on /clock.
-    loop : bool
-        Begin again at the end.
+    played : Played
+    options : PlaybackOptions
 
     Attributes
     ----------
@@ -65,47 +85,32 @@ class Playback:
         Done when the last event has been published and taken.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        events: Callable[[], Iterator[Event]],
-        publishers: Sequence[Publisher],
-        *,
-        wait_for: Publisher,
-        wait_for_subscribers: int,
-        settling_time: float,
-        rate_factor: float,
-        publish_clock: bool,
-        loop: bool,
-    ) -> None:
+    def __init__(self, node: Node, played: Played, options: PlaybackOptions) -> None:
         self.finished: Future = Future()
         self._node = node
-        self._make_events = events
-        self._publishers = publishers
-        self._wait_for = wait_for
-        self._wait_for_subscribers = wait_for_subscribers
-        self._settling_time = settling_time
-        self._rate_factor = rate_factor
-        self._loop = loop
+        self._played = played
+        self._options = options
         self._clock: Any = None
-        if publish_clock:
+        if options.publish_clock:
             self._clock = node.create_publisher(ClockMessage, "/clock", 10)
-        self._events = events()
+        self._events = played.events()
         self._next = next(self._events, None)
         self._begin: float | None = None
         self._published = 0
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(WAIT_PERIOD, self._step, clock=steady)
-        if wait_for_subscribers:
+        if options.wait_for_subscribers:
             node.get_logger().info(
-                f"waiting for {wait_for_subscribers} subscriber(s) of {wait_for.topic_name}"
+                f"waiting for {options.wait_for_subscribers} subscriber(s) of "
+                f"{played.detections.topic_name}"
             )
 
     def _step(self) -> None:
         if self._begin is None:
-            if self._wait_for.get_subscription_count() < self._wait_for_subscribers:
+            wanted = self._options.wait_for_subscribers
+            if self._played.detections.get_subscription_count() < wanted:
                 return
-            settling = self._settling_time if self._wait_for_subscribers else 0.0
+            settling = self._options.settling_time if wanted else 0.0
             self._begin = time.monotonic() + settling - self._wall_time()
         while self._next is not None:
             wait = self._begin + self._wall_time() - time.monotonic()
@@ -117,7 +122,7 @@ class Playback:
 
     def _wall_time(self) -> float:
         """When the next event is due, s of wall time, counted as the events' times are."""
-        return self._next[0] / self._rate_factor if self._next is not None else 0.0
+        return self._next[0] / self._options.rate_factor if self._next is not None else 0.0
 
     def _publish(self) -> None:
         assert self._next is not None
@@ -131,7 +136,7 @@ class Playback:
         self._next = next(self._events, None)
 
     def _wait_for_acknowledgement(self) -> None:
-        for publisher in self._publishers:
+        for publisher in self._played.publishers:
             until = time.monotonic() + ACKNOWLEDGE_TIME
             while (
                 publisher.get_subscription_count()
@@ -146,8 +151,8 @@ class Playback:
         self._timer.reset()
 
     def _end(self) -> None:
-        if self._loop:
-            self._events = self._make_events()
+        if self._options.loop:
+            self._events = self._played.events()
             self._next = next(self._events, None)
             self._begin = time.monotonic() - self._wall_time()
             self._schedule(WAIT_PERIOD)

@@ -12,12 +12,11 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from msg_adapters import MessageError
-from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.playback import PUBLISHER_DEPTH, Event
+from tsepm_ros.nodes.node_parameters import ParameterError, refusing
+from tsepm_ros.nodes.playback import LOG_PERIOD, PUBLISHER_DEPTH, Event, check_start_offset
 from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, BagMessage, find_topics
 from tsepm_ros.settings.node_options import PlayerNodeOptions
 
-LOG_PERIOD = 5.0
 TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
 
 
@@ -51,10 +50,8 @@ class PlayedBag:
         self.dropped = 0
         if options.start_stamp:
             raise ParameterError("start_stamp: the messages of a bag go out as they were recorded")
-        try:
+        with refusing("recording"):
             self._bag = Bag(options.recording)
-        except ValueError as error:
-            raise ParameterError(f"recording: {error}") from None
         try:
             self._prepare(options)
         except ParameterError:
@@ -68,15 +65,9 @@ class PlayedBag:
             TRACKED: options.tracked_topic,
             TRUTH: options.ground_truth_topic,
         }
-        try:
+        with refusing("recording"):
             topics = find_topics(self._bag.topics, given)
-        except ValueError as error:
-            raise ParameterError(f"recording: {error}") from None
-        if options.start_offset > self._bag.duration:
-            raise ParameterError(
-                f"start_offset: {options.start_offset:g} s is beyond the end of the bag of "
-                f"{self._bag.duration:g} s"
-            )
+        check_start_offset(options.start_offset, self._bag.duration, "bag")
         self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
         self._publishers = {topic: self._publisher(topic, role) for role, topic in topics.items()}
         self.detections = self._publishers[topics[DETECTIONS]]

@@ -17,6 +17,11 @@ EXIT_BAD_PARAMETER = 2
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+def clock_time(node: Node) -> float:
+    """Time of a node's clock, which may be simulated, s."""
+    return float(node.get_clock().now().nanoseconds * 1e-9)
+
+
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Run a node until it is interrupted, or until its future `finished` is done if it has one.
 

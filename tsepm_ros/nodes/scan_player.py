@@ -13,7 +13,7 @@ from tsepm_ros.nodes.played_bag import PlayedBag
 from tsepm_ros.nodes.played_recording import PlayedRecording
 from tsepm_ros.nodes.running import run
 from tsepm_ros.replay.bag import is_bag
-from tsepm_ros.settings.node_options import PlayerNodeOptions
+from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
 from tsepm_ros.settings.tables import SCAN_PLAYER
 
 
@@ -22,23 +22,13 @@ class ScanPlayer(Node):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("scan_player", **AUTO_DECLARE, **node_options)
-        options: PlayerNodeOptions = NodeParameters(self, SCAN_PLAYER).made[PlayerNodeOptions]
-        if not options.recording:
+        options = NodeParameters(self, SCAN_PLAYER).made
+        player: PlayerNodeOptions = options[PlayerNodeOptions]
+        if not player.recording:
             raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
-        kind = PlayedBag if is_bag(options.recording) else PlayedRecording
-        self._played = played = kind(self, options)
-        self._playback = Playback(
-            self,
-            played.events,
-            played.publishers,
-            wait_for=played.detections,
-            wait_for_subscribers=options.wait_for_subscribers,
-            settling_time=options.settling_time,
-            rate_factor=options.rate_factor,
-            publish_clock=options.publish_clock,
-            loop=options.loop,
-        )
-        self.finished = self._playback.finished
+        kind = PlayedBag if is_bag(player.recording) else PlayedRecording
+        self._played = kind(self, player)
+        self.finished = Playback(self, self._played, options[PlaybackOptions]).finished
 
     def destroy_node(self) -> None:
         """End the node, and close what it plays."""

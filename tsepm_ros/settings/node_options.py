@@ -1,13 +1,10 @@
-"""What each node adds to a session's options."""
+"""Parameters of the nodes themselves."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsepm_ros.parameters import (
-    check_group,
-    parameter,
-)
+from tsepm_ros.parameters import check_group, parameter
 
 SLOWEST_SOUND = 100.0
 """Slowest speed that is taken for one of sound, m/s."""
@@ -59,37 +56,15 @@ class InitiatorNodeOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatorNodeOptions:
-    """Parameters of the node `sonar_simulator`."""
+class PlaybackOptions:
+    """How `sonar_simulator` and `scan_player` publish what they play."""
 
-    scenario: str = parameter(
-        "four_targets", "Name of a shipped scenario, or path of a .yaml file", read_only=True
-    )
-    detections_type: str = parameter(
-        "sensor_msgs/msg/PointCloud2", "Message type of the detections", read_only=True
-    )
-    seed: int = parameter(1, "Seed; the same one gives the same scans", minimum=0, read_only=True)
     rate_factor: float = parameter(
         1.0, "How much faster than real time", positive=True, maximum=1e6, read_only=True
     )
-    start_stamp: float = parameter(
-        0.0,
-        "Stamp of the start; negative: the clock's time",
-        unit="s",
-        maximum=2e9,
-        read_only=True,
+    publish_clock: bool = parameter(
+        False, "Publish the time of what is played on /clock", read_only=True
     )
-    publish_clock: bool = parameter(False, "Publish the simulated time on /clock", read_only=True)
-    own_ship_rate: float = parameter(
-        1.0,
-        "Rate of own_ship/odometry in simulated time",
-        unit="1/s",
-        positive=True,
-        maximum=1000.0,
-        read_only=True,
-    )
-    fixed_frame: str = parameter("odom", "Frame of own ship and truth", read_only=True)
-    sensor_frame: str = parameter("sonar", "Frame of the detections", read_only=True)
     wait_for_subscribers: int = parameter(
         1,
         "Start when this many subscribe to the detections",
@@ -113,14 +88,44 @@ class SimulatorNodeOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SimulatorNodeOptions:
+    """What the node `sonar_simulator` plays."""
+
+    scenario: str = parameter(
+        "four_targets", "Name of a shipped scenario, or path of a .yaml file", read_only=True
+    )
+    detections_type: str = parameter(
+        "sensor_msgs/msg/PointCloud2", "Message type of the detections", read_only=True
+    )
+    seed: int = parameter(1, "Seed; the same one gives the same scans", minimum=0, read_only=True)
+    start_stamp: float = parameter(
+        0.0,
+        "Stamp of the start; negative: the clock's time",
+        unit="s",
+        maximum=2e9,
+        read_only=True,
+    )
+    own_ship_rate: float = parameter(
+        1.0,
+        "Rate of own_ship/odometry in simulated time",
+        unit="1/s",
+        positive=True,
+        maximum=1000.0,
+        read_only=True,
+    )
+    fixed_frame: str = parameter("odom", "Frame of own ship and truth", read_only=True)
+    sensor_frame: str = parameter("sonar", "Frame of the detections", read_only=True)
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlayerNodeOptions:
-    """Parameters of the node `scan_player`."""
+    """What the node `scan_player` plays."""
 
     recording: str = parameter(
         "", "Folder of CSV files; or bag: folder with metadata.yaml, .mcap or .db3", read_only=True
-    )
-    rate_factor: float = parameter(
-        1.0, "How much faster than real time", positive=True, maximum=1e6, read_only=True
     )
     start_offset: float = parameter(
         0.0,
@@ -136,7 +141,6 @@ class PlayerNodeOptions:
         maximum=2e9,
         read_only=True,
     )
-    publish_clock: bool = parameter(False, "Publish the recorded time on /clock", read_only=True)
     fixed_frame: str = parameter(
         "odom", "Frame of a CSV recording's own ship (ENU)", read_only=True
     )
@@ -155,23 +159,6 @@ class PlayerNodeOptions:
     ground_truth_topic: str = parameter(
         "", "Topic of a bag to play as ground_truth; empty: found by name", read_only=True
     )
-    wait_for_subscribers: int = parameter(
-        1,
-        "Start when this many subscribe to the detections",
-        minimum=0,
-        maximum=100,
-        read_only=True,
-    )
-    settling_time: float = parameter(
-        1.0,
-        "Time from the last of them to the first scan: discovery may take the middleware that long "
-        "to complete on the other side",
-        unit="s",
-        minimum=0.0,
-        maximum=60.0,
-        read_only=True,
-    )
-    loop: bool = parameter(False, "Start again from the beginning at the end", read_only=True)
 
     def __post_init__(self) -> None:
         check_group(self)

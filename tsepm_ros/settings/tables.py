@@ -22,6 +22,7 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
+    PlaybackOptions,
     PlayerNodeOptions,
     SimulatorNodeOptions,
 )
@@ -42,8 +43,8 @@ TRACK_INITIATOR: Groups = (
     ("mounting.", Mounting),
     *((f"{name}.", kind.Options) for name, kind in METHODS.items()),
 )
-SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions),)
-SCAN_PLAYER: Groups = (("", PlayerNodeOptions),)
+SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions), ("", PlaybackOptions))
+SCAN_PLAYER: Groups = (("", PlayerNodeOptions), ("", PlaybackOptions))
 
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,

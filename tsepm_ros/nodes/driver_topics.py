@@ -1,0 +1,99 @@
+"""The topics of a sonar driver and of the truth, as simulator and player publish them."""
+
+from __future__ import annotations
+
+import numpy as np
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters import (
+    OwnShipSample,
+    make_header,
+    odometry_message,
+    seconds_to_ns,
+    track_cloud,
+    truth_markers,
+    truth_tracks,
+)
+from tsepm_ros.nodes.playback import PUBLISHER_DEPTH
+
+
+class DriverTopics:
+    """Publishers of detections, own ship and truth.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    detections_type : type
+        Message class of the detections.
+    fixed_frame, sensor_frame : str
+        Frame of own ship and truth, and of the detections.
+
+    Attributes
+    ----------
+    detections : Publisher
+    publishers : list of Publisher
+        Those whose messages must arrive.
+    """
+
+    def __init__(
+        self, node: Node, detections_type: type, fixed_frame: str, sensor_frame: str
+    ) -> None:
+        self._frames = fixed_frame, sensor_frame
+        self.detections = node.create_publisher(detections_type, "detections", PUBLISHER_DEPTH)
+        self._own_ship = node.create_publisher(Odometry, "own_ship/odometry", PUBLISHER_DEPTH)
+        self._truth = node.create_publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
+        self._truth_markers = node.create_publisher(MarkerArray, "ground_truth/markers", 10)
+        self.publishers = [self._own_ship, self.detections, self._truth]
+
+    def sensor_header(self, stamp: float) -> Header:
+        """Header of detections with a stamp, s."""
+        return make_header(seconds_to_ns(stamp), self._frames[1])
+
+    def publish_own_ship(
+        self,
+        stamp: float,
+        pose: tuple[float, float, float | None],
+        rates: tuple[float, float, float],
+        roll: float = 0.0,
+        pitch: float = 0.0,
+    ) -> None:
+        """Publish the own ship.
+
+        Parameters
+        ----------
+        stamp : float
+            s.
+        pose : tuple of float
+            x, y and yaw in the fixed frame, m and rad; None for a yaw that is not known.
+        rates : tuple of float
+            vx, vy (fixed frame, m/s) and yaw rate (rad/s).
+        roll, pitch : float, optional
+            rad.
+        """
+        (x, y, yaw), (vx, vy, yaw_rate) = pose, rates
+        sample = OwnShipSample(
+            stamp_ns=seconds_to_ns(stamp),
+            frame_id=self._frames[0],
+            child_frame_id=self._frames[1],
+            x=x,
+            y=y,
+            yaw=yaw or 0.0,
+            roll=roll,
+            pitch=pitch,
+            vx=vx,
+            vy=vy,
+            yaw_rate=yaw_rate,
+        )
+        self._own_ship.publish(odometry_message(sample, heading_known=yaw is not None))
+
+    def publish_truth(self, stamp: float, states: NDArray[np.float64]) -> None:
+        """Publish the targets' true states (k, 4) at a stamp, s."""
+        header = make_header(seconds_to_ns(stamp), self._frames[0])
+        truth = truth_tracks(stamp, states)
+        self._truth.publish(track_cloud(header, truth))
+        self._truth_markers.publish(truth_markers(header, truth))
