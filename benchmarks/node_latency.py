@@ -27,7 +27,8 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections_cloud, make_header, time_to_ns
-from tsepm_ros.nodes.track_initiator import Latency, TrackInitiator
+from tsepm_ros.diagnostics.health_figures import Latency
+from tsepm_ros.nodes.track_initiator import TrackInitiator
 
 PERIOD = 12.0
 MAX_RANGE = 9000.0

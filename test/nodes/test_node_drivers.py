@@ -15,12 +15,11 @@ from support.boat import named
 from support.driver_messages import MAKERS, Echo, echoes_of
 from support.expectation import assert_same, initiator
 from support.foreign_messages import PingInfo, SonarDetections
-from support.ros_world import ERROR, RELIABLE, WARN, World
+from support.ros_world import RELIABLE, WARN
 from support.sonar_driver import START_NS
 
-from msg_adapters import MessageError, make_header, read_detections, sensor_scan
+from msg_adapters import make_header, read_detections, sensor_scan
 from tsepm_ros import Scan
-from tsepm_ros.nodes import detections_subscription
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
@@ -72,26 +71,6 @@ def test_an_unknown_type_is_refused_with_those_that_are_known(world, kind):
     assert all(name in str(error.value) for name in MAKERS)
 
 
-def test_a_driver_whose_package_is_missing_here_is_named_and_another_still_found(
-    world, monkeypatch
-):
-    def missing(name: str) -> type:
-        if name == LASER_SCAN:
-            raise MessageError("package_not_installed", f"{name!r} needs the package 'lasers'")
-        return PointCloud2
-
-    monkeypatch.setattr(detections_subscription, "message_class", missing)
-    with World(world.domain) as elsewhere:
-        lidar = elsewhere.add(Node("lidar", context=elsewhere.context))
-        lidar.create_publisher(LaserScan, "detections", 10)
-        world.make(TrackInitiator, named({}))
-        world.until_logged(LASER_SCAN, "needs the package 'lasers'", level=ERROR)
-        driver = world.add(Node("driver", context=world.context))
-        publisher = driver.create_publisher(PointCloud2, "detections", RELIABLE)
-        world.until(publisher.get_subscription_count, "the node to subscribe")
-    assert len(world.logged(ERROR)) == 1
-
-
 def test_a_sound_speed_that_is_not_given_is_the_parameter_s_and_said_once(world):
     node = world.make(TrackInitiator, named({"sound_speed": 1450.0}))
     tracks = world.listen(PointCloud2, "tracks")
@@ -100,7 +79,7 @@ def test_a_sound_speed_that_is_not_given_is_the_parameter_s_and_said_once(world)
     for index in range(PINGS):
         message, numbers = MAKERS[SONAR_DETECTIONS](header(index), echoes_of(index))
         message.ping_info = PingInfo()
-        node._on_detections(message)  # its package is not there to publish with
+        node.take_detections(message)  # its package is not there to publish with
         numbers["range"] = (np.array(numbers["range"]) * 1450.0 / 1500.0).tolist()
         expected.append(core.process(Scan(stamp=START_NS / 1e9 + 12 * index, **numbers)))
     world.until(lambda: len(tracks) == PINGS, "tracks")
@@ -115,11 +94,11 @@ def test_an_unusable_message_is_counted_and_the_next_is_read(world):
     tracks = world.listen(PointCloud2, "tracks")
     world.until_connected()
     bad = SonarDetections(header=header(0), two_way_travel_times=[1.0] * 3, rx_angles=[0.0] * 2)
-    node._on_detections(bad)
+    node.take_detections(bad)
     world.until_logged("rx_angles has 2 values for 3 detections", level=WARN)
     message, _ = MAKERS[SONAR_DETECTIONS](header(1), echoes_of(1))
     message.rx_angles[0] = math.nan
-    node._on_detections(message)
+    node.take_detections(message)
     world.until(lambda: len(tracks) == 1, "the good message's scan")
     assert world.dropped() == {"wrong_length": 1, "direction_undefined": 1}
 

@@ -50,12 +50,19 @@ class Tracker:
 
     def publish(self, message: PointCloud2) -> None:
         """Publish, and wait until the node has it."""
-        taken = self.boat.node._session
-        before = taken._tracked_stamp, dict(taken.dropped)
+        [subscription] = [
+            one for one in self.boat.node.subscriptions if one.topic_name == "/tracked"
+        ]
+        take, taken = subscription.callback, []
+
+        def take_and_note(message: PointCloud2) -> None:
+            take(message)
+            taken.append(message)
+
+        subscription.callback = take_and_note
         self.publisher.publish(message)
-        self.world.until(
-            lambda: (taken._tracked_stamp, dict(taken.dropped)) != before, "the node to take it"
-        )
+        self.world.until(lambda: taken, "the node to take it")
+        subscription.callback = take
 
     def held_at(self, after: float) -> list[dict[str, float]]:
         """What is held at an empty ping at some time (s)."""

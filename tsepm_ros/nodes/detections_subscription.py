@@ -18,7 +18,7 @@ TOPIC = "detections"
 LOOK_PERIOD = 0.1
 """Time between looks at the graph while no driver is known, s."""
 WATCH_PERIOD = 2.0
-"""Time between looks once one is: a driver may come back as another type, s."""
+"""Time between looks once one is, s."""
 
 _RELIABILITY = {
     "reliable": ReliabilityPolicy.RELIABLE,
@@ -41,6 +41,10 @@ class DetectionsSubscription:
         Called with each message.
     watch : QosWatch
         Told of publishers whose quality of service does not fit.
+    watch_period : float, optional
+        Time between looks at the graph once a driver is known, s: it may come back as another type.
+    find_class : callable, optional
+        Returns the message class of a type, or raises MessageError.
 
     Raises
     ------
@@ -56,8 +60,13 @@ class DetectionsSubscription:
         depth: int,
         callback: Callable[[Any], None],
         watch: QosWatch,
+        *,
+        watch_period: float = WATCH_PERIOD,
+        find_class: Callable[[str], type] = message_class,
     ) -> None:
         self._node = node
+        self._watch_period = watch_period
+        self._find_class = find_class
         self._reliability = reliability
         self._depth = depth
         self._callback = callback
@@ -69,7 +78,7 @@ class DetectionsSubscription:
         self._subscribed = ""
         if type_name != "auto":
             with refusing("detections_type"):
-                message_class(type_name)
+                find_class(type_name)
         if type_name != "auto" and reliability != "auto":
             self._subscribe(type_name, _RELIABILITY[reliability])
         else:
@@ -106,7 +115,7 @@ class DetectionsSubscription:
                 self._refused_types.add(name)
                 self._say_unread(name)
         if readable:
-            self._look.timer_period_ns = int(WATCH_PERIOD * 1e9)
+            self._look.timer_period_ns = int(self._watch_period * 1e9)
 
     def _say_unread(self, found: str) -> None:
         """Say why nothing that is published as this type is read."""
@@ -127,7 +136,7 @@ class DetectionsSubscription:
             one_of = "one of " if len(wanted) > 1 else ""
             return f"which this node does not read; it reads {one_of}{', '.join(wanted)}"
         try:
-            message_class(found)
+            self._find_class(found)
         except MessageError as error:
             return f"but {error}"
         return ""
@@ -138,7 +147,7 @@ class DetectionsSubscription:
         self._subscribed = type_name
         self._subscription = OfferedSubscription(
             self._node,
-            message_class(type_name),
+            self._find_class(type_name),
             TOPIC,
             self._depth,
             self._callback,

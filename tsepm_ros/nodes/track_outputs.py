@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -24,6 +25,7 @@ from msg_adapters import (
     track_markers,
     track_odometry,
 )
+from tsepm_ros.diagnostics.health_figures import Latency
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.sensing.conversion import convert
@@ -45,10 +47,20 @@ class TrackOutputs:
     session : Session
         Asked for its potential tracks.
     watch : QosWatch
+    with_potential_tracks : bool
+        Publish the potential tracks too.
+
+    Attributes
+    ----------
+    with_potential_tracks : bool
+        May be changed at any time.
     """
 
-    def __init__(self, node: Node, session: Session, watch: QosWatch) -> None:
+    def __init__(
+        self, node: Node, session: Session, watch: QosWatch, with_potential_tracks: bool
+    ) -> None:
         self._session = session
+        self.with_potential_tracks = with_potential_tracks
 
         def publisher(
             kind: type[Any],
@@ -69,12 +81,26 @@ class TrackOutputs:
         self._potential_markers = publisher(MarkerArray, "potential_tracks/markers", _latched(1))
         self._placed = publisher(PointCloud2, "detections/placed", 100)
 
-    def publish_new(self, header: Header, result: ScanResult) -> None:
-        """Publish the new tracks."""
-        self._tracks.publish(track_cloud(header, result.new))
+    def publish(self, result: ScanResult, entered: float) -> Latency:
+        """Publish what a scan gave in a callback entered at a `perf_counter`; returns its latency.
 
-    def publish_more(self, header: Header, result: ScanResult, potential: bool) -> None:
-        """Publish what is not as urgent as the new tracks; potential tracks where wanted."""
+        The new tracks are first; what is not as urgent follows.
+        """
+        begin = time.perf_counter()
+        header = make_header(result.stamp_ns, result.frame_id)
+        self._tracks.publish(track_cloud(header, result.new))
+        published = time.perf_counter()
+        self._publish_more(header, result)
+        end = time.perf_counter()
+        return Latency(
+            to_tracks=published - entered,
+            to_all=end - entered,
+            waiting=result.waiting,
+            core=result.core_seconds,
+            publishing=end - begin,
+        )
+
+    def _publish_more(self, header: Header, result: ScanResult) -> None:
         if self._placed.get_subscription_count():  # first: a tracker waits for it
             self._publish_placed(header, result.scan)
         self._current.publish(track_cloud(header, result.current))
@@ -88,7 +114,7 @@ class TrackOutputs:
                 track_markers(header, result.current, result.ended, afresh=self._afresh)
             )
             self._afresh = False
-        if potential:
+        if self.with_potential_tracks:
             self._publish_potential(header)
 
     def clear(self, header: Header) -> None:

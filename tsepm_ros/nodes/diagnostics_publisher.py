@@ -1,0 +1,94 @@
+"""Publishing the health of the session and of the connections on ``/diagnostics``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from msg_adapters import diagnostics
+from tsepm_ros.diagnostics.health import Health
+from tsepm_ros.diagnostics.health_figures import Connections
+from tsepm_ros.diagnostics.rules import unused_own_ship_on
+from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
+from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.session.clocks import Now
+from tsepm_ros.session.session import Session
+
+
+class DiagnosticsPublisher:
+    """Judges the health and publishes it, again and again.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    session : Session
+    health : Health
+    detections : DetectionsSubscription
+    qos : QosWatch
+    own_ship_topic : str
+        Where odometry that the session does not use is looked for.
+    period : float
+        Time between messages, s.
+    now : callable
+        Returns the time on the clocks of `health`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        session: Session,
+        health: Health,
+        detections: DetectionsSubscription,
+        qos: QosWatch,
+        own_ship_topic: str,
+        period: float,
+        now: Callable[[], Now],
+    ) -> None:
+        self._node = node
+        self._session = session
+        self._health = health
+        self._detections = detections
+        self._qos = qos
+        self._own_ship_topic = node.resolve_topic_name(own_ship_topic)
+        self._now = now
+        self._warned_of_own_ship = False
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(period, self._publish, clock=steady)
+
+    def set_period(self, period: float) -> None:
+        """Change the time between messages, s; the next comes after it."""
+        self._timer.timer_period_ns = int(period * 1e9)
+        self._timer.reset()
+
+    def reset(self) -> None:
+        """Forget what was counted."""
+        self._health.reset()
+        self._qos.heard.clear()
+
+    def _publish(self) -> None:
+        connections = Connections(
+            subscribed=self._detections.connected,
+            unread=self._detections.unread,
+            mismatches_heard=dict(self._qos.heard),
+            mismatches=self._qos.standing(),
+            unused_own_ship=self._unused_own_ship(),
+        )
+        statuses = self._health.report(self._session.figures(), self._now(), connections)
+        stamp_ns = self._node.get_clock().now().nanoseconds
+        self._publisher.publish(diagnostics(stamp_ns, self._node.get_name(), statuses))
+
+    def _unused_own_ship(self) -> str:
+        """The topic of odometry where it is published and not listened to; a warning says so."""
+        if self._session.source != "none":
+            return ""
+        endpoints = self._node.get_publishers_info_by_topic(self._own_ship_topic)
+        if "nav_msgs/msg/Odometry" not in {endpoint.topic_type for endpoint in endpoints}:
+            return ""
+        if not self._warned_of_own_ship:
+            self._warned_of_own_ship = True
+            self._node.get_logger().warning(unused_own_ship_on(self._own_ship_topic))
+        return self._own_ship_topic
