@@ -311,7 +311,7 @@ def test_bad_odometry_is_dropped_counted_and_named(world, spoil, reason):
 
 
 def test_the_largest_float_says_that_a_position_is_not_known(world):
-    boat = Boat(world, own_ship_source="odometry")
+    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=3600.0)
     covariance = np.zeros((6, 6))
     covariance[:2, :2] = LARGEST_FLOAT
     for index in range(150):
