@@ -26,7 +26,7 @@ from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.replay.bag import Bag
-from tsepm_ros.settings.tables import parse_values
+from tsepm_ros.settings.value_text import parse_values
 
 FAST = {"rate_factor": 1e5, "settling_time": 0.0}
 BOTH = pytest.mark.parametrize("storage", STORAGES)

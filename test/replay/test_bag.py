@@ -31,7 +31,8 @@ from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.offline import bag_results
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.settings.value_text import parse_values
 
 BOTH = pytest.mark.parametrize("storage", STORAGES)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import pytest
@@ -13,14 +12,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.rendering import as_markdown, as_yaml
-from tsepm_ros.settings.tables import (
-    NODES,
-    TRACK_INITIATOR,
-    full_table,
-    make_groups,
-    parse_values,
-    settings_from,
-)
+from tsepm_ros.settings.tables import NODES, TRACK_INITIATOR, full_table, make_groups, settings_from
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
 CONFIG = Path(__file__).parents[2] / "config"
@@ -144,42 +136,3 @@ def test_settings_have_every_group():
     initiator = settings.make_initiator()
     assert initiator.options.window == 9
     assert initiator.sensor == settings.sensor
-
-
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("a:=5", 5),
-        ("a:=5.0", 5.0),
-        ("a:=1.0e-6", 1e-6),
-        ("a:=true", True),
-        ("a:=north", "north"),
-        ("a:='5'", "5"),
-        ("a:=b:=c", "b:=c"),
-    ],
-)
-def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
-    (found,) = parse_values([text]).values()
-    assert found == value
-    assert type(found) is type(value)
-
-
-def test_the_last_of_two_values_on_the_command_line_counts():
-    assert parse_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
-
-
-@pytest.mark.parametrize("text", ["a=5", "a", ":=5", "", "a:={"])
-def test_what_is_no_assignment_is_refused(text):
-    with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
-        parse_values([text])
-
-
-def test_small_numbers_keep_their_point_in_yaml():
-    # YAML 1.1, which ROS reads, takes 1e-06 for a text.
-    line = next(
-        line
-        for line in as_yaml("track_initiator", TRACK_INITIATOR).splitlines()
-        if "sensor.clutter_density:" in line
-    )
-    assert "1.0e-06" in line
-    assert math.isclose(yaml.safe_load(line)["sensor.clutter_density"], 1e-6)

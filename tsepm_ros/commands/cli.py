@@ -26,7 +26,8 @@ from tsepm_ros.commands.run_command import add_recording_arguments, run_recordin
 from tsepm_ros.methods.registry import METHODS, available_methods
 from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
 from tsepm_ros.settings.session_options import SessionOptions
-from tsepm_ros.settings.tables import NODES, parse_values
+from tsepm_ros.settings.tables import NODES
+from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
 INTERRUPTED = 130

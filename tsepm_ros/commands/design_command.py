@@ -27,7 +27,8 @@ from tsepm_ros.methods.score.options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.value_text import parse_values
 
 REMEDY_RUNS = 100
 """Targets simulated, at most, for each change that may help."""

@@ -13,7 +13,7 @@ from tsepm_ros.analysis.performance_report import markdown, short_text, write_cs
 from tsepm_ros.analysis.study import Workers
 from tsepm_ros.analysis.terminal_tables import with_progress
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.settings.tables import parse_values
+from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
 

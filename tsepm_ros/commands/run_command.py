@@ -27,7 +27,8 @@ from tsepm_ros.replay.track_files import TrackBag, TrackTable
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, parse_values, settings_from
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 
 TOPIC_OPTIONS = {

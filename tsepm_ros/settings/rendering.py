@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tsepm_ros.methods.registry import METHODS
-from tsepm_ros.parameters import (
-    Value,
-)
 from tsepm_ros.settings.tables import Groups, full_table
+from tsepm_ros.settings.value_text import yaml_text
 
 
 def as_yaml(node: str, groups: Groups) -> str:
@@ -17,7 +15,7 @@ def as_yaml(node: str, groups: Groups) -> str:
     for row in full_table(groups):
         note = ", ".join(part for part in (row.unit, row.bounds) if part)
         lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")
-        lines.append(f"    {row.name}: {_yaml_value(row.default)}")
+        lines.append(f"    {row.name}: {yaml_text(row.default)}")
     return "\n".join(lines) + "\n"
 
 
@@ -38,7 +36,9 @@ def as_page(nodes: Mapping[str, Groups]) -> str:
                 parts.append(f"### `{prefix}*`")
             if method in METHODS:
                 parts.append(f"Of the method [`{method}`](methods/{method}.md).")
-            parts.append(as_markdown(tuple(one for one in groups if one[0] == prefix)).rstrip())
+            parts.append(
+                as_markdown(tuple(group for group in groups if group[0] == prefix)).rstrip()
+            )
     return "\n\n".join(parts) + "\n"
 
 
@@ -49,19 +49,8 @@ def as_markdown(groups: Groups) -> str:
         "|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| `{row.name}` | `{_yaml_value(row.default)}` | {row.unit} | {row.bounds} "
+        f"| `{row.name}` | `{yaml_text(row.default)}` | {row.unit} | {row.bounds} "
         f"| {'no' if row.read_only else 'yes'} | {row.description} |"
         for row in full_table(groups)
     ]
     return "\n".join(lines) + "\n"
-
-
-def _yaml_value(value: Value) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        text = repr(value)
-        mantissa, exponent, power = text.partition("e")
-        # YAML 1.1 takes 1e-06 for a text: a float needs its point.
-        return text if "." in mantissa else f"{mantissa}.0{exponent}{power}"
-    return f'"{value}"' if isinstance(value, str) else str(value)

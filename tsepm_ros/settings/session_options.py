@@ -8,6 +8,7 @@ from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.parameters import check_group, parameter
 
 OWN_SHIP_SOURCES = ("none", "odometry", "tf")
+"""Where the sensor's pose may come from."""
 
 
 @dataclass(frozen=True, kw_only=True)

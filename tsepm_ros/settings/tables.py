@@ -1,23 +1,15 @@
-"""The parameter tables of the nodes: every group with the prefix of its names."""
+"""The parameter tables of the nodes: which groups each has, and how they are made from values."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
-
-import yaml
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.parameters import (
-    Parameter,
-    Value,
-    table,
-    unknown_parameter,
-)
+from tsepm_ros.parameters import Parameter, Value, table, unknown_parameter
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 from tsepm_ros.settings.node_options import (
@@ -29,10 +21,8 @@ from tsepm_ros.settings.node_options import (
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 
-EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
-"""A number with an exponent, with or without its point."""
-
 Groups = tuple[tuple[str, type[Any]], ...]
+"""Groups of parameters, each with the prefix of its names."""
 
 TRACK_INITIATOR: Groups = (
     ("", SessionOptions),
@@ -86,11 +76,12 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
         except ValueError as error:
             raise ValueError(f"{prefix}{error}") from None
     if groups is TRACK_INITIATOR:
-        _refuse_what_does_not_go_together(made)
+        _check_combination(made)
     return made
 
 
-def _refuse_what_does_not_go_together(made: Mapping[type[Any], Any]) -> None:
+def _check_combination(made: Mapping[type[Any], Any]) -> None:
+    """Refuse values of different groups that do not go together."""
     settings_from(made)
     session: SessionOptions = made[SessionOptions]
     from_north = made[InitiatorNodeOptions].bearing_reference == "north"
@@ -104,34 +95,6 @@ def _refuse_what_does_not_go_together(made: Mapping[type[Any], Any]) -> None:
             "own_ship_source must not be none where bearing_reference is north and "
             "sensor.azimuth_min to sensor.azimuth_max a sector: that turns with the heading"
         )
-
-
-def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
-    """Values from the command line's ``name:=value``, typed as in YAML.
-
-    Raises
-    ------
-    ValueError
-        If one is not of this form.
-    """
-    values = {}
-    for assignment in assignments:
-        name, separator, value = assignment.partition(":=")
-        if not separator or not name:
-            raise ValueError(f"a parameter is given as NAME:=VALUE; got {assignment!r}")
-        try:
-            values[name] = _typed(value)
-        except yaml.YAMLError:
-            raise ValueError(f"{name}: {value!r} is not a value") from None
-    return values
-
-
-def _typed(text: str) -> Value:
-    """A value as in YAML; but 1e-9, to YAML 1.1 a text, is a number."""
-    if EXPONENT.fullmatch(text.strip()):
-        return float(text)
-    value: Value = yaml.safe_load(text)
-    return value
 
 
 def settings_from(made: Mapping[type[Any], Any]) -> Settings:

@@ -1,0 +1,51 @@
+"""Values of parameters as text, in YAML and on the command line."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import yaml
+
+from tsepm_ros.settings.rendering import as_yaml
+from tsepm_ros.settings.tables import TRACK_INITIATOR
+from tsepm_ros.settings.value_text import parse_values
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("a:=5", 5),
+        ("a:=5.0", 5.0),
+        ("a:=1.0e-6", 1e-6),
+        ("a:=true", True),
+        ("a:=north", "north"),
+        ("a:='5'", "5"),
+        ("a:=b:=c", "b:=c"),
+    ],
+)
+def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
+    (found,) = parse_values([text]).values()
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_the_last_of_two_values_on_the_command_line_counts():
+    assert parse_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
+
+
+@pytest.mark.parametrize("text", ["a=5", "a", ":=5", "", "a:={"])
+def test_what_is_no_assignment_is_refused(text):
+    with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
+        parse_values([text])
+
+
+def test_small_numbers_keep_their_point_in_yaml():
+    # YAML 1.1, which ROS reads, takes 1e-06 for a text.
+    line = next(
+        line
+        for line in as_yaml("track_initiator", TRACK_INITIATOR).splitlines()
+        if "sensor.clutter_density:" in line
+    )
+    assert "1.0e-06" in line
+    assert math.isclose(yaml.safe_load(line)["sensor.clutter_density"], 1e-6)

@@ -1,0 +1,44 @@
+"""Values of parameters as text: in YAML, and as NAME:=VALUE on the command line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import yaml
+
+from tsepm_ros.parameters import Value
+
+EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
+"""A number with an exponent, with or without its point."""
+
+
+def yaml_text(value: Value) -> str:
+    """Write a value as YAML 1.1, which ROS reads; 1e-06 would be a text there, 1.0e-06 is not."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        mantissa, exponent, power = repr(value).partition("e")
+        return f"{mantissa}{'' if '.' in mantissa else '.0'}{exponent}{power}"
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
+    """Read assignments ``name:=value``, typed as in YAML; but 1e-9 is a number here.
+
+    Raises
+    ------
+    ValueError
+        If one is not of this form.
+    """
+    values = {}
+    for assignment in assignments:
+        name, separator, text = assignment.partition(":=")
+        if not separator or not name:
+            raise ValueError(f"a parameter is given as NAME:=VALUE; got {assignment!r}")
+        try:
+            exponential = EXPONENT.fullmatch(text.strip())
+            values[name] = float(text) if exponential else yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise ValueError(f"{name}: {text!r} is not a value") from None
+    return values
