@@ -1,14 +1,29 @@
-"""Diagnostics of a node whose own-ship data comes late, or no more."""
+"""Diagnostics of the node: what is missing, what was done, and what comes late or no more."""
 
 from __future__ import annotations
 
 import time
 
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2
-from support.boat import Boat
+from support.boat import Boat, named
 from support.ros_world import WARN as LOG_WARN
-from support.sonar_driver import START_NS, pings
+from support.sonar_driver import START_NS, pings, stamp_ns
 
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+
+TASKS = [
+    "track initiation",
+    "detections",
+    "own ship",
+    "latency",
+    "clutter",
+    "quality of service",
+    "downstream tracker",
+]
+"""Of the diagnostics, in their order."""
 SECOND = 10**9
 OK, WARN, STALE = b"\x00", b"\x01", b"\x03"
 
@@ -83,3 +98,57 @@ def types(boat: Boat) -> set[str]:
     """Of what is published as odometry, as the node sees it."""
     found = boat.node.get_publishers_info_by_topic("own_ship/odometry")
     return {one.topic_type for one in found}
+
+
+def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
+    node = world.make(TrackInitiator, named({}))
+    missing = world.status("detections")
+    assert (missing.message, missing.level) == ("no publisher of detections yet", b"\x01")
+    world.end(node)
+    boat = Boat(world)
+    boat.driver.destroy_publisher(boat.driver.odometry)  # else it is said that nobody listens to it
+    assert world.status("detections").message == "no scan yet"
+    before = boat.node.get_clock().now().nanoseconds
+    sent = pings()
+    tracks = boat.send(sent)
+    found = world.statuses()
+    assert before <= stamp_ns(world.diagnostics[-1]) <= before + 60 * SECOND
+    assert {status.name for status in world.diagnostics[-1].status} == {
+        f"track_initiator: {task}" for task in TASKS
+    }
+    levels = {task: status.level for task, status in found.items()}
+    # A tenth of the clutter of the data sheet: that is said.
+    assert levels == {task: b"\x01" if task == "clutter" else b"\x00" for task in TASKS}
+    figures = world.figures()
+    assert int(figures["scans"]) == len(sent)
+    assert int(figures["detections"]) == sum(len(ping.range) for ping in sent)
+    assert int(figures["confirmed"]) == sum(message.width for message in tracks)
+    assert float(figures["scan_interval_s"]) == pytest.approx(12.0)
+    assert 0 < float(figures["core_ms"]) < float(figures["latency_ms"])
+    assert float(figures["latency_ms"]) < float(figures["latency_all_ms"])
+    assert 0 < float(figures["publishing_ms"]) < float(figures["latency_all_ms"])
+    assert {"potential_tracks", "raw_confirmations", "pruned", "merged", "started"} <= set(figures)
+    assert not [key for key in figures if key.startswith("dropped.")]
+
+
+def test_a_drop_is_a_warning_for_the_window_only_and_counted_for_good(world):
+    boat = Boat(world, diagnostics__window=0.5)
+    sent = pings()
+    boat.send(sent)
+    boat.driver.ping(sent[-2])
+    world.until(lambda: world.status("detections").level == b"\x01", "the warning")
+    world.until(lambda: world.status("detections").level == b"\x00", "its end")
+    assert world.dropped() == {"scan_late": 1}
+
+
+def test_thresholds_may_change_while_running(world):
+    boat = Boat(world)
+    boat.send(pings())
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.01)
+    request = SetParameters.Request(
+        parameters=[Parameter(name="diagnostics.stale_time", value=value)]
+    )
+    assert world.status("detections").level == b"\x00"
+    response = world.call(SetParameters, "/track_initiator/set_parameters", request)
+    assert response.results[0].successful, response.results[0].reason
+    world.until(lambda: world.status("detections").level == b"\x03", "that it is stale")

@@ -1,0 +1,201 @@
+"""What a viewer shows: tracks, potential tracks, and detections where they were placed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from sensor_msgs.msg import PointCloud2
+from support.boat import Boat, named
+from support.expectation import (
+    STATE,
+    as_scan,
+    assert_stamps,
+    initiator,
+)
+from support.markers import drawn, shown_markers
+from support.ros_world import LATCHED, RELIABLE
+from support.sonar_driver import pings, points, stamp_ns
+from visualization_msgs.msg import Marker, MarkerArray
+
+from msg_adapters import read_placed_detections
+from tsepm_ros import SensorModel
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.sensing.conversion import convert
+
+PARTS = ["ellipse", "label", "position", "velocity"]
+"""Namespaces of a track's markers."""
+
+
+def test_markers_show_a_track_until_its_hold_time_is_over(world):
+    boat = Boat(world, hold_time=30.0)
+    markers = shown_markers(world)
+    seen_by_sonar, gone = pings(12, clutter=0)[:5], pings(12, clutter=0)[5:]
+    nothing = np.zeros(0, np.float32)
+    sent = seen_by_sonar + [replace(ping, range=nothing, azimuth=nothing) for ping in gone]
+    tracks = boat.send(sent)
+    world.until(lambda: len(markers) == len(sent), "markers")
+    first = next(index for index, message in enumerate(tracks) if message.width)
+    [track_id] = [point["track_id"] for point in points(tracks[first])]
+    seen = [[one for one in array.markers if one.id == track_id] for array in markers]
+    shown, deleted = seen[first : first + 3], seen[first + 3]  # 24 and 36 s later
+    for ping, of_track in zip(sent[first:], shown, strict=False):
+        assert sorted(marker.ns for marker in of_track) == PARTS
+        assert {marker.action for marker in of_track} == {Marker.ADD}
+        assert {(one.header.frame_id, stamp_ns(one)) for one in of_track} == {
+            ("sonar", ping.stamp_ns)
+        }
+    assert sorted(marker.ns for marker in deleted) == PARTS
+    assert {marker.action for marker in deleted} == {Marker.DELETE}
+    assert not any(seen[first + 4 :])
+
+
+def test_markers_are_at_the_track_and_can_be_drawn(world):
+    boat = Boat(world)
+    markers = shown_markers(world)
+    tracks = boat.send(pings(5, clutter=0))
+    world.until(lambda: len(markers) == 5, "markers")
+    [point] = points(tracks[-1])
+    by_name = {marker.ns: marker for marker in markers[-1].markers}
+    position = by_name["position"].pose.position
+    assert (position.x, position.y) == (point["state_x"], point["state_y"])
+    ellipse = by_name["ellipse"].scale
+    largest = np.linalg.eigvalsh(
+        [[point["cov_00"], point["cov_02"]], [point["cov_02"], point["cov_22"]]]
+    )[-1]
+    assert ellipse.x == pytest.approx(2 * math.sqrt(5.9915 * largest), rel=1e-4)
+    for marker in markers[-1].markers:
+        assert marker.color.a > 0
+        assert marker.scale.z > 0
+
+
+@pytest.mark.parametrize("qos", [RELIABLE, LATCHED], ids=["volatile", "latched"])
+def test_a_viewer_that_joins_late_shows_the_tracks_that_are_held(world, qos):
+    boat = Boat(world)
+    sent = pings(10, clutter=0)
+    received = boat.send(sent[:7])
+    ids = {point["track_id"] for message in received for point in points(message)}
+    markers = world.listen(MarkerArray, "tracks/markers", qos)
+    if qos is LATCHED:
+        world.until(lambda: markers, "markers before the next ping")
+    else:  # may come before this side is ready, but no later than with the next ping
+        world.until_connected()
+        boat.send(sent[7:8])
+        world.until(lambda: markers and stamp_ns(markers[-1].markers[-1]) == sent[7].stamp_ns, "it")
+    assert drawn(markers) == ids != set()
+
+
+def test_a_viewer_that_was_away_does_not_show_what_ended_meanwhile(world):
+    boat = Boat(world, hold_time=30.0)
+    first = shown_markers(world)
+    sent = pings(12, clutter=0)
+    boat.send(sent[:5])
+    world.until(lambda: drawn(first), "a track")
+    world.observer.destroy_subscription(first.subscription)
+    world.until_connected()
+    nothing = np.zeros(0, np.float32)
+    boat.send([replace(ping, range=nothing, azimuth=nothing) for ping in sent[5:]])
+    again = world.listen(MarkerArray, "tracks/markers", LATCHED)
+    world.until(lambda: again and again[-1].markers[0].action == Marker.DELETEALL, "a greeting")
+    assert drawn(again) == set()
+
+
+def test_a_node_that_starts_again_removes_the_markers_of_the_one_before(world):
+    boat = Boat(world)
+    markers = shown_markers(world)
+    boat.send(pings(6, clutter=0))
+    world.until(lambda: drawn(markers), "a track")
+    world.end(boat.node)
+    world.make(TrackInitiator, named({}))
+    world.until(lambda: not drawn(markers), "the old markers to go")
+
+
+def test_detections_are_shown_where_they_were_placed(world):
+    boat = Boat(world)
+    placed = world.listen(PointCloud2, "detections/placed")
+    world.until_connected()
+    [ping] = pings(1)
+    boat.send([ping], intensity=np.arange(len(ping.range), dtype=np.float32))
+    world.until(lambda: placed, "detections")
+    assert (placed[0].header.frame_id, stamp_ns(placed[0])) == ("sonar", ping.stamp_ns)
+    found = points(placed[0])
+    # The mean of an azimuth that errs by 1 degree is nearer by exp(-sigma^2 / 2): undone.
+    unbiased = math.exp(math.radians(1.0) ** 2 / 2)
+    x, y = (unbiased * ping.range * turn(ping.azimuth) for turn in (np.cos, np.sin))
+    np.testing.assert_allclose([point["x"] for point in found], x, atol=0.5)
+    np.testing.assert_allclose([point["y"] for point in found], y, atol=0.5)
+    assert [point["intensity"] for point in found] == list(range(len(ping.range)))
+
+
+def test_detections_are_handed_over_with_what_a_filter_needs(world):
+    boat = Boat(world)
+    tracks = world.listen(PointCloud2, "tracks")
+    placed = world.listen(PointCloud2, "detections/placed")
+    world.until_connected()
+    sent = pings(3)
+    delay = np.linspace(0.5, 11.0, len(sent[0].range))
+    boat.send(sent, time_offset=delay.astype(np.float32))
+    world.until(lambda: len(placed) == len(tracks) == len(sent), "detections")
+    assert_stamps(placed, sent)
+    for message, ping in zip(placed, sent, strict=True):
+        found, expected = read_placed_detections(message), convert(as_scan(ping), SensorModel(), 0)
+        np.testing.assert_allclose(found.position, expected["position"], rtol=1e-12)
+        np.testing.assert_allclose(found.covariance, expected["covariance"], rtol=1e-9)
+        np.testing.assert_array_equal(found.time_offset, delay.astype(np.float32))
+
+
+def test_potential_tracks_are_drawn_by_their_evidence(world):
+    boat = Boat(world, publish_potential_tracks=True, method="score")
+    clouds = world.listen(PointCloud2, "potential_tracks")
+    markers = world.listen(MarkerArray, "potential_tracks/markers")
+    world.until_connected()
+    boat.send(pings(3))
+    world.until(lambda: len(clouds) == 3 and len(markers) == 3, "potential tracks")
+    found = points(clouds[-1])
+    assert all(math.isfinite(point["score"]) for point in found)
+    first, positions, velocities = markers[-1].markers
+    assert first.action == Marker.DELETEALL
+    there = [(point["state_x"], point["state_y"]) for point in found]
+    drawn_at = [(point.x, point.y) for point in positions.points]
+    best = max(found, key=lambda point: point["score"])
+    assert drawn_at[0] == (best["state_x"], best["state_y"])
+    assert set(drawn_at) < set(there), "what is more likely clutter is not drawn"
+    assert len(velocities.points) == 2 * len(drawn_at) > 2
+    red = [color.r for color in positions.colors]
+    assert red == sorted(red, reverse=True) and red[0] > red[-1]
+
+
+def test_potential_tracks_come_only_while_switched_on(world):
+    boat = Boat(world)
+    potential = world.listen(PointCloud2, "potential_tracks")
+    world.until_connected()
+    sent = pings(9, clutter=20)
+
+    def switch(on: bool) -> None:
+        value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=on)
+        request = SetParameters.Request(
+            parameters=[Parameter(name="publish_potential_tracks", value=value)]
+        )
+        response = world.call(SetParameters, "/track_initiator/set_parameters", request)
+        assert response.results[0].successful, response.results[0].reason
+
+    boat.send(sent[:3])
+    switch(True)
+    boat.send(sent[3:6])
+    world.until(lambda: len(potential) >= 3, "potential tracks")
+    switch(False)
+    boat.send(sent[6:])
+    world.statuses()  # after the last scan: whatever was published has come
+    assert [stamp_ns(message) for message in potential] == [p.stamp_ns for p in sent[3:6]]
+
+    same = initiator()
+    for ping in sent[:6]:
+        same.process(as_scan(ping))
+    found = {tuple(point[name] for name in STATE) for point in points(potential[-1])}
+    assert found == {tuple(track.state) for track in same.potential_tracks()}
+    assert {point["hit_count"] for point in points(potential[-1])} <= {2, 3, 4}
+    assert found

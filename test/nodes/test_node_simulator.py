@@ -1,0 +1,248 @@
+"""The simulator: what it publishes, and the scenarios that it refuses."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import PointCloud2, PointField
+from support.boat import Boat, named
+from support.expectation import STATE
+from support.ros_world import World
+from support.show import (
+    SECOND,
+    Show,
+    write_scenario,
+)
+from support.sonar_driver import START_NS, Ping, points, stamp_ns
+
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.sonar_simulator import SonarSimulator
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+
+
+@pytest.fixture
+def scenario(tmp_path) -> str:
+    return write_scenario(tmp_path)
+
+
+def fields(message: PointCloud2) -> dict[str, int]:
+    return {field.name: field.datatype for field in message.fields}
+
+
+def heading(message: Odometry) -> float:
+    return 2 * math.atan2(message.pose.pose.orientation.z, message.pose.pose.orientation.w)
+
+
+def test_the_simulator_publishes_what_a_driver_would_and_the_truth(world, scenario):
+    show = Show(world, SonarSimulator, scenario=scenario).play()
+    assert len(show.detections) == len(show.truth) == 5
+    for index, (scan, truth) in enumerate(zip(show.detections, show.truth, strict=True)):
+        assert stamp_ns(scan) == stamp_ns(truth) == index * 4 * SECOND
+        assert (scan.header.frame_id, truth.header.frame_id) == ("sonar", "odom")
+        kinds = fields(scan)
+        assert list(kinds)[:3] == ["x", "y", "z"]
+        assert {kinds[name] for name in "xyz"} == {PointField.FLOAT32}
+        assert {"range", "azimuth", "time_offset"} <= kinds.keys()
+        for point in points(scan):
+            assert point["x"] == pytest.approx(
+                point["range"] * math.cos(point["azimuth"]), rel=1e-5
+            )
+            assert point["y"] == pytest.approx(
+                point["range"] * math.sin(point["azimuth"]), rel=1e-5
+            )
+            assert point["time_offset"] == pytest.approx(point["range"] / 1500.0)
+        states = [[point[name] for name in STATE] for point in points(truth)]
+        time_s = 4.0 * index
+        assert states == [
+            [1500.0 + 4 * time_s, 4.0, 700.0 - 3 * time_s, -3.0],
+            [-900.0, 0.0, 1200.0 + 5 * time_s, 5.0],
+        ]
+
+
+def test_the_simulated_truth_has_the_layout_of_tracks(world, scenario):
+    boat = Boat(world)
+    boat.driver.ping(Ping(START_NS, [], []))
+    [track] = boat.take(1, 0)
+    world.end(boat.driver)
+    world.end(boat.node)
+    show = Show(world, SonarSimulator, scenario=scenario).play()
+    assert show.truth[0].fields == track.fields
+    assert show.truth[0].point_step == track.point_step
+
+
+def test_every_target_is_detected_where_the_moving_ship_sees_it(world, scenario):
+    show = Show(world, SonarSimulator, scenario=scenario).play()
+    poses = [
+        (stamp_ns(m), m.pose.pose.position.x, m.pose.pose.position.y, heading(m))
+        for m in show.own_ship
+    ]
+    times = np.array([pose[0] for pose in poses]) / SECOND
+    x, y, yaw = (np.array([pose[axis] for pose in poses]) for axis in (1, 2, 3))
+    yaw = np.unwrap(yaw)
+    for scan, truth in zip(show.detections, show.truth, strict=True):
+        stamp = stamp_ns(scan) / SECOND
+        places = []
+        for point in points(scan):
+            back = stamp + 2 * point["time_offset"]
+            angle = point["azimuth"] + np.interp(back, times, yaw)
+            here = [
+                np.interp(stamp + point["time_offset"], times, axis) for axis in (x, y)
+            ]  # the middle of the ship's way is near enough
+            places.append(
+                (
+                    here[0] + point["range"] * math.cos(angle),
+                    here[1] + point["range"] * math.sin(angle),
+                )
+            )
+        for target in points(truth):
+            distances = [math.hypot(px - target["x"], py - target["y"]) for px, py in places]
+            assert min(distances) < 60.0
+
+
+def test_the_simulated_own_ship_is_known_for_all_of_each_scan(world, scenario):
+    show = Show(world, SonarSimulator, scenario=scenario, own_ship_rate=2.0).play()
+    stamps = [stamp_ns(message) for message in show.own_ship]
+    assert np.diff(stamps).tolist() == [SECOND // 2] * (len(stamps) - 1)
+    assert stamps[0] == 0
+    last = max(2 * point["time_offset"] for point in points(show.detections[-1]))
+    assert stamps[-1] >= stamp_ns(show.detections[-1]) + last * SECOND
+    first = show.own_ship[0]
+    assert (first.header.frame_id, first.child_frame_id) == ("odom", "sonar")
+    assert (first.pose.pose.position.x, first.pose.pose.position.y) == (100.0, -50.0)
+    assert heading(first) == pytest.approx(math.radians(40.0))
+    assert first.twist.twist.linear.x == pytest.approx(5.0, rel=1e-3), "in the ship's own axes"
+    assert first.twist.twist.angular.z == pytest.approx(math.radians(2.0))
+    second = show.own_ship[2]
+    assert heading(second) == pytest.approx(math.radians(42.0))
+
+
+def test_the_simulators_frames_may_be_given(world, scenario):
+    frames = {"fixed_frame": "map", "sensor_frame": "head"}
+    show = Show(world, SonarSimulator, scenario=scenario, **frames).play()
+    assert {message.header.frame_id for message in show.detections} == {"head"}
+    assert {message.header.frame_id for message in show.truth} == {"map"}
+    assert {(m.header.frame_id, m.child_frame_id) for m in show.own_ship} == {("map", "head")}
+    markers = [marker for array in show.markers for marker in array.markers]
+    assert {marker.header.frame_id for marker in markers} == {"map"}
+
+
+def test_a_seed_makes_the_simulator_repeatable_bit_for_bit(world, scenario):
+    shows = []
+    for seed in (7, 7, 8):
+        with World(world.domain) as own:
+            shows.append(Show(own, SonarSimulator, scenario=scenario, seed=seed).play().messages)
+    assert len(shows[0]) > 30
+    assert shows[0] == shows[1]
+    assert shows[0] != shows[2]
+
+
+def test_the_shipped_scenario_is_the_default(world):
+    show = Show(world, SonarSimulator).play()
+    assert len(show.detections) == 16
+    assert {message.width for message in show.truth} == {4}
+
+
+def test_the_simulators_start_may_be_given_or_the_clocks_time(world, scenario):
+    with World(world.domain) as own:
+        show = Show(own, SonarSimulator, scenario=scenario, start_stamp=1.7e9).play()
+        assert stamp_ns(show.detections[0]) == 1_700_000_000 * SECOND
+        assert stamp_ns(show.own_ship[0]) == 1_700_000_000 * SECOND
+    before = time.time_ns()
+    show = Show(world, SonarSimulator, scenario=scenario, start_stamp=-1.0).play()
+    assert before - SECOND < stamp_ns(show.detections[0]) < time.time_ns() + SECOND
+
+
+def test_the_simulated_clock_goes_with_the_messages(world, scenario):
+    show = Show(world, SonarSimulator, scenario=scenario, publish_clock=True).play()
+    times = [message.clock.sec * SECOND + message.clock.nanosec for message in show.clock]
+    assert times == sorted(times)
+    assert {stamp_ns(message) for message in show.own_ship} <= set(times)
+    last = max(2 * point["time_offset"] for point in points(show.detections[-1]))
+    assert times[-1] >= stamp_ns(show.detections[-1]) + last * SECOND
+
+
+def test_no_clock_is_published_unasked(world, scenario):
+    show = Show(world, SonarSimulator, scenario=scenario).play()
+    assert show.clock == []
+    assert world.observer.count_publishers("/clock") == 0
+
+
+def test_the_simulator_and_the_initiator_work_together_in_simulated_time(world, scenario):
+    tracks = world.listen(PointCloud2, "tracks")
+    given = {"own_ship_source": "odometry", "use_sim_time": True, "tsepm.min_hits": 4}
+    world.make(TrackInitiator, named({**given, "sensor.range_std": 5.0}))
+    show = Show(
+        world,
+        SonarSimulator,
+        scenario=scenario,
+        publish_clock=True,
+        wait_for_subscribers=3,
+    )
+    world.until(lambda: world.observer.count_subscribers("/detections") == 2, "the initiator")
+    world.until_connected()
+    show.play()
+    world.until(lambda: len(tracks) == 5, "tracks")
+    assert {message.header.frame_id for message in tracks} == {"odom"}
+    for target in points(show.truth[-1]):
+        found = [
+            math.hypot(p["x"] - target["x"], p["y"] - target["y"])
+            for m in tracks[3:]
+            for p in points(m)
+        ]
+        assert min(found) < 100.0
+    assert world.dropped() == {}
+
+
+UNKNOWABLE = {
+    "no_mapping": ("- 1\n", "mapping"),
+    "no_yaml": ("{: [\n", "YAML"),
+    "unknown_key": ("scanz: 3\n", "scanz"),
+    "no_scans": ("scans: 0\n", "scans"),
+    "scans_in_words": ("scans: many\n", "scans"),
+    "half_a_scan": ("scans: 2.5\n", "scans"),
+    "period_in_words": ("period: fast\n", "period"),
+    "period_that_yaml_reads_as_text": ("period: 1e1\n", "period"),
+    "infinite_period": ("period: .inf\n", "period"),
+    "no_sound_speed": ("sound_speed: null\n", "sound_speed"),
+    "bad_sensor": ("sensor: {range_std: -1.0}\n", "range_std"),
+    "own_ship_in_words": ("own_ship: {speed: fast}\n", "own_ship.speed"),
+    "no_own_ship": ("own_ship:\n", "own_ship"),
+    "targets_by_number": ("targets: 5\n", "targets"),
+    "no_targets": ("targets:\n", "targets"),
+    "short_state": ("targets: [{state: [1.0, 2.0]}]\n", "state"),
+    "speed_in_words": (
+        "targets: [{ranges: [1.0, 2.0], azimuths_deg: [0.0, 90.0], speed: fast}]\n",
+        "speed",
+    ),
+    "angles_in_words": (
+        "targets: [{ranges: [1.0, 2.0], azimuths_deg: [a, b], speed: 1.0}]\n",
+        "azimuths",
+    ),
+    "count_in_words": (
+        "targets: [{ranges: [1.0, 2.0], azimuths_deg: [0.0, 9.0], speed: 0.0, count: two}]\n",
+        "count",
+    ),
+    "target_that_cannot_be": (
+        "targets: [{ranges: [100.0, 101.0], azimuths_deg: [0.0, 90.0], speed: 50.0}]\n",
+        "targets",
+    ),
+    "ranges_the_wrong_way": (
+        "targets: [{ranges: [200.0, 100.0], azimuths_deg: [0.0, 90.0], speed: 1.0}]\n",
+        "ranges",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNKNOWABLE)
+def test_a_bad_scenario_is_refused_with_a_sentence(world, tmp_path, name):
+    content, named_in_it = UNKNOWABLE[name]
+    path = tmp_path / "bad.yaml"
+    path.write_text(content)
+    with pytest.raises(ParameterError) as error:
+        world.make(SonarSimulator, {"scenario": str(path)})
+    assert named_in_it in str(error.value)
+    assert "\n" not in str(error.value)
