@@ -17,6 +17,7 @@ from rcl_interfaces.srv import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from support.boat import Boat
+from support.builders import reconfigured
 from support.expectation import as_scan, assert_same, confirmed, initiator
 from support.sonar_driver import pings
 
@@ -286,7 +287,7 @@ def test_another_maximum_speed_takes_effect_at_the_next_scan(world):
     same = initiator()
     for ping in sent[:8]:
         same.process(as_scan(ping))
-    same.configure(SensorModel(), CommonOptions(max_speed=30.0), TsepmOptions())
+    reconfigured(same, SensorModel(), CommonOptions(max_speed=30.0), TsepmOptions())
     assert_same(after, [same.process(as_scan(ping)) for ping in sent[8:]])
 
 
@@ -307,7 +308,7 @@ def test_another_window_takes_effect_at_the_next_scan(world):
     received += boat.send(sent[4:])
     same = initiator()
     expected = [same.process(as_scan(ping)) for ping in sent[:4]]
-    same.configure(SensorModel(), CommonOptions(), TsepmOptions(window=5))
+    reconfigured(same, SensorModel(), CommonOptions(), TsepmOptions(window=5))
     assert_same(received, expected + [same.process(as_scan(ping)) for ping in sent[4:]])
 
 
@@ -325,7 +326,9 @@ def test_the_sensor_model_may_change_while_running(world):
     sent = pings(16)
     assert set_parameters(world, sensor__range_std=50.0, sensor__azimuth_std=0.03) == ["", ""]
     same = initiator()
-    same.configure(SensorModel(range_std=50.0, azimuth_std=0.03), CommonOptions(), TsepmOptions())
+    reconfigured(
+        same, SensorModel(range_std=50.0, azimuth_std=0.03), CommonOptions(), TsepmOptions()
+    )
     assert_same(boat.send(sent), [same.process(as_scan(ping)) for ping in sent])
 
 
