@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, reconfigured, scan_at
+from support.patience import WAIT
 from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
@@ -362,6 +363,6 @@ loaded = {name.partition(".")[0] for name in sys.modules}
 print(sorted(loaded & {"rclpy", "rpyutils", "sensor_msgs", "matplotlib", "distributed"}))
 """
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=WAIT
     )
     assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr

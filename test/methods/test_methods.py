@@ -13,6 +13,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 from support.builders import assert_same_tracks, reconfigured, scan_at
+from support.patience import patient
 from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
@@ -320,7 +321,7 @@ def test_a_new_method_is_one_class_and_one_row():
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=patient(6.0),
     )
     assert done.returncode == 0, done.stderr
 

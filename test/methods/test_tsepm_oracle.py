@@ -55,7 +55,6 @@ FIRST = [
 ]
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("first", FIRST)
 def test_equals_the_plain_version(first: int) -> None:
     compared = sum(compare(random_scene(seed)) for seed in range(first, first + BATCH))

@@ -1,4 +1,4 @@
-"""What the node tests share: a machine-local network, own domains, and an end to every wait."""
+"""What the node tests share: a machine-local network, own domains, nodes and processes."""
 
 from __future__ import annotations
 
@@ -18,25 +18,17 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_LOG_DIR", tempfile.mkdtemp(prefix="tsepm_ros_log_"))
 os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).parent / "fastdds.xml"))
 
+from support.patience import WAIT
 from support.ros_process import RosProcess
-from support.ros_world import DEADLINE, World
+from support.ros_world import World
 
 DOMAINS = 100
 """Domains 1 to 100 keep clear of the ports that the system hands out."""
 
-TEST_TIMEOUT = 60.0
-
-SHORT_DEADLINE = 2.0
+SHORT_WAIT = 2.0
 """Longest wait in a test that is known to fail, s."""
 
 _candidates = (1 + (os.getpid() + number) % DOMAINS for number in itertools.count())
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    here = Path(__file__).parent
-    for item in items:
-        if here in item.path.parents and not item.get_closest_marker("timeout"):
-            item.add_marker(pytest.mark.timeout(TEST_TIMEOUT))
 
 
 @pytest.fixture
@@ -58,7 +50,7 @@ def domain() -> Iterator[int]:
 @pytest.fixture
 def world(domain: int, request: pytest.FixtureRequest) -> Iterator[World]:
     expected_to_fail = request.node.get_closest_marker("xfail")
-    with World(domain, SHORT_DEADLINE if expected_to_fail else DEADLINE) as made:
+    with World(domain, SHORT_WAIT if expected_to_fail else WAIT) as made:
         yield made
 
 

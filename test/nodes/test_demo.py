@@ -5,19 +5,20 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import pytest
+from support.patience import patient
 
 from tsepm_ros.demo.demo import main
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
-def demo(*arguments, timeout=60.0):
+def demo(*arguments):
     command = [sys.executable, "-m", "tsepm_ros.demo.demo", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=patient(10.0), check=False
+    )
 
 
-@pytest.mark.timeout(90)
 def test_the_demo_starts_every_target_and_draws_it(tmp_path):
     picture = tmp_path / "demo.png"
     done = demo("--rate", "300", "--picture", str(picture))
@@ -27,7 +28,6 @@ def test_the_demo_starts_every_target_and_draws_it(tmp_path):
     assert picture.read_bytes().startswith(PNG)
 
 
-@pytest.mark.timeout(90)
 def test_a_target_that_is_not_started_fails_the_demo(tmp_path):
     scenario = tmp_path / "deaf.yaml"
     scenario.write_text(

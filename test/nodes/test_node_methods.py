@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from sensor_msgs.msg import PointCloud2
+from support.patience import patient
 from support.ros_world import LATCHED
 from support.sonar_driver import points, stamp_ns
 
@@ -16,7 +17,7 @@ from tsepm_ros.simulation import load_scenario
 @pytest.mark.parametrize("method", available_methods())
 def test_every_method_answers_every_ping_of_the_demo(world, method):
     scene = load_scenario("four_targets")
-    world.deadline = 100.0
+    world.deadline = patient(10.0)
     tracks = world.listen(PointCloud2, "tracks")
     current = world.listen(PointCloud2, "tracks/current", LATCHED)
     given = {"own_ship_source": "odometry", "own_ship_timeout": 60.0, "diagnostics_period": 0.05}

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from rclpy.qos import ReliabilityPolicy
 from support.boat import Boat
+from support.patience import WAIT
 from support.ros_world import World
 from support.show import (
     DETECTIONS,
@@ -93,7 +94,7 @@ def test_the_rate_factor_sets_the_pace(world, kind, scenario, record):
     world.until(lambda: len(show.detections) == number, "the last scan")
     took = time.monotonic() - begin
     span = (stamp_ns(show.detections[-1]) - stamp_ns(show.detections[0])) / SECOND
-    assert span / 40.0 <= took < span / 40.0 + 3.0
+    assert span / 40.0 <= took < span / 40.0 + WAIT
 
 
 @BOTH

@@ -103,6 +103,13 @@ PACKAGES: dict[str, tuple[type, ...]] = {
 }
 
 
+def remove(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the packages not importable for a test, whether they are there or not."""
+    for package in PACKAGES:
+        monkeypatch.setitem(sys.modules, package, None)
+        monkeypatch.setitem(sys.modules, f"{package}.msg", None)
+
+
 def install(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the packages importable for a test."""
     for package, classes in PACKAGES.items():

@@ -14,13 +14,17 @@ from pathlib import Path
 
 import pytest
 
-DEADLINE = 20.0
-"""Longest wait for a process to start, to say something or to end, s."""
+from support.patience import WAIT
+
+BESIDE_INTERPRETER = Path(sys.executable).parent
 
 
 def executable(name: str) -> str:
-    found = shutil.which(name, path=str(Path(sys.executable).parent))
-    assert found, f"{name} is not installed beside {sys.executable}"
+    """Where ROS has it, in lib/tsepm_ros, or else where pip puts it, beside the interpreter."""
+    prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    places = [Path(prefix) / "lib" / "tsepm_ros" for prefix in prefixes]
+    found = shutil.which(name, path=os.pathsep.join(map(str, [*places, BESIDE_INTERPRETER])))
+    assert found, f"{name} is in none of {places}, nor in {BESIDE_INTERPRETER}"
     return found
 
 
@@ -77,7 +81,7 @@ class RosProcess:
         return self._process.poll() is None
 
     def until(self, condition: Callable[[], object], what: str) -> None:
-        end = time.monotonic() + DEADLINE
+        end = time.monotonic() + WAIT
         while not condition():
             if time.monotonic() > end or not self.running:
                 pytest.fail(f"{self.name}: waited in vain for {what}; it said: {self.said}")
@@ -97,6 +101,6 @@ class RosProcess:
     def exit_code(self) -> int:
         """Wait for its end."""
         try:
-            return self._process.wait(DEADLINE)
+            return self._process.wait(WAIT)
         except subprocess.TimeoutExpired:
             pytest.fail(f"{self.name} does not end; it said: {self.said}")

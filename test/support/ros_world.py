@@ -18,10 +18,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 
+from support.patience import WAIT
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-
-DEADLINE = 15.0
-"""Longest wait for anything, s: far beyond what it takes, even on a busy machine."""
 
 WARN, ERROR = 30, 40
 """Levels of rcl_interfaces/Log."""
@@ -44,7 +42,7 @@ class Messages(list):
 class World:
     """One context with some nodes of the package, a node that looks at them, and an executor."""
 
-    def __init__(self, domain: int, deadline: float = DEADLINE) -> None:
+    def __init__(self, domain: int, deadline: float = WAIT) -> None:
         self.domain = domain
         self.deadline = deadline
         self.context = Context()
