@@ -188,7 +188,8 @@ def test_detections_on_one_ray_are_written_beside_each_other():
 
 
 @pytest.mark.parametrize("type_name", [name for name in MAKERS if "sensor_msgs" not in name])
-def test_a_package_that_is_not_installed_is_named(type_name):
+def test_a_package_that_is_not_installed_is_named(type_name, monkeypatch):
+    foreign_messages.remove(monkeypatch)
     package = type_name.partition("/")[0]
     with pytest.raises(MessageError, match=f"needs the package '{package}'") as error:
         message_class(type_name)

@@ -11,6 +11,7 @@ import pytest
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import LaserScan, PointCloud2
+from support import foreign_messages
 from support.boat import named
 from support.driver_messages import MAKERS, Echo, echoes_of
 from support.expectation import assert_same, initiator
@@ -59,7 +60,8 @@ def test_a_laser_scan_is_found_and_gives_the_tracks_of_the_core(world, given):
 
 @pytest.mark.parametrize("name", [SONAR_DETECTIONS, "vision_msgs/msg/Detection3DArray"])
 @pytest.mark.parametrize("kind", [TrackInitiator, SonarSimulator])
-def test_a_type_whose_package_is_missing_is_refused_with_its_name(world, kind, name):
+def test_a_type_whose_package_is_missing_is_refused_with_its_name(world, monkeypatch, kind, name):
+    foreign_messages.remove(monkeypatch)
     with pytest.raises(ParameterError, match=f"needs the package '{name.partition('/')[0]}'"):
         world.make(kind, {"detections_type": name})
 
