@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from exhaustive_search import StateGrid
 
 from tsepm_ros.simulation import Simulator, load_scenario
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
-from exhaustive_search import StateGrid
 
 SCENE = replace(load_scenario("box"), scans=3, clutter_box=(4800.0, 5200.0, 4900.0, 5400.0))
 GRID = StateGrid(SCENE, step=50.0, max_speed=10.0)

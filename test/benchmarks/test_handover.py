@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
+import handover
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
-import handover
 from handover import AHEAD, NEES_OF_STATE, POSITION, VARIANTS, VELOCITY, Followed, Scene
 
 from tsepm_ros.analysis.operating_points import OperatingPoint

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import numpy as np
+import peers
 import pytest
+from contenders import Contender
 
 from tsepm_ros import Scan
 from tsepm_ros.simulation import load_scenario
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
-import peers
-from contenders import Contender
 
 BOX = load_scenario("box")
 

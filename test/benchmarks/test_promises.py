@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-from support.run_summaries import run_of, start
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
 import promises
 import promises_footing
+import pytest
 from promises_footing import closeness, difference, footing
+from support.run_summaries import run_of, start
 
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.measures import measures_of

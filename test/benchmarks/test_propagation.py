@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
+import propagation
 import pytest
 from scipy import stats
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
-import propagation
 
 PAIRS = 12
 CONFIDENCE = 0.999

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from nearest_neighbour import GATE, NearestNeighbourTracker, Target
 from scipy.stats import chi2
 from support.builders import scan_at
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.sensing.conversion import convert
-
-sys.path.append(str(Path(__file__).parents[2] / "examples"))
-
-from nearest_neighbour import GATE, NearestNeighbourTracker, Target
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0)
 STATE = np.array([3000.0, 4.0, 1500.0, -2.0])

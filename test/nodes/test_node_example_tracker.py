@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import ast
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from kalman_tracker import KalmanTracker
 from rclpy.exceptions import InvalidParameterValueException
 from sensor_msgs.msg import PointCloud2
 from support.expectation import COVARIANCE, STATE
@@ -19,10 +19,6 @@ from msg_adapters import PlacedDetections, make_header, placed_detections_cloud,
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-
-sys.path.append(str(Path(__file__).parents[2] / "examples"))
-
-from kalman_tracker import KalmanTracker
 
 EXAMPLES = str(Path(__file__).parents[2] / "examples")
 RUN = "import kalman_tracker; kalman_tracker.main()"
