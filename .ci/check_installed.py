@@ -1,6 +1,6 @@
 """Check what `colcon build` installed: executables, share files, and that the nodes start and end.
 
-Usage, with the install space sourced: check_installed.py PREFIX
+Usage, with the install space sourced and test/ in PYTHONPATH: check_installed.py PREFIX
 """
 
 import os
@@ -14,12 +14,12 @@ from pathlib import Path
 import rclpy
 from ament_index_python.packages import get_package_share_directory
 from rcl_interfaces.srv import ListParameters
+from support.patience import WAIT
 
 PACKAGE = "tsepm_ros"
 EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "tsepm"]
 SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*", "foxglove/*"]
 DOMAIN = 1 + os.getpid() % 100  # so that checks side by side do not meet
-SECONDS = 30.0  # for a node to answer, and to end
 
 
 def check_files(prefix: Path) -> None:
@@ -45,13 +45,13 @@ def check_node(executable: Path) -> None:
     try:
         node = rclpy.create_node(f"check_{name}")
         client = node.create_client(ListParameters, f"/{name}/list_parameters")
-        assert client.wait_for_service(SECONDS), f"{name} did not come up"
+        assert client.wait_for_service(WAIT), f"{name} did not come up"
         answer = client.call_async(ListParameters.Request())
-        rclpy.spin_until_future_complete(node, answer, timeout_sec=SECONDS)
+        rclpy.spin_until_future_complete(node, answer, timeout_sec=WAIT)
         assert answer.done(), f"{name} does not answer"
         node.destroy_node()
         process.send_signal(signal.SIGINT)
-        code = process.wait(SECONDS)
+        code = process.wait(WAIT)
         assert code == 0, f"{name} ended with {code} on SIGINT"
     finally:
         process.kill()

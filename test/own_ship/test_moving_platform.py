@@ -41,7 +41,7 @@ def assert_equal(one, other, largest):
     assert abs(one.mean() - other.mean()) <= Z * error
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("method", ["score", "tsepm"])
 def test_detections_and_errors_are_those_of_a_sonar_that_stays(method):
     # 160 targets; the same scenes, 40 runs, seed 1. A difference of 0.08 in P_D would be seen, or
@@ -55,7 +55,7 @@ def test_detections_and_errors_are_those_of_a_sonar_that_stays(method):
         assert_equal(one, other, largest)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_placed_by_the_pose_of_the_stamp_the_same_pings_find_less_later_and_worse(monkeypatch):
     found, starts = figures(True, "score")
     monkeypatch.setattr(simulated_run, "placed", lambda scan, own_ship: scan)

@@ -218,7 +218,6 @@ def fingerprint(results):
     return stamps + b"|".join(track_points(part)[0].tobytes() for part in parts)
 
 
-@pytest.mark.slow
 def test_a_hundred_replays_of_a_bag_are_the_same_to_the_bit(tmp_path):
     paths = [write_bag(tmp_path / storage, simulated(), storage) for storage in STORAGES]
     replays = [fingerprint(run(paths[k % 2])[0]) for k in range(100)]
