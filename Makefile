@@ -46,13 +46,12 @@ help:  ## list the targets
 demo: env  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
 	$(VENV)/bin/python -m tsepm_ros.demo.demo $(DEMO_ARGS)
 
-# Nodes wait for each other, so they are tested one after another.
 test: env  ## the tests but the long statistical ones; TEST_ARGS="test/stages -k merging" for others
 ifdef TEST_ARGS
 	$(VENV)/bin/python -m pytest $(TEST_ARGS)
 else
 	$(VENV)/bin/python -m pytest -n auto --dist worksteal --ignore test/nodes
-	$(VENV)/bin/python -m pytest test/nodes
+	$(VENV)/bin/python -m pytest -n auto --dist worksteal test/nodes
 endif
 
 lint: env  ## ruff and mypy

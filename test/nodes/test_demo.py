@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from support.patience import patient
+from support.patience import WAIT, patient
 
 from tsepm_ros.demo.demo import main
 
@@ -21,7 +21,8 @@ def demo(*arguments):
 
 def test_the_demo_starts_every_target_and_draws_it(tmp_path):
     picture = tmp_path / "demo.png"
-    done = demo("--rate", "300", "--picture", str(picture))
+    patience = ("--parameter", f"own_ship_timeout:={WAIT}")
+    done = demo("--rate", "300", "--picture", str(picture), *patience)
     assert done.returncode == 0, done.stderr
     assert "both nodes ended with (0, 0)" in done.stdout
     assert "4 true" in done.stdout

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
 from support.expectation import assert_same, initiator
+from support.patience import WAIT
 from support.ros_process import RosProcess
 from support.sonar_driver import Driver, pings, points, stamp_ns
 
@@ -212,6 +213,7 @@ def test_a_moving_ship_in_fast_simulated_time_loses_no_scan_over_dds(world, star
     scenario.write_text(MOVING_SHIP)
     tracks = world.listen(PointCloud2, "tracks")
     parameters = {"own_ship_source": "odometry", "use_sim_time": True, "diagnostics_period": 0.05}
+    parameters["own_ship_timeout"] = WAIT  # a fraction of what passes in simulated time
     start("track_initiator", parameters)
     world.until(lambda: tracks.subscription.get_publisher_count(), "the initiator")
     parameters = {"rate_factor": 1e5, "publish_clock": True, "scenario": scenario}
