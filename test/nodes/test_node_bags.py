@@ -7,6 +7,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
+from support import foreign_messages
 from support.bag_files import (
     ODOMETRY,
     PARAMETERS,
@@ -172,9 +173,10 @@ def test_a_damaged_bag_is_refused_with_a_sentence(world, tmp_path):
         world.make(ScanPlayer, {**FAST, "recording": str(path)})
 
 
-def test_a_type_whose_package_is_not_here_is_refused_with_its_topic(world, tmp_path):
+def test_a_type_whose_package_is_not_here_is_refused_with_its_topic(world, tmp_path, monkeypatch):
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+    foreign_messages.remove(monkeypatch)
     store, name = get_typestore(Stores.ROS2_JAZZY), "radar_msgs/msg/RadarScan"
     store.register(get_types_from_msg("std_msgs/Header header\n", name))
     path = write_bag(tmp_path / "bag", [Entry(1.0, "/radar", name, b"")], store=store)

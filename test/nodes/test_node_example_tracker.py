@@ -20,8 +20,7 @@ from tsepm_ros import ConfirmedTrack
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
-EXAMPLES = str(Path(__file__).parents[2] / "examples")
-RUN = "import kalman_tracker; kalman_tracker.main()"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 NUMBERS = (*STATE, *COVARIANCE)
 SECOND = 10**9
 SCANS, PERIOD = 24, 12.0
@@ -262,7 +261,7 @@ def test_stamps_that_go_back_start_over(world):
 
 
 def test_an_interrupt_ends_it_cleanly(start):
-    process = start("kalman_tracker", script=f"import sys; sys.path.append({EXAMPLES!r})\n{RUN}")
+    process = start("kalman_tracker", script=EXAMPLES / "kalman_tracker.py")
     process.until_said("waiting for tracks/current")
     process.interrupt()
     assert process.exit_code() == 0
@@ -282,7 +281,7 @@ def test_parameters_reach_the_filter(world):
 
 @pytest.mark.parametrize("name", ["kalman_tracker", "nearest_neighbour"])
 def test_the_example_imports_of_the_package_only_what_is_public(name):
-    tree = ast.parse(Path(EXAMPLES, f"{name}.py").read_text(encoding="utf-8"))
+    tree = ast.parse((EXAMPLES / f"{name}.py").read_text(encoding="utf-8"))
     named = [one.module or "" for one in ast.walk(tree) if isinstance(one, ast.ImportFrom)]
     ours = {one for one in named if one.partition(".")[0] in ("tsepm_ros", "msg_adapters")}
     assert ours and ours <= {"tsepm_ros", "msg_adapters"}

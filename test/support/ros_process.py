@@ -31,7 +31,7 @@ def executable(name: str) -> str:
 class RosProcess:
     """A running executable, its output in a file.
 
-    With `script`, Python code takes the executable's place.
+    With `script`, Python code or the path of a file of it takes the executable's place.
     """
 
     def __init__(
@@ -41,12 +41,15 @@ class RosProcess:
         domain: int,
         output: Path,
         *,
-        script: str = "",
+        script: str | Path = "",
         arguments: Sequence[str] = (),
     ) -> None:
         self.name = name
         self._output = output
-        command = [sys.executable, "-c", script] if script else [executable(name)]
+        if isinstance(script, Path):
+            command = [sys.executable, str(script)]
+        else:
+            command = [sys.executable, "-c", script] if script else [executable(name)]
         command += ["--ros-args", *arguments]
         for key, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
