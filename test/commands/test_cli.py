@@ -187,7 +187,7 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
 
 
 def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
-    bag_files = pytest.importorskip("bag_files")
+    bag_files = pytest.importorskip("support.bag_files")
     entries = bag_files.simulated(namespace="/a") + bag_files.simulated(namespace="/b", seed=9)
     path = str(bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time)))
     given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
@@ -206,7 +206,7 @@ def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
 
 def test_the_truth_of_a_bag_is_drawn(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
-    bag_files = pytest.importorskip("bag_files")
+    bag_files = pytest.importorskip("support.bag_files")
     from msg_adapters.track_cloud import TRACK_DTYPE
     from tsepm_ros.pictures import plan_position
 
