@@ -109,7 +109,7 @@ def test_odometry_a_little_older_than_the_scan_still_places_it_after_the_wait(wo
 
 
 def test_a_burst_of_scans_and_odometry_loses_none(world):
-    boat = Boat(world, own_ship_source="odometry")
+    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=3600.0)
     sent = pings(100)
     publish_poses(boat, Ship(), 0, 1200)
     received = boat.send(sent)
