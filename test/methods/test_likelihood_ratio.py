@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 from tsepm_ros.methods.score.likelihood_ratio import hit_increment, miss_increment
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
-from tsepm_ros.numerics.grouped import shares, summed
+from tsepm_ros.numerics.grouped import summed
 
 SPREAD = np.array([[900.0, 300.0], [300.0, 400.0]])
 
@@ -62,7 +62,3 @@ def test_sums_are_of_the_ratios_not_of_their_logarithms():
     group[group == 7] = 8
     expected = [logsumexp(score[group == k]) if (group == k).any() else -np.inf for k in range(20)]
     np.testing.assert_allclose(summed(score, group, 20), expected)
-
-
-def test_shares_are_the_posterior_probabilities():
-    np.testing.assert_allclose(shares(np.log([1.0, 3.0, 4.0]) + 900.0), [0.125, 0.375, 0.5])

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density
 from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import covariance_at
+from tsepm_ros.sensing.sensor import SensorModel
 
 
 def predict(
@@ -73,6 +75,38 @@ def position_covariance_after(covariance: FloatArray, step: FloatArray) -> Float
         + t * (cross + np.swapaxes(cross, 1, 2))
         + t * t * covariance[:, 1::2, 1::2]
     )
+
+
+def innovations(
+    state: FloatArray,
+    covariance: FloatArray,
+    step: FloatArray,
+    detections: NDArray[np.void],
+    sensor: SensorModel,
+) -> tuple[FloatArray, FloatArray]:
+    """How far detections are from where states expect them: ``z - H x``, ``H P H' + R(H x)``.
+
+    Parameters
+    ----------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    step : (n,) ndarray
+        Time of each detection after its state's, s.
+    detections : (n,) ndarray of DETECTION
+    sensor : SensorModel
+        Range errors where a detection has none of its own.
+
+    Returns
+    -------
+    innovation : (n, 2) ndarray
+        m.
+    spread : (n, 2, 2) ndarray
+        Its covariance S, m^2.
+    """
+    expected = state[:, 0::2] + step[:, None] * state[:, 1::2]
+    spread = position_covariance_after(covariance, step)
+    spread += covariance_at(detections, expected, sensor)
+    return detections["position"] - expected, spread
 
 
 def update(

@@ -36,12 +36,6 @@ def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     return largest
 
 
-def shares(score: FloatArray) -> FloatArray:
-    """Posterior probability of each hypothesis if one of them is true, (n,)."""
-    weight = np.exp(score - score.max())
-    return np.asarray(weight / weight.sum())
-
-
 def places(group: IntArray, score: FloatArray) -> IntArray:
     """Place of each row in its group, 0 for the largest score, (n,)."""
     order = np.lexsort((-score, group))

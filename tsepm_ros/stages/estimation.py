@@ -22,8 +22,10 @@ from tsepm_ros.sensing.conversion import (
     pose_error_covariance,
     range_variance_at,
 )
+from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages.paths import Paths
 
 ESTIMATORS = ("unweighted", "weighted", "polar")
 WEIGHTED_PASSES = 2
@@ -88,6 +90,31 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
     found = _fit_positions(hits, stamp, sensor, estimator)
     state, covariance = range_rates.fitted(found.state, found.covariance, found.tau, hits)
     return Fit(state, covariance, found.tau, found.hit_covariance)
+
+
+def fit_paths(
+    paths: Paths, window: DetectionWindow, stamp: float, sensor: SensorModel, estimator: str
+) -> tuple[FloatArray, FloatArray]:
+    """Fit the states of paths with different numbers of hits, at least two each.
+
+    Parameters
+    ----------
+    paths : Paths
+    window : DetectionWindow
+        With their hits.
+    stamp, sensor, estimator
+        As in `fit`.
+
+    Returns
+    -------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    """
+    state, covariance = np.zeros((len(paths), 4)), np.zeros((len(paths), 4, 4))
+    for rows, hits in paths.of_equal_count():
+        fitted = fit(window[hits], stamp, sensor, estimator)
+        state[rows], covariance[rows] = fitted.state, fitted.covariance
+    return state, covariance
 
 
 def _fit_positions(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,6 +12,8 @@ from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.numerics.rows import Rows
 
 NO_HIT = -1
+MAX_ROWS_TOGETHER = 16_384
+"""Paths worked on together: bounds memory and keeps the work in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,22 @@ class Paths(Rows):
         children = self[parent]
         children.hits[np.arange(len(parent)), children.hit_count] = detection
         return replace(children, hit_count=children.hit_count + 1)
+
+    def of_equal_count(self) -> Iterator[tuple[IntArray, IntArray]]:
+        """Iterate over blocks of paths with the same number of hits.
+
+        Yields
+        ------
+        rows : (r,) ndarray of int
+            Paths, at most `MAX_ROWS_TOGETHER`.
+        hits : (r, m) ndarray of int
+            Detection ids of their hits, without NO_HIT.
+        """
+        for count in np.unique(self.hit_count):
+            rows = np.flatnonzero(self.hit_count == count)
+            for first in range(0, len(rows), MAX_ROWS_TOGETHER):
+                part = rows[first : first + MAX_ROWS_TOGETHER]
+                yield part, self.hits[part, :count]
 
 
 def starting(detection: IntArray, scan_index: int, most: int) -> Paths:

@@ -131,11 +131,10 @@ class Hypotheses(Paths):
             Its covariance S, m^2.
         """
         lag = found["time"] - stamp
-        state = self.state[parent]
-        expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
-        spread = kalman.position_covariance_after(self.covariance[parent], lag)
-        spread += covariance_at(found, expected, sensor)
-        return lag, found["position"] - expected, spread
+        innovation, spread = kalman.innovations(
+            self.state[parent], self.covariance[parent], lag, found, sensor
+        )
+        return lag, innovation, spread
 
     def updated(
         self,

@@ -41,12 +41,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
 from tsepm_ros.initiation.method import Method
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE
@@ -62,7 +64,7 @@ from tsepm_ros.sensing import range_rates, sensor
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import pruning
-from tsepm_ros.stages.estimation import fit
+from tsepm_ros.stages.estimation import fit_paths
 from tsepm_ros.stages.paths import NO_HIT, starting
 
 CREDIBLE = 0.9
@@ -307,8 +309,7 @@ class Score(Method):
         if not len(found):
             return TrackArrays.of([])
         state, covariance = self._estimate(found)
-        hits = [found.hits[row, : found.hit_count[row]] for row in range(len(found))]
-        return self._tracks(hits, state, covariance, found.score, self.threshold)
+        return self._tracks(found.hits, state, covariance, found.score, self.threshold)
 
     def _observe(self, detections: int, interval: float) -> None:
         """Remember the detections per scan and the scan interval."""
@@ -474,7 +475,7 @@ class Score(Method):
                 beyond = np.array([start.evidence - threshold])
                 self.detections.claim(start.claimed, start.probability * self._probable(beyond))
         tracks = self._tracks(
-            [start.hits for start in starts],
+            _padded([start.hits for start in starts]),
             np.reshape([start.state for start in starts], (-1, 4)),
             np.reshape([start.covariance for start in starts], (-1, 4, 4)),
             np.array([start.evidence for start in starts], float),
@@ -531,7 +532,7 @@ class Score(Method):
         hits = _credible(claimed, probability, rivals.hits[best])
         theirs = np.isin(rivals.hits, hits).sum(axis=1)
         right = theirs > 0.5 * len(hits)
-        unclear = grouped.shares(rivals.score)[right].sum() < RESOLVED
+        unclear = softmax(rivals.score)[right].sum() < RESOLVED
         if unclear and rivals.hit_count[best] < PATIENCE:
             return None
         with_all = theirs == len(hits)
@@ -541,7 +542,7 @@ class Score(Method):
     @staticmethod
     def _hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
         """Detections of hypotheses of one target, (h,), and how probably each is the target's."""
-        share = grouped.shares(members.score)
+        share = softmax(members.score)
         found, place = np.unique(members.hits, return_inverse=True)
         mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
         hit = found != NO_HIT
@@ -568,48 +569,34 @@ class Score(Method):
 
     def _mixture(self, members: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance over the hypotheses of one track, each fitted to its hits alone."""
-        share = grouped.shares(members.score)
+        share = softmax(members.score)
         counted = share >= NEGLIGIBLE * share.max()
         states, covariances = self._estimate(members[counted])
         return mixture(share[counted] / share[counted].sum(), states, covariances)
 
     def _estimate(self, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""
-        n = len(hypotheses)
-        state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-        for count in np.unique(hypotheses.hit_count):
-            rows = np.flatnonzero(hypotheses.hit_count == count)
-            hits = self.detections[hypotheses.hits[rows, :count]]
-            fitted = fit(hits, self._last.stamp, self.sensor, self.options.estimator)
-            state[rows], covariance[rows] = fitted.state, fitted.covariance
-        return state, covariance
+        return fit_paths(
+            hypotheses, self.detections, self._last.stamp, self.sensor, self.options.estimator
+        )
 
     def _tracks(
         self,
-        hits: list[IntArray],
+        hits: IntArray,
         state: FloatArray,
         covariance: FloatArray,
         score: FloatArray,
         threshold: float,
     ) -> TrackArrays:
-        n = len(hits)
-        found = [self.detections[ids] for ids in hits]
-        first = [int(track["scan"][0]) for track in found]
-        begin = np.array([track["time"][0] for track in found], float)
-        return TrackArrays(
-            track_id=np.arange(n),
-            stamp=np.full(n, self._last.stamp),
+        return tracks_from_hits(
+            self.detections,
+            hits,
+            stamp=self._last.stamp,
+            scan_index=self._last.scan_index,
             state=state,
             covariance=covariance,
-            hits=[
-                tuple(zip(track["scan"].tolist(), track["index"].tolist(), strict=True))
-                for track in found
-            ],
-            hit_count=np.array([len(track) for track in found], np.int64),
             evaluation=score - threshold,
             score=score,
-            scan_count=self._last.scan_index + 1 - np.array(first, np.int64),
-            age=self._last.stamp - begin,
         )
 
     def _prune(self, hypotheses: Hypotheses) -> Hypotheses:
@@ -636,6 +623,14 @@ def _beside(hypotheses: Hypotheses, starts: list[_Start]) -> Hypotheses:
     for start in starts:
         hypotheses = hypotheses.beside_claims(start.claimed, start.probability)
     return hypotheses
+
+
+def _padded(hits: list[IntArray]) -> IntArray:
+    """Hits of different numbers as (n, most), with NO_HIT after them."""
+    padded = np.full((len(hits), max(map(len, hits), default=1)), NO_HIT)
+    for row, ids in enumerate(hits):
+        padded[row, : len(ids)] = ids
+    return padded
 
 
 def _credible(detections: IntArray, probability: FloatArray, best: IntArray) -> IntArray:
