@@ -245,7 +245,7 @@ def test_a_hypothesis_beyond_the_edge_pays_for_no_miss_and_gains_by_no_hit():
     for k in range(4):
         initiator.process(Scan(4.0 * k, [1020.0], [0.0]))
     assert initiator.statistics.potential_tracks == 4, "each detection's own start, and no pair"
-    np.testing.assert_array_equal(initiator.method._hypotheses.score, 0.0)
+    np.testing.assert_array_equal(initiator.method.hypotheses.score, 0.0)
 
 
 def test_detections_outside_the_coverage_are_counted_and_said():

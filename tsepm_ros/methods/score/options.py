@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from tsepm_ros.parameters import check_group, parameter
@@ -63,3 +64,8 @@ class ScoreOptions:
 
     def __post_init__(self) -> None:
         check_group(self)
+
+    @property
+    def deletion_threshold(self) -> float:
+        """Log-likelihood ratio below which a hypothesis is deleted: ln of the miss probability."""
+        return math.log(self.miss_probability)

@@ -54,6 +54,11 @@ def ville_threshold(false_share: float) -> float:
     return -math.log(false_share)
 
 
+def least_threshold(false_share: float) -> float:
+    """Threshold below which none is, whatever the targets: `LARGEST_GAIN` below Ville's."""
+    return ville_threshold(false_share) - LARGEST_GAIN
+
+
 @dataclass(frozen=True, eq=False)
 class ScorePlan:
     """How a threshold and false tracks go together.
@@ -82,7 +87,7 @@ class ScorePlan:
             found = float(THRESHOLDS[np.argmax(fits)])
         elif len(fits):
             found = THRESHOLDS[len(fits) - 1] + math.log(self.false_share[-1] / false_share)
-        return min(max(found, highest - LARGEST_GAIN), highest)
+        return min(max(found, least_threshold(false_share)), highest)
 
     def passed(self, threshold: float) -> FloatArray:
         """Share of the targets that have passed a threshold by each scan, (scans,).

@@ -1,0 +1,182 @@
+"""Which evidence starts a track, with which hits and state."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from support.builders import scan_at
+from support.plain_score import plain_starts, strong_groups
+from support.scenes import Scene, crowded_scene, random_scene
+from support.score_scenes import clutter, in_plain_loops, score
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.score.method import Score
+from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.starts import Start, SummedEvidence
+from tsepm_ros.methods.score.tree import Grown
+from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.stages.estimation import fit
+
+
+@dataclass(frozen=True)
+class AtThreshold:
+    """The rule as built, at a threshold of its own."""
+
+    threshold: float
+
+    def starts(
+        self, grown: Grown, window: DetectionWindow, threshold: float, **figures: Any
+    ) -> list[Start]:
+        return SummedEvidence().starts(grown, window, self.threshold, **figures)
+
+
+def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
+    """Compare a scene's first starts with those of plain loops.
+
+    Returns their number, and that of detections whose evidence was enough until then.
+    """
+    plain_scans, sensor, options = in_plain_loops(scene, seed)
+    rule = AtThreshold(threshold)
+    initiator = Initiator(Score(sensor, CommonOptions(), ScoreOptions(**options), rule))
+    strong = 0
+    for index, (scan, grown) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
+        tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
+        strong += len(strong_groups(grown, threshold))
+        assert [set(track.hits) for track in tracks] == [one.hits for one in expected]
+        for track, start in zip(tracks, expected, strict=True):
+            assert track.score == pytest.approx(start.evidence, abs=1e-6)
+            state, covariance = mixed(start.mixed, scene.as_scans()[: index + 1], sensor)
+            np.testing.assert_allclose(track.state, state, rtol=1e-5, atol=1e-3)
+            scale = np.linalg.norm(covariance)
+            np.testing.assert_allclose(track.covariance, covariance, rtol=0, atol=1e-5 * scale)
+        if expected:
+            return len(expected), strong
+    return 0, strong
+
+
+def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance over hypotheses, each fitted to its hits; negligible ones left out."""
+    converted = [convert(scan, sensor, index) for index, scan in enumerate(scans)]
+    most = max(one.score for one in members)
+    counted = [one for one in members if one.score >= most + math.log(0.01)]
+    weights = np.exp([one.score - most for one in counted])
+    weights /= weights.sum()
+    fits = []
+    for one in counted:
+        hits = np.concatenate([converted[scan][[row]] for scan, row in one.keys])[None]
+        found = fit(hits, scans[-1].stamp, sensor, "weighted")
+        fits.append((found.state[0], found.covariance[0]))
+    mean = sum(weight * state for weight, (state, _) in zip(weights, fits, strict=True))
+    spread = sum(
+        weight * (covariance + np.outer(state - mean, state - mean))
+        for weight, (state, covariance) in zip(weights, fits, strict=True)
+    )
+    return mean, spread
+
+
+@pytest.mark.parametrize(("make", "threshold"), [(random_scene, 4.0), (crowded_scene, 3.0)])
+def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold):
+    counts = [decided(make(seed), seed, threshold) for seed in range(12)]
+    started, strong = np.sum(counts, axis=0)
+    assert started >= 8
+    if make is crowded_scene:
+        assert strong > 2 * started, "some wait, or are a track's already"
+
+
+def test_a_start_waits_until_it_is_clear_which_detections_are_its_targets():
+    # From one place two ways lead on, as likely as each other; the third echo is on one of them.
+    ways = [(3000.0, 0.0), (3000.0, 84.0), (3000.0, -84.0), (3000.0, 168.0), (3000.0, -168.0)]
+    initiator = score(
+        SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002),
+        false_tracks_per_hour=1000.0,
+    )
+    initiator.process(scan_at(0.0, [ways[0]]))
+    initiator.process(scan_at(12.0, ways[1:3]))
+    assert len(initiator.process(scan_at(24.0, ways[3:]))) == 0
+    assert initiator.potential_tracks().score.max() > initiator.method.threshold, "evidence enough"
+    (track,) = initiator.process(scan_at(36.0, [(3000.0, 252.0)]))
+    assert set(track.hits) <= {(0, 0), (1, 0), (2, 0), (3, 0)}
+    assert track.velocity[1] == pytest.approx(7.0, abs=1.0)
+
+
+@pytest.mark.parametrize("wish", [1.0, 1000.0])
+def test_a_target_of_several_detections_a_ping_is_started_by_hits_of_one_path(wish):
+    # Which of them are its own is never clear: it waits for eight hits, not for ever.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, false_tracks_per_hour=wish)
+    started = []
+    for index in range(12):
+        y = 41.0 * index
+        found = [(3000.0, y), (3001.0, y + 2.0), (2999.0, y + 3.0)]
+        started += initiator.process(scan_at(12.0 * index, found))
+    assert started
+    assert started[0].stamp == 12.0 * 7
+    for track in started:
+        scans = [scan for scan, _ in track.hits]
+        assert len(set(scans)) == len(scans) >= 3
+        assert track.velocity[1] == pytest.approx(41.0 / 12.0, abs=0.5)
+
+
+def test_no_track_on_two_hits_however_strong():
+    initiator = score(
+        SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4),
+        false_tracks_per_hour=1e6,
+    )
+    first, second = ([(3000.0, 0.0)], [(3010.0, 0.0)])
+    assert len(initiator.process(scan_at(0.0, first))) == 0
+    assert len(initiator.process(scan_at(12.0, second))) == 0
+    assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
+
+
+def test_a_confirmed_track_has_hits_enough_whatever_is_wished_for():
+    initiator = score(false_tracks_per_hour=1e5)
+    rng = np.random.default_rng(1)
+    found = [
+        track
+        for index in range(12)
+        for track in initiator.process(Scan(12.0 * index, *clutter(rng)))
+    ]
+    assert len(found) > 50
+    assert min(len(track.hits) for track in found) >= 3
+    assert all(np.isfinite(track.state).all() for track in found)
+
+
+def test_hits_at_one_time_make_no_track():
+    # Echoes whose times, as given, are all the same tell no velocity.
+    initiator = score(SensorModel(range_std=1.0, range_std_fraction=0.0), false_tracks_per_hour=1e6)
+    for k in range(6):
+        scan = Scan(float(k), [1000.0], [0.0], time_offset=[-k * (1 - 1e-9)])
+        assert len(initiator.process(scan)) == 0
+        assert np.isfinite(initiator.potential_tracks().state).all()
+
+
+@pytest.mark.parametrize("estimator", ["weighted", "polar"])
+def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
+    # No clutter: one hypothesis, and the velocity prior must not be in what is published.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, estimator=estimator)
+    positions = [(3000.0 + 48.0 * k, 2000.0 - 36.0 * k) for k in range(10)]
+    scans = [scan_at(12.0 * k, [position]) for k, position in enumerate(positions)]
+    found = []
+    for index, scan in enumerate(scans):
+        for track in initiator.process(scan):
+            found.append(track)
+            hits = np.concatenate(
+                [convert(scans[k], initiator.sensor, k) for k in range(index + 1)]
+            )[None]
+            alone = fit(hits, scan.stamp, initiator.sensor, estimator)
+            np.testing.assert_allclose(track.state, alone.state[0], rtol=1e-6, atol=1e-3)
+            scale = np.linalg.norm(alone.covariance[0])
+            np.testing.assert_allclose(
+                track.covariance, alone.covariance[0], rtol=0, atol=0.02 * scale
+            )
+            assert track.hits == tuple((k, 0) for k in range(index + 1))
+            assert (track.scan_count, track.age) == (index + 1, 12.0 * index)
+    assert len(found) == 1

@@ -1,0 +1,206 @@
+"""One target, one start: what is held starts no other, and what is beside it does."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.score_scenes import score, sea
+
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.run_summary import record
+from tsepm_ros.analysis.simulated_run import simulate
+from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.replay.offline import process_recording
+from tsepm_ros.replay.recording import read_recording
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.simulation import load_scenario
+
+JOYRIDE = Path(__file__).parents[3].parent / "shared" / "data" / "joyride"
+RADAR = SensorModel(range_std=15.0, range_std_fraction=0.0, max_range=3000.0)
+"""A marine radar: a scan every 2.5 s."""
+
+
+def test_a_target_is_started_once_and_held():
+    initiator = score(false_tracks_per_hour=1.0)
+    target = (3000.0, 4.0, 2000.0, -3.0)
+    new = [initiator.process(scan) for scan in sea(np.random.default_rng(1), 40, [target])]
+    starts = [track for tracks in new for track in tracks]
+    truth = np.array([target[0] + target[1] * 468.0, target[2] + target[3] * 468.0])
+    near = [
+        track
+        for track in starts
+        if np.hypot(*(track.predicted(468.0).position - truth)) < 6.0 * 468.0
+        and np.hypot(*(track.position - (3000 + 4 * track.stamp, 2000 - 3 * track.stamp))) < 300
+    ]
+    assert len(near) == 1
+    held = {track.track_id: track for track in initiator.hold.current}
+    assert np.hypot(*(held[near[0].track_id].position - truth)) < 150.0
+
+
+def test_two_targets_far_apart_are_two_tracks_and_one_id_each():
+    initiator = score()
+    targets = [(3000.0, 4.0, 2000.0, -3.0), (-4000.0, 0.0, 1000.0, 5.0)]
+    starts = [
+        track
+        for scan in sea(np.random.default_rng(2), 25, targets)
+        for track in initiator.process(scan)
+    ]
+    assert len({track.track_id for track in starts}) == len(starts) == 2
+
+
+def test_a_held_target_has_no_potential_tracks():
+    initiator = score()
+    for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)], density=0.0):
+        initiator.process(scan)
+    assert len(initiator.hold.current) == 1
+    assert len(initiator.potential_tracks()) == 0
+    assert initiator.statistics.potential_tracks > 0, "they are kept, as rivals"
+
+
+def test_few_targets_in_clutter_are_started_twice():
+    # 0.003 a run are expected.
+    scene = load_scenario("box")
+    point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
+    runs = [record(simulate(scene, [17, index], point)) for index in range(60)]
+    assert sum(run.count(Outcome.TRUE) for run in runs) >= 50
+    assert sum(run.count(Outcome.REDUNDANT) for run in runs) <= 3
+
+
+def test_a_second_target_is_started_beside_one_that_is_held():
+    # 1 km beside it, both at 3.5 km: many deviations apart, though far within v_max * time held.
+    first, second = (3000.0, 4.0, 2000.0, 0.0), (3000.0, 4.0, 1000.0, 0.0)
+    rng = np.random.default_rng(3)
+    alone, both = sea(rng, 12, [first]), sea(rng, 40, [first, second])[12:]
+    initiator = score()
+    starts = [track for scan in alone + both for track in initiator.process(scan)]
+    y = sorted(track.position[1] for track in starts if abs(track.position[0] - 3000) < 3000)
+    assert len(starts) == 2
+    assert y == pytest.approx([1000.0, 2000.0], abs=200)
+
+
+@pytest.mark.parametrize("apart", [100.0, 300.0])
+def test_of_two_targets_abreast_the_second_is_started_too(apart):
+    # Their errors are 55 m by 65 m: each may be the other's detection.
+    lanes = [(3100.0, 5.0, 2000.0, 0.0), (3100.0, 5.0, 2000.0 + apart, 0.0)]
+    counts = []
+    for seed in range(6):
+        initiator = score(false_tracks_per_hour=10.0)
+        scans = sea(np.random.default_rng([4, seed]), 30, lanes)
+        starts = [track for scan in scans for track in initiator.process(scan)]
+        near = [
+            np.hypot(*(track.position - (3100.0 + 5.0 * track.stamp, 2000.0 + apart / 2.0))) < 500.0
+            for track in starts
+        ]
+        counts.append(sum(near))
+    assert sum(count >= 2 for count in counts) >= 4
+    assert max(counts) <= 3
+
+
+def radar_starts(seed: int, paths: list, faded: frozenset[int] = frozenset()) -> list[int]:
+    """Scans of the starts on targets of given paths; the first fades in some scans."""
+    rng = np.random.default_rng([5, seed])
+    initiator, found = score(RADAR, max_speed=15.0), []
+    for index in range(60):
+        n = rng.poisson(RADAR.clutter_density * RADAR.coverage_area)
+        range_ = list(RADAR.max_range * np.sqrt(rng.random(n)))
+        azimuth = list(rng.uniform(-math.pi, math.pi, n))
+        for number, path in enumerate(paths):
+            if rng.random() < 0.8 and not (number == 0 and index in faded):
+                x, y = path(2.5 * index)
+                range_.append(math.hypot(x, y) + RADAR.range_std * rng.standard_normal())
+                azimuth.append(math.atan2(y, x) + RADAR.azimuth_std * rng.standard_normal())
+        for track in initiator.process(Scan(2.5 * index, range_, azimuth)):
+            apart = [np.hypot(*(track.position - path(track.stamp))) for path in paths]
+            found += [index] if min(apart) < 100.0 else []
+    return found
+
+
+def lane(x: float):
+    return lambda time: (x, 6.0 * time - 300.0)
+
+
+def zigzag(time: float) -> tuple[float, float]:
+    """Turns by 80 degrees, at once, every 25 s."""
+    legs, rest = divmod(time, 25.0)
+    return 700.0 + (6.0 * rest if legs % 2 == 0 else 150.0 - 6.0 * rest), 7.0 * time - 400.0
+
+
+@pytest.mark.parametrize(
+    ("paths", "faded", "starts"),
+    [
+        ([zigzag], frozenset(), 10),
+        ([lane(600.0)], frozenset(range(30, 37)), 10),
+        ([lane(600.0), lane(500.0)], frozenset(range(30, 37)), 18),
+    ],
+    ids=["turning", "fading", "fading beside another"],
+)
+def test_a_target_seen_by_a_fast_radar_is_started_once(paths, faded, starts):
+    runs = [radar_starts(seed, paths, faded) for seed in range(8)]
+    assert min(map(len, runs)) >= len(paths)
+    assert sum(map(len, runs)) <= starts
+
+
+@pytest.mark.skipif(not JOYRIDE.exists(), reason="the joyride data is not here")
+def test_the_vessel_of_the_joyride_is_started_at_most_three_times():
+    recording = read_recording(JOYRIDE)
+    sensor = SensorModel(range_std=15.0, range_std_fraction=0.0)
+    settings = Settings(
+        SessionOptions(method="score", own_ship_source="odometry"),
+        sensor,
+        CommonOptions(max_speed=15.0),
+    )
+    results, _ = process_recording(recording, settings, "north")
+    truth = {motion.time: motion.state for motion in recording.targets[0]}
+    on_vessel, elsewhere = [], []
+    for index, result in enumerate(results):
+        for track in result.new:
+            apart = np.hypot(*(track.position - truth[track.stamp][0::2]))
+            (on_vessel if apart < 100.0 else elsewhere).append((index, track.position.round()))
+    assert len(on_vessel) <= 3 and on_vessel[0][0] <= 6, on_vessel
+    # A second vessel, and echoes ashore.
+    assert len(elsewhere) <= 4, elsewhere
+
+
+def downstream(track_id: int, stamp: float, y: float) -> ConfirmedTrack:
+    """A target at 4 m/s along x, as a downstream tracker knows it."""
+    state = np.array([3000.0 + 4.0 * stamp, 4.0, y, 0.0])
+    covariance = np.diag([40.0, 1.0, 40.0, 1.0]) ** 2
+    return ConfirmedTrack(track_id, stamp, state, covariance, (), math.nan)
+
+
+@pytest.mark.parametrize("listed", [True, False], ids=["listed", "declined"])
+def test_a_target_that_is_tracked_downstream_is_not_started_but_one_beside_it_is(listed):
+    first, second = (3000.0, 4.0, 2000.0, 0.0), (3000.0, 4.0, 1000.0, 0.0)
+    initiator = score()
+    starts = []
+    for scan in sea(np.random.default_rng(3), 40, [first, second]):
+        tracked = [(2**31, 2000.0), *((start.track_id, 1000.0) for start in starts)]
+        told = [downstream(track_id, scan.stamp, y) for track_id, y in tracked if listed]
+        initiator.hold.follow(scan.stamp, TrackArrays.of(told))
+        starts += initiator.process(scan)
+    lanes = [round(track.position[1] / 1000.0) for track in starts]
+    if listed:
+        assert lanes == [1]
+    else:
+        assert lanes.count(1) > 1 and lanes.count(2) > 1, "declined, so started again"
+
+
+@pytest.mark.parametrize("wish", [1.0, 100.0, 1e5])
+def test_a_start_is_held_as_firmly_as_it_is_probable(wish):
+    initiator = score(false_tracks_per_hour=wish)
+    for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)]):
+        tracks = initiator.process(scan)
+        if len(tracks):
+            odds = 500.0 * np.exp(tracks.evaluation) / wish
+            expected = np.clip(odds / (1.0 + odds), 0.02, 0.99)
+            held = initiator.hold._existence[-len(tracks) :]
+            assert held == pytest.approx(expected)
+            return
+    pytest.fail("nothing was confirmed")

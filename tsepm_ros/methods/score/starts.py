@@ -1,0 +1,306 @@
+"""The rule by which a track starts: the evidence is enough, and it is clear whose hits they are.
+
+With the evidence E of the hypotheses that end in one detection, summed, and the threshold A::
+
+    confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
+                  target's with a probability of at least 0.9 (or by 8 hits); beside a held track
+                  E >= A + ln 1000, with what it explains of z added to lambda
+    state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
+                  P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
+
+x_i and P_i are fitted to the hits of hypothesis i alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.special import softmax
+
+from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
+from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE
+from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.options import MIN_HITS
+from tsepm_ros.methods.score.tree import FORGOTTEN, Grown
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import mixture
+from tsepm_ros.numerics.grouped import sums_over_hits
+from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.stages.paths import NO_HIT
+
+CREDIBLE = 0.9
+"""Posterior probability from which a detection counts as a hit of a confirmed track: a choice."""
+RESOLVED = 0.9
+"""Posterior probability, at the least, that more than half of a new track's hits are its target's.
+
+What is less certain waits: a start that is half wrong helps no one, and hides its target. A choice,
+compared with others in docs/score.md.
+"""
+PATIENCE = 8
+"""Hits of the best hypothesis with which a start waits no longer: a choice.
+
+Of a target with several detections a ping it may never be clear which are its own.
+"""
+CLAIMED = 0.3
+"""Share of the hits that are some held track's above which a hypothesis is of the same target."""
+CLAIMED_NEWEST = 0.5
+"""Probability that a detection is some held track's above which it starts no other by itself."""
+COMMON = 0.3
+"""Share of the hits that two hypotheses have in common above which they are of the same target."""
+BESIDE = math.log(1e3)
+"""Evidence beyond the threshold that one more target beside a held one needs: a choice.
+
+It claims its detections too, and a target that was started half wrong looks like two for a while.
+"""
+NEGLIGIBLE = 0.01
+"""Hypotheses this much less likely than the best do not count in the state."""
+BELIEVED = 500.0
+"""Wish, false tracks per hour, at which a start at the threshold is as probable as not: a choice.
+
+A start is held, and claims its detections, as firmly as it is probable. High: only where many more
+false ones are wished for than an operator could use does it leave its detections to others.
+"""
+LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
+"""A confirmed track is held for a scan at the least."""
+
+HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
+"""States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A track to be confirmed.
+
+    Attributes
+    ----------
+    hits : (h,) ndarray of int
+        Detections that are credible as the target's, ascending, see `credible_hits`.
+    claimed, probability : (c,) ndarray
+        All detections that may be, ascending, and how probably each is.
+    state, covariance : (4,), (4, 4) ndarray
+    evidence : float
+        Of the newest detection.
+    """
+
+    hits: IntArray
+    claimed: IntArray
+    probability: FloatArray
+    state: FloatArray
+    covariance: FloatArray
+    evidence: float
+
+
+class StartRule(Protocol):
+    """Decides which tracks a scan starts."""
+
+    def starts(
+        self,
+        grown: Grown,
+        window: DetectionWindow,
+        threshold: float,
+        *,
+        min_time: float,
+        false_tracks_per_hour: float,
+        fit: HitFit,
+    ) -> list[Start]:
+        """The tracks that the tree starts.
+
+        Parameters
+        ----------
+        grown : Grown
+            The tree after the scan.
+        window : DetectionWindow
+            The detections, and how probably each is a held track's. It is told what the new tracks
+            claim.
+        threshold : float
+            Of the evidence; infinite where none can reach it.
+        min_time : float
+            Time from the first hit to the last that tells a velocity at all, s.
+        false_tracks_per_hour : float
+            The wish.
+        fit : callable
+            States and covariances of hypotheses, from their hits alone.
+        """
+
+
+@dataclass(frozen=True)
+class SummedEvidence:
+    """The rule as built: summed evidence, of hits that are resolved, given the held tracks."""
+
+    def starts(
+        self,
+        grown: Grown,
+        window: DetectionWindow,
+        threshold: float,
+        *,
+        min_time: float,
+        false_tracks_per_hour: float,
+        fit: HitFit,
+    ) -> list[Start]:
+        """Start a track where the evidence of a detection reaches the threshold.
+
+        The strongest detection comes first. None starts before it is clear which hits are its
+        target's; and where more than `CLAIMED` of these are a held track's, or the detection
+        probably is, only one whose evidence beside the held ones passes the threshold by `BESIDE`.
+
+        See `StartRule.starts`.
+        """
+        group, n, sums = grown.newest, len(grown.ids), grown.evidence
+        strong = sums >= threshold
+        strong &= grouped.largest_of(grown.ended.hit_count.astype(float), group, n) >= MIN_HITS
+        rows = np.flatnonzero(strong[group])
+        ending, group = grown.ended[rows], group[rows]
+        new = held_share(ending, group, n, window) <= CLAIMED
+        new &= window.claimed(grown.ids) <= CLAIMED_NEWEST
+        strong &= new | (grouped.summed(ending.beside, group, n) >= threshold + BESIDE)
+        starts: list[Start] = []
+        for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
+            members = ending[group == newest]
+            start = None
+            if new[newest] and window.claimed(grown.ids[[newest]])[0] <= CLAIMED_NEWEST:
+                start = resolved(members, grown, window, CLAIMED, min_time, fit)
+            if start is None:
+                members = beside(members, starts).as_beside()
+                if np.logaddexp.reduce(members.score) >= threshold + BESIDE:
+                    rest = replace(
+                        grown,
+                        ended=beside(grown.ended, starts).as_beside(),
+                        missed=beside(grown.missed, starts).as_beside(),
+                    )
+                    start = resolved(members, rest, window, 1.0, min_time, fit)
+            if start is not None:
+                starts.append(start)
+                beyond = np.array([start.evidence - threshold])
+                exists = existence(beyond, false_tracks_per_hour)
+                window.claim(start.claimed, start.probability * exists)
+        return starts
+
+
+def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArray:
+    """Posterior probability of the targets of tracks so far above the threshold, (n,).
+
+    With the prior that `BELIEVED` targets appear per hour: at the threshold the odds are as those
+    to the wanted false tracks per hour.
+    """
+    false = false_tracks_per_hour * np.exp(-evaluation)
+    return np.clip(BELIEVED / (BELIEVED + false), LEAST_NEW_EXISTENCE, NEW_TRACK_EXISTENCE)
+
+
+def held_share(
+    hypotheses: Hypotheses, group: IntArray, count: int, window: DetectionWindow
+) -> FloatArray:
+    """Share of each group's hits that are a held track's, over its hypotheses, (count,).
+
+    ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i claimed.
+    """
+    weight = np.exp(hypotheses.score - grouped.largest_of(hypotheses.score, group, count)[group])
+    hit = hypotheses.hits != NO_HIT
+    claimed = np.zeros(hypotheses.hits.shape)
+    claimed[hit] = window.claimed(hypotheses.hits[hit])
+    theirs = np.bincount(group, weight * claimed.sum(axis=1), minlength=count)
+    hits = np.bincount(group, weight * hypotheses.hit_count, minlength=count)
+    return np.asarray(theirs / np.maximum(hits, 1e-300))
+
+
+def beside(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
+    """The hypotheses as seen beside the new tracks."""
+    for start in starts:
+        hypotheses = hypotheses.beside_claims(start.claimed, start.probability)
+    return hypotheses
+
+
+def resolved(
+    members: Hypotheses,
+    grown: Grown,
+    window: DetectionWindow,
+    claimed_at_most: float,
+    min_time: float,
+    fit: HitFit,
+) -> Start | None:
+    """The track of hypotheses with one newest detection.
+
+    None while it is not clear which hits are its target's, up to `PATIENCE` hits; and where more of
+    them are a held track's than is allowed.
+
+    Whether that detection is the target's is as open as the others: the hypotheses of the same
+    target that end in another, or in none, are its rivals in hits and state.
+    """
+    evidence = float(np.logaddexp.reduce(members.score))
+    rivals = rivals_of(members, grown, evidence)
+    rivals = rivals[spans_time(rivals, 2, window, min_time)]
+    long = spans_time(rivals, MIN_HITS, window, min_time)
+    if not long.any():
+        return None
+    one = np.zeros(len(rivals), np.int64)
+    if held_share(rivals, one, 1, window)[0] > claimed_at_most:
+        return None
+    claimed, probability = hit_probabilities(rivals)
+    best = np.argmax(np.where(long, rivals.score, -np.inf))
+    hits = credible_hits(claimed, probability, rivals.hits[best])
+    theirs = np.isin(rivals.hits, hits).sum(axis=1)
+    right = theirs > 0.5 * len(hits)
+    unclear = softmax(rivals.score)[right].sum() < RESOLVED
+    if unclear and rivals.hit_count[best] < PATIENCE:
+        return None
+    with_all = theirs == len(hits)
+    state, covariance = mixed(rivals[with_all if with_all.any() else right], fit)
+    return Start(hits, claimed, probability, state, covariance, evidence)
+
+
+def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
+    """Hypotheses of the same target as those with one newest detection, whatever they end in."""
+    likely, probability = hit_probabilities(members)
+    pool = [
+        part[(part.score > evidence + FORGOTTEN) & (part.hit_count >= 2)]
+        for part in (grown.ended, grown.missed)
+    ]
+    rivals = Hypotheses.joined(*pool)
+    common = sums_over_hits(rivals.hits, likely, probability)
+    return rivals[common > COMMON * rivals.hit_count]
+
+
+def hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
+    """Detections of hypotheses of one target, (h,), and how probably each is the target's."""
+    share = softmax(members.score)
+    found, place = np.unique(members.hits, return_inverse=True)
+    mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
+    hit = found != NO_HIT
+    return found[hit], mass[hit]
+
+
+def credible_hits(detections: IntArray, probability: FloatArray, best: IntArray) -> IntArray:
+    """The detections (c,), ascending, that are credible as hits.
+
+    Where there are too few, the most probable of the `best` hypothesis.
+    """
+    credible = detections[probability >= CREDIBLE]
+    if len(credible) >= MIN_HITS:
+        return credible
+    path = best[best != NO_HIT]
+    found = probability[np.searchsorted(detections, path)]
+    return np.sort(path[np.argsort(-found, kind="stable")[:MIN_HITS]])
+
+
+def spans_time(
+    hypotheses: Hypotheses, min_hits: int, window: DetectionWindow, min_time: float
+) -> BoolArray:
+    """Which hypotheses have enough hits, and at times (s) that tell a velocity, (n,)."""
+    enough = hypotheses.hit_count >= min_hits
+    if not enough.any():
+        return enough
+    newest = window[hypotheses.last_hit]["time"]
+    oldest = window[hypotheses.hits[:, 0]]["time"]
+    return enough & (np.abs(newest - oldest) > min_time)
+
+
+def mixed(members: Hypotheses, fit: HitFit) -> tuple[FloatArray, FloatArray]:
+    """State and covariance over the hypotheses of one track, each fitted to its hits alone."""
+    share = softmax(members.score)
+    counted = share >= NEGLIGIBLE * share.max()
+    states, covariances = fit(members[counted])
+    return mixture(share[counted] / share[counted].sum(), states, covariances)

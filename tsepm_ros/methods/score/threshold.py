@@ -1,0 +1,127 @@
+"""The threshold of the evidence: what gives the wanted false tracks per hour.
+
+Every detection starts a hypothesis. So many starts per hour, of which the wanted number may be
+confirmed falsely, are a share, and `threshold_plan` gives the threshold that at most this share of
+the starts from clutter passes::
+
+    share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
+    A             = -ln(share) - the mean jump over it
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.methods.score import threshold_plan
+from tsepm_ros.methods.score.options import MIN_HITS, ScoreOptions
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.sensor import SensorModel
+
+MEMORY = 50
+"""Scans over which the mean of the detections and the median of the interval are taken."""
+SECONDS_PER_HOUR = 3600.0
+
+
+class Threshold:
+    """The threshold, by the scans so far."""
+
+    def __init__(self) -> None:
+        self._counts: deque[int] = deque(maxlen=MEMORY)
+        self._intervals: deque[float] = deque(maxlen=MEMORY)
+        self._last: Observation | None = None
+
+    def observe(self, observed: Observation) -> None:
+        """Count a scan's detections and take its interval, if another came before."""
+        if self._counts and observed.interval > 0:
+            self._intervals.append(observed.interval)
+        self._counts.append(len(observed.detections))
+        self._last = observed
+
+    @property
+    def interval(self) -> float:
+        """Median interval of the scans, s; 0 while unknown."""
+        return float(np.median(self._intervals)) if self._intervals else 0.0
+
+    def false_share(self, false_tracks_per_hour: float) -> float | None:
+        """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
+
+        The starts are the detections, those of the last scan at the least.
+        """
+        interval = self.interval
+        if not interval:
+            return None
+        detections = max(float(np.mean(self._counts)), self._counts[-1], 1e-3)
+        starts_per_hour = detections * SECONDS_PER_HOUR / interval
+        return min(false_tracks_per_hour / starts_per_hour, 1.0)
+
+    def value(self, sensor: SensorModel, common: CommonOptions, options: ScoreOptions) -> float:
+        """The log-likelihood ratio that confirms; infinite while the scan rate is unknown.
+
+        Parameters
+        ----------
+        sensor : SensorModel
+            As given.
+        common : CommonOptions
+            Which of its figures are estimated.
+        options : ScoreOptions
+            With the false-track rate.
+        """
+        share = self.false_share(options.false_tracks_per_hour)
+        if share is None or self._last is None:
+            return math.inf
+        plan = threshold_plan.score_plan(
+            coarse_sensor(sensor, self._last, common),
+            max_speed=common.max_speed,
+            interval=threshold_plan.rounded(self.interval),
+            window=options.window,
+            gate_probability=options.gate_probability,
+            process_noise=options.process_noise,
+            deletion=options.deletion_threshold,
+            min_hits=MIN_HITS,
+        )
+        return plan.threshold(share)
+
+    def value_if_near(
+        self, evidence: float, sensor: SensorModel, common: CommonOptions, options: ScoreOptions
+    ) -> float:
+        """As `value`; infinite where the evidence is below any that it may be, without a plan."""
+        share = self.false_share(options.false_tracks_per_hour)
+        if share is None or evidence < threshold_plan.least_threshold(share):
+            return math.inf
+        return self.value(sensor, common, options)
+
+
+def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOptions) -> SensorModel:
+    """The sensor that a plan is made for; estimates are rounded, so that near ones share a plan.
+
+    The detection probability goes in steps of 0.1, the median of the clutter density in steps of
+    half a decade, and clutter's range rate by factors of 2. Range rates count only where the scan
+    has any.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+        As given.
+    observed : Observation
+        The last scan, with the estimates.
+    common : CommonOptions
+        Which figures are estimated.
+    """
+    if common.detection_probability == "estimated":
+        coarse = max(round(observed.detection_probability_in_use, 1), 0.1)
+        sensor = replace(sensor, detection_probability=coarse)
+    detections = observed.detections
+    if common.clutter_density == "estimated" and len(detections):
+        density = float(np.median(detections["clutter_density"]))
+        coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
+        half = 2.0 ** round(math.log2(observed.clutter_sensor.clutter_range_rate))
+        sensor = replace(sensor, clutter_density=coarse, clutter_range_rate=half)
+    if not range_rates.measured(detections).any():
+        sensor = replace(sensor, range_rate_std=0.0)
+    return sensor

@@ -1,0 +1,353 @@
+"""The tree of hypotheses: a scan's detections make it grow, and what is unlikely is pruned.
+
+With lambda the clutter density, N(z; H x, S) the density of a detection z under hypothesis i, P_G
+the gate's probability and s_i the score of the hypothesis::
+
+    predicted     x <- F x,  P <- F P F' + Q
+    child         s_i + ln(P_D N(z; H x, S) / lambda), for each z with d' S^-1 d <= gamma
+    missed        s_i + ln(1 - P_D P_G)
+    started       s = 0, by every detection; its velocity has variance v_max^2 / 4 on each axis
+    evidence      E = ln sum_i exp(s_i), over i with the same newest detection
+    pruned        s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, not
+                  among the `max_per_detection` best of them, or `window` scans old
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.methods.score import likelihood_ratio
+from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import covariance_at, major_sigma
+from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
+from tsepm_ros.stages import pruning, splitting
+from tsepm_ros.stages.paths import starting
+
+BLOCK = 50_000
+"""Pairs of hypotheses and detections looked at together: bounds memory."""
+FORGOTTEN = math.log(1e-4)
+"""Deleted are hypotheses whose ratio is a smaller part of the best one's with the same last hit."""
+GATE_MARGIN = 1.5
+"""The error at the predicted position may be this much larger than at the detection's."""
+TARGET_ODDS = 0.01
+"""Odds that a detection without history is a target's: what the clutter map takes a start for."""
+
+
+@dataclass(frozen=True)
+class Grown:
+    """The tree after a scan, not yet pruned.
+
+    Attributes
+    ----------
+    ended : Hypotheses
+        Those that end in a detection of the scan.
+    missed : Hypotheses
+        Those that leave the scan out.
+    ids : (d,) ndarray of int
+        Ids of the scan's detections, ascending.
+    """
+
+    ended: Hypotheses
+    missed: Hypotheses
+    ids: IntArray
+
+    @property
+    def newest(self) -> IntArray:
+        """Place in the scan of the detection that each of the ended ones ends in, (n,)."""
+        return self.ended.last_hit - (self.ids[0] if len(self.ids) else 0)
+
+    @cached_property
+    def evidence(self) -> FloatArray:
+        """``ln sum_i exp(s_i)`` over the hypotheses that end in each detection, (d,)."""
+        return grouped.summed(self.ended.score, self.newest, len(self.ids))
+
+    @property
+    def target_probability(self) -> FloatArray:
+        """Probability that each detection is that of a target not confirmed yet, (d,)."""
+        odds = self.evidence + math.log(TARGET_ODDS)
+        probability: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
+        return probability
+
+    def joined(self) -> Hypotheses:
+        """All hypotheses."""
+        return Hypotheses.joined(self.ended, self.missed)
+
+
+def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
+    """The hypotheses after a time interval, s, with nearly constant velocity."""
+    state, covariance = kalman.predict(
+        hypotheses.state, hypotheses.covariance, interval, process_noise
+    )
+    return replace(hypotheses, state=state, covariance=covariance)
+
+
+def log_held(observed: Observation) -> FloatArray:
+    """``ln((lambda + held density) / lambda)``, (d,): what a hit gains less given held tracks."""
+    return np.log1p(observed.held_density / np.maximum(observed.clutter_density, LEAST_DENSITY))
+
+
+def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -> Hypotheses:
+    """Start a hypothesis from every detection.
+
+    The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
+    axis; the first range rate, if there is one, tells it along the line of sight, and speaks for a
+    target or against it.
+
+    Parameters
+    ----------
+    observed : Observation
+        The scan.
+    ids : (d,) ndarray of int
+        Ids of its detections.
+    max_speed : float
+        v_max, m/s.
+    window : int
+        Hits that a hypothesis may have.
+
+    Returns
+    -------
+    Hypotheses
+        Of one hit each.
+    """
+    detections = observed.detections
+    path = starting(ids, observed.scan_index, window)
+    state, covariance = np.zeros((len(path), 4)), np.zeros((len(path), 4, 4))
+    state[:, 0::2] = detections["position"]
+    covariance[:, 0::2, 0::2] = detections["covariance"]
+    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
+    state, covariance, score = range_rates.begun(
+        state, covariance, detections, observed.clutter_sensor
+    )
+    # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
+    state, covariance = kalman.predict(state, covariance, observed.stamp - detections["time"])
+    beside = score - log_held(observed)
+    return Hypotheses(path.hits, path.hit_count, path.first_scan, state, covariance, score, beside)
+
+
+def miss(predicted: Hypotheses, detectable: FloatArray, gate_probability: float) -> Hypotheses:
+    """The branches of all hypotheses that leave the scan out.
+
+    Parameters
+    ----------
+    predicted : Hypotheses
+    detectable : (n,) ndarray
+        P_D where each expects its target.
+    gate_probability : float
+        P_G.
+    """
+    gain = likelihood_ratio.miss_increment(detectable, gate_probability)
+    return replace(predicted, score=predicted.score + gain, beside=predicted.beside + gain)
+
+
+def split(
+    predicted: Hypotheses,
+    detectable: FloatArray,
+    observed: Observation,
+    ids: IntArray,
+    sensor: SensorModel,
+    options: ScoreOptions,
+    *,
+    max_children: int,
+    block: int = BLOCK,
+) -> tuple[Hypotheses, int]:
+    """Extend every hypothesis by each detection in its gate, ``d' S^-1 d <= gamma``.
+
+    One of a target that cannot be detected where it is has no children: its misses cost nothing
+    either, and hits that count there would make the evidence of clutter grow. Of one more target
+    beside those held, a hit gains less by `log_held`: the log of how much more densely
+    detections fall there, with the held ones', than clutter does.
+
+    Parameters
+    ----------
+    predicted : Hypotheses
+    detectable : (n,) ndarray
+        P_D where each expects its target.
+    observed : Observation
+        The scan. From half of its time limit on no further block is looked at; the best hypotheses
+        come first.
+    ids : (d,) ndarray of int
+        Ids of its detections.
+    sensor : SensorModel
+    options : ScoreOptions
+    max_children : int
+        The best are kept.
+    block : int
+        Pairs of hypotheses and detections looked at together: bounds memory.
+
+    Returns
+    -------
+    children : Hypotheses
+        Those that are not deleted at once.
+    cut : int
+        Pairs that a limit left out.
+    """
+    limit = observed.time_limit
+    parent, row, cut = near(predicted, observed, sensor, options.gate_probability)
+    order = np.arange(len(parent))
+    if limit.finite and len(parent) > block:
+        order = np.argsort(-predicted.score[parent], kind="stable")
+    score = np.full(len(parent), -np.inf)
+    for first in range(0, len(parent), block):
+        if first and limit.left < 0.5 * limit.seconds:
+            cut += len(parent) - first
+            break
+        part = order[first : first + block]
+        score[part] = child_score(
+            predicted,
+            detectable,
+            parent[part],
+            observed,
+            row[part],
+            sensor,
+            options.gate_probability,
+        )
+    kept = np.flatnonzero(score > options.deletion_threshold)
+    kept = kept[grouped.places(row[kept], score[kept]) < options.max_per_detection]
+    best = keep_best(-score[kept], max_children)
+    cut += len(kept) - len(best)
+    kept = kept[best]
+    parts = [kept[first : first + block] for first in range(0, max(len(kept), 1), block)]
+    children = [
+        updated(predicted, parent[part], observed, row[part], ids, score[part], sensor)
+        for part in parts
+    ]
+    return Hypotheses.joined(*children), cut
+
+
+def near(
+    predicted: Hypotheses, observed: Observation, sensor: SensorModel, gate_probability: float
+) -> tuple[IntArray, IntArray, int]:
+    """Pairs of hypotheses and detections, no fewer than lie in the gates.
+
+    Returns
+    -------
+    parent, row : (p,) ndarray of int
+        Hypothesis and detection of each pair.
+    cut : int
+        Pairs left out by `splitting.MAX_GATED`.
+    """
+    detections = observed.detections
+    if not len(predicted) or not len(detections):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
+    widest = detections[np.argmax(detections["azimuth_std"])].copy()
+    widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
+    positions = np.ascontiguousarray(predicted.state[:, 0::2])
+    error = major_sigma(covariance_at(np.broadcast_to(widest, len(predicted)), positions, sensor))
+    lag = np.abs(detections["time"] - observed.stamp).max()
+    spread = major_sigma(predicted.covariance[:, 0::2, 0::2])
+    drift = major_sigma(predicted.covariance[:, 1::2, 1::2])
+    sigma = np.hypot(spread + lag * drift, GATE_MARGIN * error)
+    speed = np.hypot(predicted.state[:, 1], predicted.state[:, 3])
+    radius = kalman.gate_reach(gate_probability, detections) * sigma + lag * speed
+    return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
+
+
+def child_score(
+    predicted: Hypotheses,
+    detectable: FloatArray,
+    parent: IntArray,
+    observed: Observation,
+    row: IntArray,
+    sensor: SensorModel,
+    gate_probability: float,
+) -> FloatArray:
+    """Score of each child (p,) of a hypothesis and a detection.
+
+    Parameters
+    ----------
+    predicted : Hypotheses
+    detectable : (n,) ndarray
+        P_D where each expects its target.
+    parent, row : (p,) ndarray of int
+        Hypothesis and detection of each child.
+    observed : Observation
+    sensor : SensorModel
+    gate_probability : float
+        P_G.
+
+    Returns
+    -------
+    (p,) ndarray
+        -inf outside the gate, or where P_D is 0.
+    """
+    found = observed.detections[row]
+    lag = found["time"] - observed.stamp
+    innovation, spread = kalman.innovations(
+        predicted.state[parent], predicted.covariance[parent], lag, found, sensor
+    )
+    density = kalman.log_likelihood(
+        predicted.state,
+        predicted.covariance,
+        parent,
+        lag,
+        innovation,
+        spread,
+        found,
+        gate_probability,
+    )
+    gain = likelihood_ratio.hit_increment(
+        density, detectable[parent], observed.clutter_density[row]
+    )
+    score: FloatArray = predicted.score[parent] + gain
+    return score
+
+
+def updated(
+    predicted: Hypotheses,
+    parent: IntArray,
+    observed: Observation,
+    row: IntArray,
+    ids: IntArray,
+    score: FloatArray,
+    sensor: SensorModel,
+) -> Hypotheses:
+    """The children of hypotheses and detections, with their scores (p,); see `child_score`.
+
+    The position comes first, then the range rate, where there is one.
+    """
+    children = predicted.extended(parent, ids[row])
+    found = observed.detections[row]
+    lag = found["time"] - observed.stamp
+    innovation, spread = kalman.innovations(children.state, children.covariance, lag, found, sensor)
+    state, covariance = kalman.update(children.state, children.covariance, lag, innovation, spread)
+    state, covariance = range_rates.update(state, covariance, lag, found)
+    beside = children.beside + score - children.score - log_held(observed)[row]
+    return replace(children, state=state, covariance=covariance, score=score, beside=beside)
+
+
+def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hypotheses:
+    """Delete what is over the window or too unlikely.
+
+    Unlikely: a score below the deletion threshold, or far below the best hypothesis with the same
+    last detection, or as many better ones with it as are kept.
+
+    Parameters
+    ----------
+    hypotheses : Hypotheses
+    scan_index : int
+        Of the last scan.
+    options : ScoreOptions
+    """
+    kept = hypotheses.score > options.deletion_threshold
+    kept &= ~pruning.expired(scan_index + 1 - hypotheses.first_scan, options.window)
+    hypotheses = hypotheses[kept]
+    _, group = np.unique(hypotheses.last_hit, return_inverse=True)
+    best = grouped.largest_of(hypotheses.score, group, len(hypotheses))[group]
+    kept = grouped.places(group, hypotheses.score) < options.max_per_detection
+    return hypotheses[kept & (hypotheses.score > best + FORGOTTEN)]
+
+
+def strongest(hypotheses: Hypotheses, limit: int) -> Hypotheses:
+    """The hypotheses of the best scores, at most so many."""
+    return hypotheses[keep_best(-hypotheses.score, limit)]
