@@ -34,7 +34,7 @@ from tsepm_ros.analysis.study import Workers
 from tsepm_ros.analysis.terminal_tables import with_progress
 from tsepm_ros.design import search
 from tsepm_ros.design.prediction import Case, false_tracks_per_hour, targets_found
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.scenario import TargetArea
 

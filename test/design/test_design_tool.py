@@ -23,7 +23,7 @@ from tsepm_ros.design.prediction import (
     target_pass_share,
     targets_found,
 )
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.simulation import Scenario

@@ -11,7 +11,7 @@ import pytest
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.coverage import PosesByRange, inside

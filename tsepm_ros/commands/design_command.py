@@ -23,7 +23,7 @@ from tsepm_ros.design.design_report import (
 from tsepm_ros.design.prediction import Case
 from tsepm_ros.design.search import Candidate
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.sensing.sensor import SensorModel

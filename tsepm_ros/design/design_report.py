@@ -9,7 +9,7 @@ from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.terminal_tables import text_table
 from tsepm_ros.design.prediction import Case
 from tsepm_ros.design.search import WINDOWS, Candidate, Rule, Worth
-from tsepm_ros.methods.score.options import MIN_HITS
+from tsepm_ros.methods.score.score_options import MIN_HITS
 
 
 def case_lines(case: Case, false_per_hour: float) -> str:

@@ -24,7 +24,7 @@ from tsepm_ros.design.prediction import (
 )
 from tsepm_ros.methods.score import threshold_plan
 from tsepm_ros.methods.score.likelihood_ratio import LARGEST_DETECTION_PROBABILITY, miss_increment
-from tsepm_ros.methods.score.options import MIN_HITS, ScoreOptions
+from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor

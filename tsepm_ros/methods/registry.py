@@ -14,7 +14,7 @@ from tsepm_ros.methods.hough import Hough
 from tsepm_ros.methods.logic import Logic
 from tsepm_ros.methods.modified_hough import ModifiedHough
 from tsepm_ros.methods.multiple_model import MultipleModel
-from tsepm_ros.methods.score.method import Score
+from tsepm_ros.methods.score.score_method import Score
 from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.split_merge import SplitMerge
 from tsepm_ros.methods.tsepm.tsepm_method import Tsepm

@@ -16,8 +16,8 @@ from support.score_scenes import clutter, in_plain_loops, score
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.methods.score.method import Score
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_method import Score
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, SummedEvidence
 from tsepm_ros.methods.score.tree import Grown
 from tsepm_ros.sensing.conversion import convert

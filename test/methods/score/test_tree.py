@@ -14,7 +14,7 @@ from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 from tsepm_ros import Scan
 from tsepm_ros.methods.score import tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.limits import TimeLimit
 
 

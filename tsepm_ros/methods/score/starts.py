@@ -24,7 +24,7 @@ from scipy.special import softmax
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
 from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.options import MIN_HITS
+from tsepm_ros.methods.score.score_options import MIN_HITS
 from tsepm_ros.methods.score.tree import FORGOTTEN, Grown
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray

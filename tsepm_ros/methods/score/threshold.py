@@ -19,7 +19,7 @@ import numpy as np
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.methods.score import threshold_plan
-from tsepm_ros.methods.score.options import MIN_HITS, ScoreOptions
+from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.sensor import SensorModel
 

@@ -24,7 +24,7 @@ from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score import likelihood_ratio
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best

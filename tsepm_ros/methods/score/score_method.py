@@ -52,7 +52,7 @@ from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.score import starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.options import ScoreOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
 from tsepm_ros.methods.score.threshold import Threshold
 from tsepm_ros.methods.score.tree import Grown
