@@ -134,7 +134,9 @@ def plain_starts(grown: Grown, threshold: float, wish: float) -> list[Start]:
         exists = min(odds / (1.0 + odds), 0.99)
         for key, value in start.probability.items():
             free[key] = free.get(key, 1.0) * (1.0 - value * exists)
-        left = Grown(*([beside(one, start) for one in part] for part in (left.ending, left.missed)))
+        left = Grown(
+            *([given_start(one, start) for one in part] for part in (left.ending, left.missed))
+        )
     return found
 
 
@@ -157,7 +159,7 @@ def resolved(
     return Start(certain, evidence(members), mixed, probability)
 
 
-def beside(one: Hypothesis, start: Start) -> Hypothesis:
+def given_start(one: Hypothesis, start: Start) -> Hypothesis:
     """The hypothesis as another target's: what the track's hits gave it does not count."""
     share = sum(start.probability.get(key, 0.0) for key in one.keys) / len(one.keys)
     return replace(one, score=one.score - share * max(one.score, 0.0))

@@ -23,7 +23,7 @@ from tsepm_ros.design.prediction import (
     targets_found,
 )
 from tsepm_ros.methods.score import threshold_plan
-from tsepm_ros.methods.score.likelihood_ratio import LARGEST_DETECTION_PROBABILITY, miss_increment
+from tsepm_ros.methods.score.likelihood_ratio import MAX_DETECTION_PROBABILITY, miss_increment
 from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
@@ -126,7 +126,7 @@ def worth(case: Case, gate_probability: float) -> Worth:
     sensor, range_ = case.sensor, case.typical_range
     error = position_covariance(range_, 0.0, sensor.range_variance(range_), sensor.azimuth_std)
     size = 2.0 * math.pi * math.sqrt(float(np.linalg.det(error)))  # 1 / N(0)
-    probability = min(sensor.detection_probability, LARGEST_DETECTION_PROBABILITY)
+    probability = min(sensor.detection_probability, MAX_DETECTION_PROBABILITY)
     missed = float(miss_increment(np.array([probability]), gate_probability)[0])
     rng = np.random.default_rng(1)
     edge = 0.5 * gate_factor(gate_probability) ** 2  # d^2 / 2 is uniform in a gate of clutter

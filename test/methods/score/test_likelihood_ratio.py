@@ -1,4 +1,4 @@
-"""Log-likelihood ratios: gains, sums and what makes them a martingale."""
+"""Log-likelihood ratios: increments, sums and what makes them a martingale."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
     x, y = np.meshgrid(axis, axis)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     density, distance = log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
-    gain = hit_increment(density, p_d, np.full(len(points), clutter))
+    increment = hit_increment(density, p_d, np.full(len(points), clutter))
     inside = distance <= gate_factor(p_g) ** 2
     cell = (axis[1] - axis[0]) ** 2
-    children = clutter * cell * np.exp(gain[inside]).sum()
+    children = clutter * cell * np.exp(increment[inside]).sum()
     missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
     assert children + missed == pytest.approx(1.0, abs=1e-3)
 
 
-def test_a_hit_gains_what_its_density_is_above_the_clutter():
+def test_a_hit_adds_what_its_density_is_above_the_clutter():
     innovation = np.array([[10.0, -20.0]])
     density, distance = log_density(innovation, SPREAD[None])
     exact = multivariate_normal(np.zeros(2), SPREAD)
     np.testing.assert_allclose(density, exact.logpdf(innovation[0]))
     np.testing.assert_allclose(distance, innovation[0] @ np.linalg.inv(SPREAD) @ innovation[0])
-    gain = hit_increment(density, 0.9, np.array([1e-6]))
-    np.testing.assert_allclose(gain, math.log(0.9 * exact.pdf(innovation[0]) / 1e-6))
+    increment = hit_increment(density, 0.9, np.array([1e-6]))
+    np.testing.assert_allclose(increment, math.log(0.9 * exact.pdf(innovation[0]) / 1e-6))
 
 
 def test_nothing_is_missed_where_nothing_can_be_detected():

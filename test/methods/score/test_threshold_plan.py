@@ -36,7 +36,7 @@ def test_fewer_false_tracks_need_a_higher_threshold():
 @pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6, 1e-30, 1e-60])
 def test_no_threshold_is_above_the_one_that_holds_for_every_target(share):
     threshold = plan().threshold(share)
-    assert -math.log(share) - threshold_plan.LARGEST_GAIN <= threshold <= -math.log(share)
+    assert -math.log(share) - threshold_plan.MAX_BELOW_VILLE <= threshold <= -math.log(share)
 
 
 def test_the_same_question_is_answered_from_memory():

@@ -23,21 +23,21 @@ class Hypotheses(Paths):
         At the last scan's stamp.
     score : (n,) ndarray
         Log-likelihood ratio.
-    beside : (n,) ndarray
-        The same for one more target, where what held ones explain counts as clutter does.
+    score_given_held : (n,) ndarray
+        The same for one more target, where the density due to held tracks counts as clutter.
     """
 
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
-    beside: FloatArray
+    score_given_held: FloatArray
 
-    def as_beside(self) -> Hypotheses:
-        """The hypotheses scored as one more target beside those that are held."""
-        return replace(self, score=self.beside)
+    def scored_given_held(self) -> Hypotheses:
+        """The hypotheses with their scores given the held tracks."""
+        return replace(self, score=self.score_given_held)
 
-    def beside_claims(self, ids: IntArray, probability: FloatArray) -> Hypotheses:
-        """The hypotheses as seen beside a new track that claims detections.
+    def given_track(self, ids: IntArray, probability: FloatArray) -> Hypotheses:
+        """The hypotheses given a new track, which is held from now on.
 
         Parameters
         ----------
@@ -49,10 +49,12 @@ class Hypotheses(Paths):
         Returns
         -------
         Hypotheses
-            `beside` is less by the share of the hits claimed: on average each gave the same.
+            `score_given_held` is less by the share of the hits that are the track's: on average
+            each hit added the same.
         """
         share = sums_over_hits(self.hits, ids, probability) / self.hit_count
-        return replace(self, beside=self.beside - share * np.maximum(self.beside, 0.0))
+        score = self.score_given_held
+        return replace(self, score_given_held=score - share * np.maximum(score, 0.0))
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:

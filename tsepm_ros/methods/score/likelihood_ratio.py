@@ -15,14 +15,14 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.sensor import LEAST_DENSITY
 
-LARGEST_DETECTION_PROBABILITY = 0.999
+MAX_DETECTION_PROBABILITY = 0.999
 """A miss must stay possible: a target fades, whatever the data sheet says."""
 
 
 def hit_increment(
     log_density: FloatArray, detection_probability: float | FloatArray, clutter: FloatArray
 ) -> FloatArray:
-    """Gain of a detection: ``ln(P_D N(z; H x, S) / lambda)``.
+    """Score increment of a hit: ``ln(P_D N(z; H x, S) / lambda)``.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def hit_increment(
         ln N, the density of the detection under the hypothesis, in the coordinates of the clutter
         density.
     detection_probability : float or (n,) ndarray
-        P_D where the hypothesis expects its target; -inf is gained where it is 0.
+        P_D where the hypothesis expects its target; where it is 0, the increment is -inf.
     clutter : (n,) ndarray
         lambda at the detection: the density of what else would explain it, 1/m^2.
 
@@ -38,19 +38,19 @@ def hit_increment(
     -------
     (n,) ndarray
     """
-    probability = np.minimum(detection_probability, LARGEST_DETECTION_PROBABILITY)
+    probability = np.minimum(detection_probability, MAX_DETECTION_PROBABILITY)
     with np.errstate(divide="ignore"):
         ratio = np.log(probability / np.maximum(clutter, LEAST_DENSITY))
-    gain: FloatArray = log_density + ratio
-    return gain
+    increment: FloatArray = log_density + ratio
+    return increment
 
 
-def miss_increment(detectable: FloatArray, gate_probability: float) -> FloatArray:
-    """Gain, below 0, of no detection: ``ln(1 - P_D P_G)``; 0 where nothing can be detected.
+def miss_increment(detection_probability: FloatArray, gate_probability: float) -> FloatArray:
+    """Score increment, below 0, of a miss: ``ln(1 - P_D P_G)``; 0 where nothing can be detected.
 
     Parameters
     ----------
-    detectable : (n,) ndarray
+    detection_probability : (n,) ndarray
         P_D.
     gate_probability : float
         P_G: a detection outside the gate is missed too.
@@ -59,7 +59,7 @@ def miss_increment(detectable: FloatArray, gate_probability: float) -> FloatArra
     -------
     (n,) ndarray
     """
-    missed: FloatArray = np.log1p(
-        -np.minimum(detectable, LARGEST_DETECTION_PROBABILITY) * gate_probability
+    increment: FloatArray = np.log1p(
+        -np.minimum(detection_probability, MAX_DETECTION_PROBABILITY) * gate_probability
     )
-    return missed
+    return increment

@@ -3,17 +3,17 @@
 The tree of splits of TSEPM 2018, evaluated by the log-likelihood ratio instead of f_1: missed
 branches are kept, every detection may start a track, and what is tested is the evidence of all
 hypotheses that share a detection, summed. With lambda the clutter density, N(z; H x, S) the density
-of a detection z under a hypothesis, P_G the gate's probability, and s_i the sum of the gains of
-hypothesis i, a scan goes through::
+of a detection z under a hypothesis, P_G the gate's probability, and s_i the sum of the increments
+of hypothesis i, a scan goes through::
 
-    observe       detections in the coverage, lambda, P_D, the shares that held tracks have
+    observe       detections in the coverage, lambda, P_D, held association (initiator)
     predict       x_i <- F x_i,  P_i <- F P_i F' + Q
     split         s_i += ln(P_D N(z; H x, S) / lambda)           Sittler 1964; Bar-Shalom, Blackman,
                                                                  Fitzgerald 2007
     start         s = 0, by every detection
     miss          s_i += ln(1 - P_D P_G); 0 where nothing can be seen
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection
-    threshold     A = ln(starts per hour / wish) - the mean jump over it, by the bound
+    threshold     A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     confirm       E >= A, by at least 3 hits, no held track's, of which more than half are the
                   target's with a probability of at least 0.9 (or by 8 hits); beside a held track
@@ -22,7 +22,7 @@ hypothesis i, a scan goes through::
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
     prune         s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
                   `window` scans old; then the weakest beyond a limit
-    finish        ids, track maintenance, what the clutter map learned from targets is taken back
+    finish        ids, track maintenance, targets out of the clutter map (initiator)
 
 Each has its module: `tree` (predict to evidence, prune), `threshold` with `threshold_plan`, and
 `starts` (confirm). The full references are in `likelihood_ratio`; the jump is found by simulation
@@ -62,8 +62,8 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages.estimation import fit_paths
 from tsepm_ros.stages.paths import NO_HIT
 
-LEAST_SPREAD = 0.1
-"""Time from the first hit to the last, in scan intervals, that tells a velocity at all."""
+MIN_TIME_SPAN = 0.1
+"""Time from the first hit to the last that a velocity needs, in scan intervals."""
 
 
 class Score(Method):
@@ -82,8 +82,8 @@ class Score(Method):
     clutter_excludes_held = True
     operating_points = MappingProxyType(
         {
-            f"{wish:g}/h": {"false_tracks_per_hour": wish}
-            for wish in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+            f"{rate:g}/h": {"false_tracks_per_hour": rate}
+            for rate in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
         }
     )
 
@@ -123,12 +123,18 @@ class Score(Method):
         options, limit = self.options, self.common.max_potential_tracks
         ids = self._take(observed)
         predicted = tree.predict(self.hypotheses, observed.interval, options.process_noise)
-        probability = observed.detection_probability(predicted.state[:, 0::2])
+        detection_probability = observed.detection_probability(predicted.state[:, 0::2])
         children, cut = tree.split(
-            predicted, probability, observed, ids, self.sensor, options, max_children=limit
+            predicted,
+            detection_probability,
+            observed,
+            ids,
+            self.sensor,
+            options,
+            max_children=limit,
         )
         started = tree.start(observed, ids, self.common.max_speed, options.window)
-        missed = tree.miss(predicted, probability, options.gate_probability)
+        missed = tree.miss(predicted, detection_probability, options.gate_probability)
         grown = Grown(Hypotheses.joined(children, started), missed, ids)
         threshold = self._threshold.value_if_near(
             grown.evidence.max(initial=-np.inf), self.sensor, self.common, options
@@ -142,7 +148,7 @@ class Score(Method):
             fit=partial(self._fit, observed),
         )
         tracks = self._confirmed(observed, confirmed, threshold)
-        everything = starts.beside(grown.joined(), confirmed)
+        everything = starts.given_starts(grown.joined(), confirmed)
         kept = tree.prune(everything, observed.scan_index, options)
         self.hypotheses = tree.strongest(kept, limit)
         self.detections.forget(observed.scan_index + 2 - options.window)
@@ -164,7 +170,7 @@ class Score(Method):
         return self._threshold.value(self.sensor, self.common, self.options)
 
     def reason(self, track: ConfirmedTrack) -> str:
-        """Its evidence, the threshold that it passed, and the wish behind that.
+        """Its evidence, the threshold that it passed, and the false-track rate behind that.
 
         See `Method.reason`.
         """
@@ -177,14 +183,16 @@ class Score(Method):
     def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
 
-        Those of held targets are left out, also where one might be of another beside it.
+        Those of held targets are left out, also where they might be of a second target beside one.
 
         See `Method.potential_tracks`.
         """
         found = self.hypotheses
         found = found[starts.spans_time(found, 2, self.detections, self._min_time)]
         each = np.arange(len(found))
-        found = found[starts.held_share(found, each, len(found), self.detections) <= starts.CLAIMED]
+        found = found[
+            starts.held_share(found, each, len(found), self.detections) <= starts.MAX_HELD_SHARE
+        ]
         if not len(found):
             return TrackArrays.of([])
         state, covariance = self._fit(observed, found)
@@ -192,11 +200,11 @@ class Score(Method):
 
     @property
     def _min_time(self) -> float:
-        """Time from the first hit to the last that tells a velocity at all, s."""
-        return LEAST_SPREAD * self._threshold.interval
+        """Time from the first hit to the last that a velocity needs, s."""
+        return MIN_TIME_SPAN * self._threshold.interval
 
     def _take(self, observed: Observation) -> IntArray:
-        """Take a scan's detections, and what held tracks claim of them; returns their ids, (d,)."""
+        """Take a scan's detections and their held association; returns their ids, (d,)."""
         ids = self.detections.append(observed.detections)
         row, probability = observed.held_association
         self.detections.claim(ids[row], probability)
@@ -212,7 +220,7 @@ class Score(Method):
     def _confirmed(
         self, observed: Observation, found: list[Start], threshold: float
     ) -> TrackArrays:
-        """The tracks of what starts."""
+        """The tracks of the starts."""
         hits = np.full((len(found), max((len(one.hits) for one in found), default=1)), NO_HIT)
         for row, one in enumerate(found):
             hits[row, : len(one.hits)] = one.hits

@@ -1,4 +1,4 @@
-"""The rule by which a track starts: the evidence is enough, and it is clear whose hits they are.
+"""The rule that starts tracks: enough evidence, and hits that are clearly those of one target.
 
 With the evidence E of the hypotheses that end in one detection, summed, and the threshold A::
 
@@ -25,7 +25,7 @@ from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
 from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import MIN_HITS
-from tsepm_ros.methods.score.tree import FORGOTTEN, Grown
+from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import mixture
@@ -33,40 +33,41 @@ from tsepm_ros.numerics.grouped import sums_over_hits
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.paths import NO_HIT
 
-CREDIBLE = 0.9
+MIN_HIT_PROBABILITY = 0.9
 """Posterior probability from which a detection counts as a hit of a confirmed track: a choice."""
-RESOLVED = 0.9
+MIN_PURITY_PROBABILITY = 0.9
 """Posterior probability, at the least, that more than half of a new track's hits are its target's.
 
-What is less certain waits: a start that is half wrong helps no one, and hides its target. A choice,
-compared with others in docs/score.md.
+A start that is less certain waits: a track with half of its hits wrong helps no one, and hides its
+target. A choice, compared with others in docs/score.md.
 """
-PATIENCE = 8
-"""Hits of the best hypothesis with which a start waits no longer: a choice.
+MAX_UNRESOLVED_HITS = 8
+"""Hits of the best hypothesis from which a start waits no longer: a choice.
 
-Of a target with several detections a ping it may never be clear which are its own.
+Where a target has several detections a ping, it may never be clear which are its own.
 """
-CLAIMED = 0.3
-"""Share of the hits that are some held track's above which a hypothesis is of the same target."""
-CLAIMED_NEWEST = 0.5
-"""Probability that a detection is some held track's above which it starts no other by itself."""
-COMMON = 0.3
-"""Share of the hits that two hypotheses have in common above which they are of the same target."""
-BESIDE = math.log(1e3)
-"""Evidence beyond the threshold that one more target beside a held one needs: a choice.
+MAX_HELD_SHARE = 0.3
+"""Share of the hits due to held tracks above which a hypothesis is of a held target."""
+MAX_HELD_PROBABILITY = 0.5
+"""Probability that a held track caused a detection above which it starts no other by itself."""
+MIN_COMMON_SHARE = 0.3
+"""Share of common hits above which two hypotheses are of the same target."""
+SECOND_TARGET_MARGIN = math.log(1e3)
+"""Evidence above the threshold that a second target beside a held track needs: a choice.
 
-It claims its detections too, and a target that was started half wrong looks like two for a while.
+A second track competes for the held track's detections, and a start with wrong hits briefly looks
+like two targets.
 """
-NEGLIGIBLE = 0.01
-"""Hypotheses this much less likely than the best do not count in the state."""
-BELIEVED = 500.0
-"""Wish, false tracks per hour, at which a start at the threshold is as probable as not: a choice.
+MIN_RELATIVE_WEIGHT = 0.01
+"""Part of the best weight below which a hypothesis does not count in the state."""
+TARGET_BIRTH_RATE = 500.0
+"""Assumed target births per hour; sets the existence probability of new tracks: a choice.
 
-A start is held, and claims its detections, as firmly as it is probable. High: only where many more
-false ones are wished for than an operator could use does it leave its detections to others.
+A new track keeps its detections from others as firmly as it is probable. The rate is high: only at
+far more false tracks than an operator could use do new tracks leave their detections to others.
 """
-LEAST_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
-"""A confirmed track is held for a scan at the least."""
+MIN_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
+"""Existence probability of a new track at the least: it is held for a scan."""
 
 HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
 """States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
@@ -115,14 +116,13 @@ class StartRule(Protocol):
         grown : Grown
             The tree after the scan.
         window : DetectionWindow
-            The detections, and how probably each is a held track's. It is told what the new tracks
-            claim.
+            The detections, and how probably each is due to held tracks; the new tracks are added.
         threshold : float
-            Of the evidence; infinite where none can reach it.
+            Of the evidence; infinite where no evidence can reach it.
         min_time : float
-            Time from the first hit to the last that tells a velocity at all, s.
+            Time from the first hit to the last that a velocity needs, s.
         false_tracks_per_hour : float
-            The wish.
+            The target rate.
         fit : callable
             States and covariances of hypotheses, from their hits alone.
         """
@@ -130,7 +130,7 @@ class StartRule(Protocol):
 
 @dataclass(frozen=True)
 class SummedEvidence:
-    """The rule as built: summed evidence, of hits that are resolved, given the held tracks."""
+    """The rule as built: summed evidence, resolved hits, and more evidence beside held tracks."""
 
     def starts(
         self,
@@ -144,9 +144,10 @@ class SummedEvidence:
     ) -> list[Start]:
         """Start a track where the evidence of a detection reaches the threshold.
 
-        The strongest detection comes first. None starts before it is clear which hits are its
-        target's; and where more than `CLAIMED` of these are a held track's, or the detection
-        probably is, only one whose evidence beside the held ones passes the threshold by `BESIDE`.
+        The strongest detection comes first. No track starts before it is clear which hits are its
+        target's. Where more than `MAX_HELD_SHARE` of these are due to held tracks, or the detection
+        probably is, the evidence given the held tracks must exceed the threshold by
+        `SECOND_TARGET_MARGIN`.
 
         See `StartRule.starts`.
         """
@@ -155,22 +156,24 @@ class SummedEvidence:
         strong &= grouped.largest_of(grown.ended.hit_count.astype(float), group, n) >= MIN_HITS
         rows = np.flatnonzero(strong[group])
         ending, group = grown.ended[rows], group[rows]
-        new = held_share(ending, group, n, window) <= CLAIMED
-        new &= window.claimed(grown.ids) <= CLAIMED_NEWEST
-        strong &= new | (grouped.summed(ending.beside, group, n) >= threshold + BESIDE)
+        new = held_share(ending, group, n, window) <= MAX_HELD_SHARE
+        new &= window.claimed(grown.ids) <= MAX_HELD_PROBABILITY
+        strong &= new | (
+            grouped.summed(ending.score_given_held, group, n) >= threshold + SECOND_TARGET_MARGIN
+        )
         starts: list[Start] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
             members = ending[group == newest]
             start = None
-            if new[newest] and window.claimed(grown.ids[[newest]])[0] <= CLAIMED_NEWEST:
-                start = resolved(members, grown, window, CLAIMED, min_time, fit)
+            if new[newest] and window.claimed(grown.ids[[newest]])[0] <= MAX_HELD_PROBABILITY:
+                start = resolved(members, grown, window, MAX_HELD_SHARE, min_time, fit)
             if start is None:
-                members = beside(members, starts).as_beside()
-                if np.logaddexp.reduce(members.score) >= threshold + BESIDE:
+                members = given_starts(members, starts).scored_given_held()
+                if np.logaddexp.reduce(members.score) >= threshold + SECOND_TARGET_MARGIN:
                     rest = replace(
                         grown,
-                        ended=beside(grown.ended, starts).as_beside(),
-                        missed=beside(grown.missed, starts).as_beside(),
+                        ended=given_starts(grown.ended, starts).scored_given_held(),
+                        missed=given_starts(grown.missed, starts).scored_given_held(),
                     )
                     start = resolved(members, rest, window, 1.0, min_time, fit)
             if start is not None:
@@ -182,13 +185,15 @@ class SummedEvidence:
 
 
 def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArray:
-    """Posterior probability of the targets of tracks so far above the threshold, (n,).
+    """Posterior probability that targets exist, (n,), by the evidence above the threshold, (n,).
 
-    With the prior that `BELIEVED` targets appear per hour: at the threshold the odds are as those
-    to the wanted false tracks per hour.
+    With the prior that `TARGET_BIRTH_RATE` targets appear per hour: at the threshold the odds are
+    that rate to the rate of false tracks.
     """
     false = false_tracks_per_hour * np.exp(-evaluation)
-    return np.clip(BELIEVED / (BELIEVED + false), LEAST_NEW_EXISTENCE, NEW_TRACK_EXISTENCE)
+    return np.clip(
+        TARGET_BIRTH_RATE / (TARGET_BIRTH_RATE + false), MIN_NEW_EXISTENCE, NEW_TRACK_EXISTENCE
+    )
 
 
 def held_share(
@@ -207,10 +212,10 @@ def held_share(
     return np.asarray(theirs / np.maximum(hits, 1e-300))
 
 
-def beside(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
-    """The hypotheses as seen beside the new tracks."""
+def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
+    """The hypotheses given the new tracks."""
     for start in starts:
-        hypotheses = hypotheses.beside_claims(start.claimed, start.probability)
+        hypotheses = hypotheses.given_track(start.claimed, start.probability)
     return hypotheses
 
 
@@ -218,14 +223,14 @@ def resolved(
     members: Hypotheses,
     grown: Grown,
     window: DetectionWindow,
-    claimed_at_most: float,
+    max_held_share: float,
     min_time: float,
     fit: HitFit,
 ) -> Start | None:
     """The track of hypotheses with one newest detection.
 
-    None while it is not clear which hits are its target's, up to `PATIENCE` hits; and where more of
-    them are a held track's than is allowed.
+    None while it is not clear which hits are its target's, up to `MAX_UNRESOLVED_HITS` hits, and
+    where more than `max_held_share` of them are due to held tracks.
 
     Whether that detection is the target's is as open as the others: the hypotheses of the same
     target that end in another, or in none, are its rivals in hits and state.
@@ -237,15 +242,15 @@ def resolved(
     if not long.any():
         return None
     one = np.zeros(len(rivals), np.int64)
-    if held_share(rivals, one, 1, window)[0] > claimed_at_most:
+    if held_share(rivals, one, 1, window)[0] > max_held_share:
         return None
     claimed, probability = hit_probabilities(rivals)
     best = np.argmax(np.where(long, rivals.score, -np.inf))
     hits = credible_hits(claimed, probability, rivals.hits[best])
     theirs = np.isin(rivals.hits, hits).sum(axis=1)
     right = theirs > 0.5 * len(hits)
-    unclear = softmax(rivals.score)[right].sum() < RESOLVED
-    if unclear and rivals.hit_count[best] < PATIENCE:
+    unclear = softmax(rivals.score)[right].sum() < MIN_PURITY_PROBABILITY
+    if unclear and rivals.hit_count[best] < MAX_UNRESOLVED_HITS:
         return None
     with_all = theirs == len(hits)
     state, covariance = mixed(rivals[with_all if with_all.any() else right], fit)
@@ -256,12 +261,12 @@ def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
     """Hypotheses of the same target as those with one newest detection, whatever they end in."""
     likely, probability = hit_probabilities(members)
     pool = [
-        part[(part.score > evidence + FORGOTTEN) & (part.hit_count >= 2)]
+        part[(part.score > evidence + RELATIVE_PRUNING) & (part.hit_count >= 2)]
         for part in (grown.ended, grown.missed)
     ]
     rivals = Hypotheses.joined(*pool)
     common = sums_over_hits(rivals.hits, likely, probability)
-    return rivals[common > COMMON * rivals.hit_count]
+    return rivals[common > MIN_COMMON_SHARE * rivals.hit_count]
 
 
 def hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
@@ -278,7 +283,7 @@ def credible_hits(detections: IntArray, probability: FloatArray, best: IntArray)
 
     Where there are too few, the most probable of the `best` hypothesis.
     """
-    credible = detections[probability >= CREDIBLE]
+    credible = detections[probability >= MIN_HIT_PROBABILITY]
     if len(credible) >= MIN_HITS:
         return credible
     path = best[best != NO_HIT]
@@ -301,6 +306,6 @@ def spans_time(
 def mixed(members: Hypotheses, fit: HitFit) -> tuple[FloatArray, FloatArray]:
     """State and covariance over the hypotheses of one track, each fitted to its hits alone."""
     share = softmax(members.score)
-    counted = share >= NEGLIGIBLE * share.max()
+    counted = share >= MIN_RELATIVE_WEIGHT * share.max()
     states, covariances = fit(members[counted])
     return mixture(share[counted] / share[counted].sum(), states, covariances)

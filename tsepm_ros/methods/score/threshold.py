@@ -23,7 +23,7 @@ from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.sensor import SensorModel
 
-MEMORY = 50
+MAX_SCANS_REMEMBERED = 50
 """Scans over which the mean of the detections and the median of the interval are taken."""
 SECONDS_PER_HOUR = 3600.0
 
@@ -32,8 +32,8 @@ class Threshold:
     """The threshold, by the scans so far."""
 
     def __init__(self) -> None:
-        self._counts: deque[int] = deque(maxlen=MEMORY)
-        self._intervals: deque[float] = deque(maxlen=MEMORY)
+        self._counts: deque[int] = deque(maxlen=MAX_SCANS_REMEMBERED)
+        self._intervals: deque[float] = deque(maxlen=MAX_SCANS_REMEMBERED)
         self._last: Observation | None = None
 
     def observe(self, observed: Observation) -> None:

@@ -1,8 +1,8 @@
 """What a threshold gives before it is used: how often a start from clutter passes it.
 
 Targets are drawn as the likelihood-ratio method assumes them, and the evidence for them is followed
-without clutter. How often they pass a threshold, and by how much, tells by Wald's identity how
-often clutter does:
+without clutter. From how often they pass a threshold, and by how much, follows by Wald's
+identity how often clutter does:
 
 ``P_0(passes A) = E_1[1 / L at the passage; passes A]``
 
@@ -28,22 +28,22 @@ from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, position_covariance
 from tsepm_ros.sensing.sensor import SensorModel
 
-PATHS = 1500
+SIMULATED_TARGETS = 1500
 SEED = 1
 THRESHOLDS = np.arange(0.0, 40.0, 0.05)
 """Thresholds that are looked at, in units of the log-likelihood ratio."""
 
 
-LEAST_PASSAGES = 30
+MIN_PASSAGES = 30
 """Simulated passages below which a share is not trusted."""
-LARGEST_GAIN = 2.5
+MAX_BELOW_VILLE = 2.5
 """The threshold is at most this far below Ville's: the simulated targets may be unlike the true."""
-STEP = 0.1
+ROUNDING_STEP = 0.1
 
 
 def rounded(value: float) -> float:
     """A value above 0 in steps of 10 %, so that near ones share a plan."""
-    return math.exp(STEP * round(math.log(value) / STEP))
+    return math.exp(ROUNDING_STEP * round(math.log(value) / ROUNDING_STEP))
 
 
 def ville_threshold(false_share: float) -> float:
@@ -55,8 +55,8 @@ def ville_threshold(false_share: float) -> float:
 
 
 def least_threshold(false_share: float) -> float:
-    """Threshold below which none is, whatever the targets: `LARGEST_GAIN` below Ville's."""
-    return ville_threshold(false_share) - LARGEST_GAIN
+    """Threshold below which none is, whatever the targets: `MAX_BELOW_VILLE` below Ville's."""
+    return ville_threshold(false_share) - MAX_BELOW_VILLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def score_plans(
         See `score_plan`.
     """
     targets = _draw_targets(sensor, max_speed, interval, scans, process_noise)
-    evidences = np.full((len(windows), PATHS, scans), -np.inf)
+    evidences = np.full((len(windows), SIMULATED_TARGETS, scans), -np.inf)
     for first in range(scans):
         score = _scores(
             targets, first, sensor, max_speed, interval, gate_probability, process_noise, deletion
@@ -208,21 +208,23 @@ def _draw_targets(
 ) -> _Targets:
     """Targets anywhere in the coverage."""
     rng = np.random.default_rng(SEED)
-    square = rng.uniform(sensor.min_range**2, sensor.max_range**2, PATHS)
-    truth = np.zeros((PATHS, 4))
+    square = rng.uniform(sensor.min_range**2, sensor.max_range**2, SIMULATED_TARGETS)
+    truth = np.zeros((SIMULATED_TARGETS, 4))
     truth[:, 0] = np.sqrt(square)
-    truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (PATHS, 2))
-    found = np.zeros((PATHS, window), DETECTION)
+    truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (SIMULATED_TARGETS, 2))
+    found = np.zeros((SIMULATED_TARGETS, window), DETECTION)
     found["range_rate_std"] = sensor.range_rate_std
-    rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, PATHS))
+    rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, SIMULATED_TARGETS))
     for scan in range(window):
         found["covariance"][:, scan] = _errors(truth, sensor)
         rate, _, _ = range_rates.expected(found[:, scan], truth[:, 0::2], truth[:, 1::2])
         found["range_rate"][:, scan] = rate + sensor.range_rate_std * rate_errors[scan]
         found["position"][:, scan] = truth[:, 0::2] + _drawn(rng, truth, sensor)
         truth[:, 0::2] += interval * truth[:, 1::2]
-        truth[:, 1::2] += rng.normal(0.0, math.sqrt(process_noise * interval), (PATHS, 2))
-    detected = rng.random((PATHS, window)) < sensor.detection_probability
+        truth[:, 1::2] += rng.normal(
+            0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
+        )
+    detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability
     detected[:, 0] = True
     return _Targets(found, detected)
 
@@ -264,8 +266,8 @@ def _scores(
         )
         hit = targets.detected[:, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(found, sensor)
-        gain = likelihood_ratio.hit_increment(density, sensor.detection_probability, clutter)
-        scores[:, scan] = scores[:, scan - 1] + np.where(hit, gain, missed)
+        increment = likelihood_ratio.hit_increment(density, sensor.detection_probability, clutter)
+        scores[:, scan] = scores[:, scan - 1] + np.where(hit, increment, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
         state[hit], covariance[hit] = kalman.update(
             state[hit], covariance[hit], at_once[hit], innovation[hit], spread[hit]
@@ -284,7 +286,7 @@ def _plan(tested: FloatArray, window: int) -> ScorePlan:
         passed = running >= threshold
         in_window = passed[:, window - 1]
         first = passed.argmax(axis=1)[in_window]
-        if len(first) < LEAST_PASSAGES:
+        if len(first) < MIN_PASSAGES:
             break
         false.append(np.exp(-tested[in_window, first]).sum() / len(tested))
         true.append(passed.mean(axis=0))

@@ -1,4 +1,4 @@
-"""The tree of hypotheses: a scan's detections make it grow, and what is unlikely is pruned.
+"""The tree of hypotheses: a scan's detections extend it, and unlikely hypotheses are pruned.
 
 With lambda the clutter density, N(z; H x, S) the density of a detection z under hypothesis i, P_G
 the gate's probability and s_i the score of the hypothesis::
@@ -34,14 +34,14 @@ from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
 from tsepm_ros.stages import pruning, splitting
 from tsepm_ros.stages.paths import starting
 
-BLOCK = 50_000
-"""Pairs of hypotheses and detections looked at together: bounds memory."""
-FORGOTTEN = math.log(1e-4)
-"""Deleted are hypotheses whose ratio is a smaller part of the best one's with the same last hit."""
+MAX_PAIRS_TOGETHER = 50_000
+"""Pairs of hypotheses and detections that are scored together: bounds memory."""
+RELATIVE_PRUNING = math.log(1e-4)
+"""Log of the part of the best likelihood ratio with the same last hit below which to delete."""
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
-TARGET_ODDS = 0.01
-"""Odds that a detection without history is a target's: what the clutter map takes a start for."""
+PRIOR_TARGET_ODDS = 0.01
+"""Prior odds that a detection without history comes from a target; for the clutter map."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Grown:
     @property
     def target_probability(self) -> FloatArray:
         """Probability that each detection is that of a target not confirmed yet, (d,)."""
-        odds = self.evidence + math.log(TARGET_ODDS)
+        odds = self.evidence + math.log(PRIOR_TARGET_ODDS)
         probability: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
         return probability
 
@@ -92,8 +92,8 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
     return replace(hypotheses, state=state, covariance=covariance)
 
 
-def log_held(observed: Observation) -> FloatArray:
-    """``ln((lambda + held density) / lambda)``, (d,): what a hit gains less given held tracks."""
+def held_penalty(observed: Observation) -> FloatArray:
+    """``ln((lambda + held density) / lambda)``, (d,): what a hit adds less given held tracks."""
     return np.log1p(observed.held_density / np.maximum(observed.clutter_density, LEAST_DENSITY))
 
 
@@ -101,8 +101,8 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
     """Start a hypothesis from every detection.
 
     The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
-    axis; the first range rate, if there is one, tells it along the line of sight, and speaks for a
-    target or against it.
+    axis; the first range rate, if there is one, measures it along the line of sight, and is
+    evidence for a target or against it.
 
     Parameters
     ----------
@@ -131,47 +131,54 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
     )
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
     state, covariance = kalman.predict(state, covariance, observed.stamp - detections["time"])
-    beside = score - log_held(observed)
-    return Hypotheses(path.hits, path.hit_count, path.first_scan, state, covariance, score, beside)
+    given_held = score - held_penalty(observed)
+    return Hypotheses(
+        path.hits, path.hit_count, path.first_scan, state, covariance, score, given_held
+    )
 
 
-def miss(predicted: Hypotheses, detectable: FloatArray, gate_probability: float) -> Hypotheses:
+def miss(
+    predicted: Hypotheses, detection_probability: FloatArray, gate_probability: float
+) -> Hypotheses:
     """The branches of all hypotheses that leave the scan out.
 
     Parameters
     ----------
     predicted : Hypotheses
-    detectable : (n,) ndarray
+    detection_probability : (n,) ndarray
         P_D where each expects its target.
     gate_probability : float
         P_G.
     """
-    gain = likelihood_ratio.miss_increment(detectable, gate_probability)
-    return replace(predicted, score=predicted.score + gain, beside=predicted.beside + gain)
+    increment = likelihood_ratio.miss_increment(detection_probability, gate_probability)
+    return replace(
+        predicted,
+        score=predicted.score + increment,
+        score_given_held=predicted.score_given_held + increment,
+    )
 
 
 def split(
     predicted: Hypotheses,
-    detectable: FloatArray,
+    detection_probability: FloatArray,
     observed: Observation,
     ids: IntArray,
     sensor: SensorModel,
     options: ScoreOptions,
     *,
     max_children: int,
-    block: int = BLOCK,
+    block: int = MAX_PAIRS_TOGETHER,
 ) -> tuple[Hypotheses, int]:
     """Extend every hypothesis by each detection in its gate, ``d' S^-1 d <= gamma``.
 
-    One of a target that cannot be detected where it is has no children: its misses cost nothing
-    either, and hits that count there would make the evidence of clutter grow. Of one more target
-    beside those held, a hit gains less by `log_held`: the log of how much more densely
-    detections fall there, with the held ones', than clutter does.
+    Hypotheses predicted outside the coverage are not extended: their misses cost nothing, so that
+    hits there would make the evidence of clutter grow. Given the held tracks, a hit adds less by
+    `held_penalty`, the log of how much denser detections are with those of held tracks.
 
     Parameters
     ----------
     predicted : Hypotheses
-    detectable : (n,) ndarray
+    detection_probability : (n,) ndarray
         P_D where each expects its target.
     observed : Observation
         The scan. From half of its time limit on no further block is looked at; the best hypotheses
@@ -205,7 +212,7 @@ def split(
         part = order[first : first + block]
         score[part] = child_score(
             predicted,
-            detectable,
+            detection_probability,
             parent[part],
             observed,
             row[part],
@@ -255,7 +262,7 @@ def near(
 
 def child_score(
     predicted: Hypotheses,
-    detectable: FloatArray,
+    detection_probability: FloatArray,
     parent: IntArray,
     observed: Observation,
     row: IntArray,
@@ -267,7 +274,7 @@ def child_score(
     Parameters
     ----------
     predicted : Hypotheses
-    detectable : (n,) ndarray
+    detection_probability : (n,) ndarray
         P_D where each expects its target.
     parent, row : (p,) ndarray of int
         Hypothesis and detection of each child.
@@ -281,25 +288,25 @@ def child_score(
     (p,) ndarray
         -inf outside the gate, or where P_D is 0.
     """
-    found = observed.detections[row]
-    lag = found["time"] - observed.stamp
-    innovation, spread = kalman.innovations(
-        predicted.state[parent], predicted.covariance[parent], lag, found, sensor
+    detections = observed.detections[row]
+    time_after_state = detections["time"] - observed.stamp
+    innovation, innovation_covariance = kalman.innovations(
+        predicted.state[parent], predicted.covariance[parent], time_after_state, detections, sensor
     )
     density = kalman.log_likelihood(
         predicted.state,
         predicted.covariance,
         parent,
-        lag,
+        time_after_state,
         innovation,
-        spread,
-        found,
+        innovation_covariance,
+        detections,
         gate_probability,
     )
-    gain = likelihood_ratio.hit_increment(
-        density, detectable[parent], observed.clutter_density[row]
+    increment = likelihood_ratio.hit_increment(
+        density, detection_probability[parent], observed.clutter_density[row]
     )
-    score: FloatArray = predicted.score[parent] + gain
+    score: FloatArray = predicted.score[parent] + increment
     return score
 
 
@@ -317,20 +324,26 @@ def updated(
     The position comes first, then the range rate, where there is one.
     """
     children = predicted.extended(parent, ids[row])
-    found = observed.detections[row]
-    lag = found["time"] - observed.stamp
-    innovation, spread = kalman.innovations(children.state, children.covariance, lag, found, sensor)
-    state, covariance = kalman.update(children.state, children.covariance, lag, innovation, spread)
-    state, covariance = range_rates.update(state, covariance, lag, found)
-    beside = children.beside + score - children.score - log_held(observed)[row]
-    return replace(children, state=state, covariance=covariance, score=score, beside=beside)
+    detections = observed.detections[row]
+    time_after_state = detections["time"] - observed.stamp
+    innovation, innovation_covariance = kalman.innovations(
+        children.state, children.covariance, time_after_state, detections, sensor
+    )
+    state, covariance = kalman.update(
+        children.state, children.covariance, time_after_state, innovation, innovation_covariance
+    )
+    state, covariance = range_rates.update(state, covariance, time_after_state, detections)
+    given_held = children.score_given_held + score - children.score - held_penalty(observed)[row]
+    return replace(
+        children, state=state, covariance=covariance, score=score, score_given_held=given_held
+    )
 
 
 def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hypotheses:
-    """Delete what is over the window or too unlikely.
+    """Delete the hypotheses that are too old or too unlikely.
 
-    Unlikely: a score below the deletion threshold, or far below the best hypothesis with the same
-    last detection, or as many better ones with it as are kept.
+    A hypothesis is unlikely where its score is below the deletion threshold, or far below the best
+    with the same last detection, or where `max_per_detection` with that detection are better.
 
     Parameters
     ----------
@@ -345,7 +358,7 @@ def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hyp
     _, group = np.unique(hypotheses.last_hit, return_inverse=True)
     best = grouped.largest_of(hypotheses.score, group, len(hypotheses))[group]
     kept = grouped.places(group, hypotheses.score) < options.max_per_detection
-    return hypotheses[kept & (hypotheses.score > best + FORGOTTEN)]
+    return hypotheses[kept & (hypotheses.score > best + RELATIVE_PRUNING)]
 
 
 def strongest(hypotheses: Hypotheses, limit: int) -> Hypotheses:
