@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.builders import detections
 
+from tsepm_ros import SensorModel
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
+from tsepm_ros.sensing.conversion import covariance_at
+
+SENSOR = SensorModel()
 
 
 def states(seed: int, n: int = 7) -> tuple[np.ndarray, np.ndarray]:
@@ -79,3 +84,14 @@ def test_the_inverse_is_the_inverse():
     rng = np.random.default_rng(6)
     matrix = rng.standard_normal((20, 2, 2))
     np.testing.assert_allclose(gaussian.inverse(matrix), np.linalg.inv(matrix))
+
+
+def test_innovations_are_against_the_position_at_the_detections_time():
+    state = np.array([[1000.0, 5.0, 2000.0, -3.0]])
+    found = detections([[1020.0, 1990.0]], [2.0])
+    found["azimuth_std"] = SENSOR.azimuth_std
+    covariance = np.diag([100.0, 4.0, 100.0, 4.0])[None]
+    innovation, spread = kalman.innovations(state, covariance, np.array([2.0]), found, SENSOR)
+    np.testing.assert_allclose(innovation, [[10.0, -4.0]])
+    error = covariance_at(found, np.array([[1010.0, 1994.0]]), SENSOR)
+    np.testing.assert_allclose(spread, error + (100.0 + 4.0 * 4.0) * np.eye(2))

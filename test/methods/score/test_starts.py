@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,13 +16,22 @@ from support.score_scenes import clutter, in_plain_loops, score
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_method import Score
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.methods.score.starts import Start, SummedEvidence
+from tsepm_ros.methods.score.starts import (
+    TARGET_BIRTH_RATE,
+    Start,
+    SummedEvidence,
+    credible_hits,
+    existence,
+    held_share,
+)
 from tsepm_ros.methods.score.tree import Grown
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.sensing.conversion import DETECTION, convert
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.estimation import fit
+from tsepm_ros.stages.paths import NO_HIT
 
 
 @dataclass(frozen=True)
@@ -180,3 +189,33 @@ def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
             assert track.hits == tuple((k, 0) for k in range(index + 1))
             assert (track.scan_count, track.age) == (index + 1, 12.0 * index)
     assert len(found) == 1
+
+
+def test_the_held_share_is_over_all_hits_weighted_by_likelihood():
+    window = DetectionWindow()
+    ids = window.append(np.zeros(4, DETECTION))
+    window.claim(ids[:2], np.array([1.0, 0.5]))
+    of = Hypotheses.none(3)
+    hypotheses = replace(
+        of,
+        hits=np.array([[0, 1, NO_HIT], [1, 2, 3], [2, 3, NO_HIT]]),
+        hit_count=np.array([2, 3, 2]),
+        score=np.log([1.0, 3.0, 5.0]),
+    )
+    share = held_share(hypotheses, np.array([0, 0, 2]), 3, window)
+    np.testing.assert_allclose(share, [(1.5 + 3 * 0.5) / (2 + 3 * 3), 0.0, 0.0])
+
+
+def test_hits_are_the_credible_detections_or_the_likeliest_of_the_best_hypothesis():
+    detections, best = np.arange(5), np.array([0, 2, 3, 4, NO_HIT])
+    probability = np.array([0.95, 0.2, 0.92, 0.99, 0.5])
+    assert credible_hits(detections, probability, best).tolist() == [0, 2, 3]
+    probability[0] = 0.85
+    assert credible_hits(detections, probability, best).tolist() == [0, 2, 3]
+    probability[0] = 0.4
+    assert credible_hits(detections, probability, best).tolist() == [2, 3, 4]
+
+
+def test_existence_is_even_where_false_tracks_are_as_frequent_as_targets():
+    evaluation = np.array([0.0, math.log(3.0), 50.0, -50.0])
+    np.testing.assert_allclose(existence(evaluation, TARGET_BIRTH_RATE), [0.5, 0.75, 0.99, 0.02])

@@ -12,6 +12,8 @@ from support.score_scenes import NEVER, SONAR, clutter, score, sea
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.score.threshold import Threshold, coarse_sensor
+from tsepm_ros.numerics.limits import TimeLimit
 
 
 def test_a_track_says_its_evidence_and_by_how_much_it_passed():
@@ -131,3 +133,57 @@ def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density
 
     # A true ratio of 1.4 stays below 2 with 97 %; cells that straddle the border gave 2.8.
     assert confirmed(factor * 1e-6, "estimated") < 2.0 * confirmed(1e-6, "given")
+
+
+def observed(scans: list[Scan], **options) -> tuple[Threshold, Initiator]:
+    """The threshold after scans, and the initiator that observed them."""
+    initiator, threshold = score(**options), Threshold()
+    for scan in scans:
+        threshold.observe(initiator.front_end.observe(scan, TimeLimit()))
+    return threshold, initiator
+
+
+def value(scans: list[Scan], rate: float) -> float:
+    threshold, initiator = observed(scans)
+    options = replace(initiator.options, false_tracks_per_hour=rate)
+    return threshold.value(SONAR, initiator.common, options)
+
+
+def test_the_share_of_false_starts_is_the_rate_over_the_detections_per_hour():
+    threshold, _ = observed([scan_at(12.0 * k, np.full((100, 2), 3000.0)) for k in range(4)])
+    assert threshold.interval == 12.0
+    assert threshold.false_share(3.0) == pytest.approx(3.0 / (100 * 300.0))
+    assert threshold.false_share(1e6) == 1.0
+
+
+def test_one_scan_has_no_threshold_yet():
+    threshold, initiator = observed([scan_at(0.0, [(3000.0, 0.0)])])
+    assert threshold.false_share(1.0) is None
+    assert threshold.value(SONAR, initiator.common, initiator.options) == math.inf
+
+
+def test_more_false_tracks_have_a_lower_threshold():
+    scans = sea(np.random.default_rng(2), 3, [])
+    values = [value(scans, rate) for rate in (0.1, 1.0, 10.0, 100.0)]
+    assert values == sorted(values, reverse=True)
+    assert np.diff(values) == pytest.approx([-math.log(10.0)] * 3, abs=0.5)
+
+
+def test_evidence_far_below_every_threshold_asks_for_none():
+    threshold, initiator = observed(sea(np.random.default_rng(2), 3, []))
+    arguments = SONAR, initiator.common, initiator.options
+    exact = threshold.value(*arguments)
+    assert threshold.value_if_near(-math.inf, *arguments) == math.inf
+    assert threshold.value_if_near(exact, *arguments) == exact
+
+
+def test_estimates_are_rounded_and_what_is_given_is_not():
+    initiator = score(clutter_density="estimated", detection_probability="estimated")
+    seen = initiator.front_end.observe(sea(np.random.default_rng(2), 1, [])[0], TimeLimit())
+    seen = replace(seen, detection_probability_in_use=0.77)
+    seen.detections["clutter_density"] = 2.5e-6
+    coarse = coarse_sensor(SONAR, seen, initiator.common)
+    assert coarse.detection_probability == 0.8
+    assert coarse.clutter_density == pytest.approx(10.0**-5.5)
+    given = coarse_sensor(SONAR, seen, score().common)
+    assert given == replace(SONAR, range_rate_std=0.0)
