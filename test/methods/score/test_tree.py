@@ -116,7 +116,6 @@ def test_limits_hold_and_are_counted(limit):
     assert initiator.totals.cut_potential_tracks > 0
 
 
-@pytest.mark.slow
 def test_many_detections_in_one_place_do_not_end_anything():
     initiator = score()
     n = 3000
