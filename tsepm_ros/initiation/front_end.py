@@ -9,7 +9,7 @@ import numpy as np
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
-from tsepm_ros.maintenance.held_tracks import TrackHold
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import range_rates
@@ -26,7 +26,7 @@ class FrontEnd:
     ----------
     sensor : SensorModel
     common : CommonOptions
-    held : TrackHold
+    held : TrackMaintenance
         The confirmed tracks.
     clutter_excludes_held : bool
         Whether the clutter map leaves out the detections of held tracks.
@@ -45,7 +45,7 @@ class FrontEnd:
         self,
         sensor: SensorModel,
         common: CommonOptions,
-        held: TrackHold,
+        held: TrackMaintenance,
         clutter_excludes_held: bool,
     ) -> None:
         self.sensor = sensor

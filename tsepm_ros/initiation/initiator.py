@@ -15,7 +15,7 @@ from tsepm_ros.initiation.method import Method
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.maintenance.held_tracks import TrackHold
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing.scan import Scan
@@ -44,7 +44,7 @@ class Initiator:
         Sums since the start or the last reset.
     next_track_id : int
         Id of the next confirmed track; goes on through resets.
-    hold : TrackHold
+    hold : TrackMaintenance
         The confirmed tracks, carried to the last scan's stamp.
     max_scan_time : float
         Time that a scan may take, s, as a last resort behind the limits on counts; infinite, so
@@ -57,7 +57,7 @@ class Initiator:
         self.next_track_id = 0
         self._observed: Observation | None = None
         self.max_scan_time = math.inf
-        self.hold = TrackHold(method.common.hold_time, method.common.tracked_timeout)
+        self.hold = TrackMaintenance(method.common.hold_time, method.common.tracked_timeout)
         self.front_end = FrontEnd(
             method.sensor, method.common, self.hold, method.clutter_excludes_held
         )

@@ -1,13 +1,16 @@
-"""What a downstream tracker says that it tracks, and what of it can be used."""
+"""A downstream tracker: whether it is heard, which tracks it lists, and what can be used."""
 
 from __future__ import annotations
 
+import enum
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.scan import LARGEST, SMALLEST
 
 LARGEST_STATE = LARGEST["sensor_pose"]
@@ -18,6 +21,81 @@ ASYMMETRY = 1e-6
 """Largest difference of two correlations that should be equal."""
 LEAST_EIGENVALUE = 1e-12
 """Of the correlations: below, the covariance is positive definite by rounding only."""
+
+
+LISTED = -math.inf
+"""Time since which a track is unlisted, of a track that the tracker lists."""
+
+
+class Tracker(enum.Enum):
+    """What is known of a downstream tracker."""
+
+    NONE = "none"
+    ALIVE = "alive"
+    SILENT = "silent"
+
+
+@dataclass(frozen=True)
+class DownstreamTracker:
+    """Whether a downstream tracker is heard.
+
+    Attributes
+    ----------
+    status : Tracker
+    last_report : float
+        Stamp of its last report, s.
+    """
+
+    status: Tracker = Tracker.NONE
+    last_report: float = -math.inf
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it is heard."""
+        return self.status is Tracker.ALIVE
+
+    def at(self, stamp: float, timeout: float) -> DownstreamTracker:
+        """The tracker at a time (s): silent if its last report is more than a timeout (s) away."""
+        if self.is_alive and abs(stamp - self.last_report) > timeout:
+            return replace(self, status=Tracker.SILENT)
+        return self
+
+    def heard(self, stamp: float) -> DownstreamTracker:
+        """The tracker after a report of a time, s."""
+        return DownstreamTracker(Tracker.ALIVE, stamp)
+
+    def unlisted_since(self, since: FloatArray, stamp: float) -> FloatArray:
+        """Times since which tracks (n,) are unlisted as the tracker is heard at a stamp, s.
+
+        After a silence it gets the whole time again to list them.
+        """
+        return since if self.is_alive else np.maximum(since, stamp)
+
+    def keeps(self, since: FloatArray) -> BoolArray:
+        """Which tracks, unlisted since times (n,), s, it keeps: what it lists while it is heard."""
+        return np.isneginf(since) & self.is_alive
+
+
+def declined(
+    since: FloatArray, track_id: IntArray, listed: IntArray, stamp: float, timeout: float
+) -> BoolArray:
+    """Which tracks a tracker that is heard has declined, (n,).
+
+    Those that it lists no more, and those that it has not listed for a timeout.
+
+    Parameters
+    ----------
+    since : (n,) ndarray
+        Time since which each track is unlisted, s; or `LISTED`.
+    track_id : (n,) ndarray of int
+    listed : (k,) ndarray of int
+        Ids in the tracker's report.
+    stamp : float
+        Of the report, s.
+    timeout : float
+        s.
+    """
+    return np.asarray((stamp - since > timeout) & ~np.isin(track_id, listed))
 
 
 @dataclass(frozen=True, eq=False)

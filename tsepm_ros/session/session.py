@@ -15,8 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.maintenance.downstream_tracker import TrackerReport, usable
-from tsepm_ros.maintenance.held_tracks import Tracker
+from tsepm_ros.maintenance.downstream_tracker import Tracker, TrackerReport, usable
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import SensorScan

@@ -200,7 +200,7 @@ def test_a_start_is_held_as_firmly_as_it_is_probable(wish):
         if len(tracks):
             odds = 500.0 * np.exp(tracks.evaluation) / wish
             expected = np.clip(odds / (1.0 + odds), 0.02, 0.99)
-            held = initiator.hold._existence[-len(tracks) :]
+            held = initiator.hold.held.existence[-len(tracks) :]
             assert held == pytest.approx(expected)
             return
     pytest.fail("nothing was confirmed")

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import softmax
 
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
-from tsepm_ros.maintenance.held_tracks import LEAST_EXISTENCE
+from tsepm_ros.maintenance.track_maintenance import LEAST_EXISTENCE
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import MIN_HITS
 from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown

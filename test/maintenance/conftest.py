@@ -1,0 +1,18 @@
+"""What the tests of held tracks share."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tsepm_ros.kinematics import interacting_models
+from tsepm_ros.maintenance import ipda
+
+
+@pytest.fixture
+def straight(monkeypatch):
+    """Targets neither turn nor fade nor vanish: what is left has closed forms."""
+    monkeypatch.setattr(interacting_models, "TIME_TO_TURN", math.inf)
+    monkeypatch.setattr(ipda, "TIME_TO_FADE", math.inf)
+    monkeypatch.setattr(ipda, "TIME_TO_VANISH", math.inf)

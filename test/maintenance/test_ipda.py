@@ -1,0 +1,126 @@
+"""Whether a target exists, and which detection is its: integrated data association."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from support.builders import detections
+from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.kinematics import interacting_models
+from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
+from tsepm_ros.maintenance.ipda import TIME_OF_FADING, TIME_TO_FADE, TIME_TO_VANISH
+from tsepm_ros.maintenance.repetition import SAME_SCANS
+from tsepm_ros.maintenance.track_maintenance import LEAST_EXISTENCE, TrackMaintenance
+from tsepm_ros.sensing.conversion import convert
+
+
+@pytest.mark.parametrize("existence", [0.5, 0.9])
+def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
+    hold = holding(1, existence=existence)
+    for scan in itertools.count(1):
+        step(hold, 12.0 * scan, detectable=P_D)
+        missed = (1.0 - P_D * GATE_PROBABILITY) ** scan
+        expected = existence * missed / (existence * missed + 1.0 - existence)
+        if expected < LEAST_EXISTENCE:
+            break
+        assert ids(hold) == [1]
+        np.testing.assert_allclose(hold.held.existence, [expected])
+    assert hold.ended == [1]
+
+
+def test_a_target_may_fade_and_is_given_up_later(monkeypatch):
+    # A target is seen, faded or gone: a hidden Markov chain, followed in plain matrices.
+    monkeypatch.setattr(interacting_models, "TIME_TO_TURN", math.inf)
+    fade, appear, vanish = 1.0 / TIME_TO_FADE, 1.0 / TIME_OF_FADING, 1.0 / TIME_TO_VANISH
+    rates = np.array([[-fade - vanish, fade, vanish], [appear, -appear - vanish, vanish], [0] * 3])
+    hold, chain = holding(1), np.array([0.9, 0.0, 0.1])
+    for scan in itertools.count(1):
+        step(hold, 2.5 * scan, detectable=P_D)
+        chain = chain @ expm(2.5 * rates) * [1.0 - P_D * GATE_PROBABILITY, 1.0, 1.0]
+        chain /= chain.sum()
+        if chain[:2].sum() < LEAST_EXISTENCE:
+            break
+        np.testing.assert_allclose(hold.held.existence, [chain[:2].sum()], rtol=1e-9)
+        np.testing.assert_allclose(hold.held.visible, [chain[0] / chain[:2].sum()], rtol=1e-9)
+    assert hold.ended == [1]
+    assert scan > 10, "independent misses would end it after 4"
+
+
+def test_what_another_target_explains_leaves_a_track_its_own(straight):
+    # Two echoes, and the track of the first may take both: the other's is the other's.
+    found = detections([[2060.0, 1000.0], [2060.0, 1120.0]], 12.0)
+    other = tracks(2)
+    other.state[:, 2] = 1120.0
+    other.covariance[:] = np.diag([10.0, 0.1, 10.0, 0.1]) ** 2
+    alone, beside = holding(1), holding(1)
+    beside.add(other, 0.99)
+    unsure, explained = step(alone, 12.0, found, P_D), step(beside, 12.0, found, P_D)
+    assert explained[0] > 3.0 * unsure[0]
+    only = holding(1)
+    step(only, 12.0, found[:1], P_D)
+    aside = [np.abs(one.current.state[0] - only.current.state[0]) for one in (alone, beside)]
+    assert aside[1][2] < 0.2 * aside[0][2]
+
+
+def test_of_two_tracks_on_one_target_one_is_believed(straight):
+    hold = holding(1)
+    again = replace(tracks(1), track_id=np.array([7]))
+    hold.add(again, 0.5)
+    for scan in range(1, SAME_SCANS):
+        found = detections([[2000.0 + 60.0 * scan, 1000.0]], 12.0 * scan)
+        assert step(hold, 12.0 * scan, found, P_D)[0] > 100.0 * CLUTTER
+    assert ids(hold) == [1]
+    assert hold.held.existence[0] > 0.99
+
+
+def test_nothing_is_missed_where_nothing_can_be_detected():
+    hold = holding(1)
+    for scan in range(1, 50):
+        step(hold, 12.0 * scan, detectable=0.0)
+    assert ids(hold) == [1]
+
+
+def test_what_is_detected_beyond_the_coverage_is_taken_all_the_same():
+    hold = holding(1)
+    step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), detectable=0.0)
+    assert hold.held.existence[0] > 0.9
+
+
+@pytest.mark.parametrize("clutter", [1e-6, 5e-6])
+def test_a_target_that_vanishes_in_clutter_is_given_up(clutter):
+    rng = np.random.default_rng(3)
+    sensor = SensorModel(clutter_density=clutter)
+    scans_after = []
+    for _ in range(12):
+        hold = TrackMaintenance(120.0)
+        hold.add(tracks(1, x=4000.0), 0.9)
+        for scan in range(1, 200):
+            n = rng.poisson(clutter * sensor.coverage_area)
+            range_ = 9000.0 * np.sqrt(rng.uniform(1e-6, 1.0, n))
+            azimuth = rng.uniform(-math.pi, math.pi, n)
+            if scan <= 30:
+                x = 4000.0 + 60.0 * scan
+                polar = np.hypot(x, 1000.0), math.atan2(1000.0, x)
+                range_ = np.append(range_, rng.normal(polar[0], 0.015 * polar[0]))
+                azimuth = np.append(azimuth, rng.normal(polar[1], sensor.azimuth_std))
+            found = convert(Scan(12.0 * scan, range_, azimuth), sensor, scan)
+            hold.step(
+                12.0 * scan,
+                found,
+                np.full(len(found), clutter),
+                lambda positions: np.full(len(positions), P_D),
+                sensor,
+                MAX_SPEED,
+            )
+            if not len(hold.current):
+                break
+        scans_after.append(scan - 30)
+    assert np.mean(np.array(scans_after) < 0) <= 0.1, "lost while it was there"
+    assert np.median(scans_after) <= 30

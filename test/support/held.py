@@ -1,0 +1,56 @@
+"""Held tracks in tests: a few tracks 1 km apart, and the steps that maintain them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from support.builders import FIXED_RANGE_ERROR, detections
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+
+NOTHING = detections(np.zeros((0, 2)), 0.0)
+CLUTTER = 1e-6
+P_D = 0.9
+MAX_SPEED = 10.0
+
+
+def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
+    """Tracks 1 km apart that go 5 m/s along x."""
+    return TrackArrays.of(
+        [
+            ConfirmedTrack(
+                track_id=track_id,
+                stamp=stamp,
+                state=np.array([x, 5.0, 1000.0 * track_id, 0.0]),
+                covariance=np.diag([50.0, 2.0, 50.0, 2.0]) ** 2,
+                hits=((0, 0),),
+                evaluation=0.0,
+            )
+            for track_id in ids
+        ]
+    )
+
+
+def step(
+    hold: TrackMaintenance, stamp: float, found=NOTHING, detectable: float = 0.0
+) -> np.ndarray:
+    """Without a chance to detect, a miss says nothing: tracks live for their hold time."""
+    return hold.step(
+        stamp,
+        found,
+        np.full(len(found), CLUTTER),
+        lambda positions: np.full(len(positions), detectable),
+        FIXED_RANGE_ERROR,
+        MAX_SPEED,
+    )
+
+
+def ids(hold: TrackMaintenance) -> list[int]:
+    return [track.track_id for track in hold.current]
+
+
+def holding(*track_ids: int, hold_time: float = 1e6, existence: float = 0.9) -> TrackMaintenance:
+    hold = TrackMaintenance(hold_time)
+    hold.add(tracks(*track_ids), existence)
+    return hold

@@ -1,0 +1,149 @@
+"""Detections in the gates of held tracks, and how well each fits: a row for each such pair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.kinematics.interacting_models import InteractingModels
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing.conversion import covariance_at, major_sigma
+from tsepm_ros.sensing.sensor import SensorModel
+
+GATE_PROBABILITY = 0.99
+"""P_G, probability that the gate holds a target's detection."""
+GATE_MARGIN = 1.5
+"""The error at the predicted position may be this much larger than the largest of the scan."""
+SEARCH_MARGIN = 1.1
+"""Factor on the radius in which detections are looked for: the gate itself is tested later."""
+MAX_NEIGHBOURS = 8
+"""Detections that a track weighs, the nearest."""
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Pairs of tracks and detections that may be theirs.
+
+    Attributes
+    ----------
+    nearest : (n,) ndarray of int
+        Detection nearest to each track; empty where there is no detection.
+    track, row : (p,) ndarray of int
+        Track and detection of each pair.
+    """
+
+    nearest: IntArray
+    track: IntArray
+    row: IntArray
+
+
+@dataclass(frozen=True)
+class GatedDetections:
+    """How well detections fit the tracks in one mode of motion; pairs as in `Neighbours`.
+
+    Attributes
+    ----------
+    innovation : (p, 2) ndarray
+        z - H x, m.
+    likelihood : (p,) ndarray
+        N(z; H x, S), 1/m^2, times that of a range rate, s/m; 0 outside the gate.
+    time_after_scan : (n,) ndarray
+        Time after the scan's stamp of the tracks' nearest detections, s.
+    innovation_covariance : (n, 2, 2) ndarray
+        S of each track, with the error of its nearest detection, m^2.
+    updated : tuple of (p, 4) and (p, 4, 4) ndarray, or None
+        State and covariance of each pair's track if the detection is its target's; None where no
+        detection has a range rate: then the innovations suffice.
+    """
+
+    innovation: FloatArray
+    likelihood: FloatArray
+    time_after_scan: FloatArray
+    innovation_covariance: FloatArray
+    updated: tuple[FloatArray, FloatArray] | None = None
+
+
+def neighbours(
+    models: InteractingModels, state: FloatArray, stamp: float, detections: NDArray[np.void]
+) -> Neighbours:
+    """The detections nearest to each predicted track, as far as the gate of any mode reaches.
+
+    Parameters
+    ----------
+    models : InteractingModels
+        Predicted to the stamp.
+    state : (n, 4) ndarray
+        Their means over the modes.
+    stamp : float
+        The scan's, s.
+    detections : (d,) ndarray of DETECTION
+    """
+    if not len(detections) or not len(state):
+        return Neighbours(*np.zeros((3, 0), np.int64))
+    lag = detections["time"] - stamp
+    middle = 0.5 * (lag.min() + lag.max())
+    centre = state[:, 0::2] + middle * state[:, 1::2]
+    reach = np.zeros(len(state))
+    gate = kalman.gate_reach(GATE_PROBABILITY, detections)
+    for _, of_mode, covariance in models.modes():
+        spread = kalman.position_covariance_after(covariance, np.full(len(state), middle))
+        sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
+        offset = of_mode[:, 0::2] + middle * of_mode[:, 1::2] - centre
+        radius = SEARCH_MARGIN * gate * sigma + np.hypot(*offset.T)
+        radius += np.hypot(of_mode[:, 1], of_mode[:, 3]) * np.ptp(lag)
+        reach = np.maximum(reach, radius)
+    count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
+    distance, near = cKDTree(detections["position"]).query(centre, k=count)
+    track, place = np.nonzero(distance <= reach[:, None])
+    return Neighbours(near[:, 0], track, near[track, place])
+
+
+def gated(
+    state: FloatArray,
+    covariance: FloatArray,
+    near: Neighbours,
+    stamp: float,
+    detections: NDArray[np.void],
+    sensor: SensorModel,
+) -> GatedDetections:
+    """How well the detections fit the predicted tracks in one mode.
+
+    Each detection is compared at its own time. One innovation covariance serves all detections of
+    a track, ``S = H P H' + R`` at the time and with the error of the nearest.
+
+    Parameters
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        Of the tracks in the mode, at the stamp.
+    near : Neighbours
+    stamp : float
+        The scan's, s.
+    detections : (d,) ndarray of DETECTION
+    sensor : SensorModel
+    """
+    if not len(near.nearest):
+        lag, spread = np.zeros(len(state)), covariance[:, 0::2, 0::2]
+        return GatedDetections(np.zeros((0, 2)), np.zeros(0), lag, spread)
+    track, row = near.track, near.row
+    nearest = detections[near.nearest]
+    lag = nearest["time"] - stamp
+    expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
+    spread = kalman.position_covariance_after(covariance, lag)
+    spread += covariance_at(nearest, expected, sensor)
+    found = detections[row]
+    own_lag = (found["time"] - stamp)[:, None]
+    innovation = found["position"] - state[track, 0::2] - own_lag * state[track, 1::2]
+    own_lag = own_lag[:, 0]
+    density = kalman.log_likelihood(
+        state, covariance, track, own_lag, innovation, spread[track], found, GATE_PROBABILITY
+    )
+    updated = None
+    if range_rates.measured(found).any():
+        placed = kalman.update(state[track], covariance[track], own_lag, innovation, spread[track])
+        updated = range_rates.update(*placed, own_lag, found)
+    return GatedDetections(innovation, np.exp(density), lag, spread, updated)

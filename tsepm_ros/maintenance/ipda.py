@@ -1,0 +1,192 @@
+"""Integrated probabilistic data association: whether a target exists, and which detection is its.
+
+Each track has a probability r that its target exists, which falls with every miss and rises with
+every detection that fits (Musicki, Evans, Stankovic, "Integrated probabilistic data association",
+IEEE Trans. Autom. Control 39(6), 1994). A target that exists may fade and become visible again
+(their Markov chain two): misses come in runs where scans follow quickly, and a run of them does not
+end a track. The modes in which a target moves are weighted by what the detections say of them
+(Musicki, Suvorova, "Tracking in clutter using IMM-IPDA-based algorithms", IEEE Trans. Aerosp.
+Electron. Syst. 44(1), 2008).
+
+Symbols, of track i, detection j and mode m::
+
+    r_i, s_i    probability that the target exists; that it is visible, if it exists
+    P_D, P_G    probability of a detection; that the gate holds it
+    L_ijm       likelihood ratio of the detection: s_i P_D N(z_j; H x_im, S_im) / lambda_j
+    mu_im       probability of the mode; L_ij = sum_m mu_im L_ijm
+    b_i         1 - s_i P_D P_G: probability that the gate of an existing target stays empty
+    Lambda_i    likelihood ratio of the scan, target against none: b_i + sum_j L_ij
+
+(Lambda_i is 1 - delta_i of the sources.) All functions are pure: of arrays, with a row for each
+track (n), detection (d), or pair of both (p).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tsepm_ros.kinematics.interacting_models import stay_or_change
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+
+TIME_TO_FADE = 300.0
+"""Mean time after which a visible target fades, s."""
+TIME_OF_FADING = 20.0
+"""Mean time for which it then stays invisible, s."""
+TIME_TO_VANISH = 600.0
+"""Mean time after which a target is gone, s: without it no number of misses would tell."""
+MAX_LOG_FACTOR = 100.0
+"""Logarithm of the largest factor by which detections are explained: no overflow."""
+
+
+def predicted_existence(existence: FloatArray, time_step: FloatArray) -> FloatArray:
+    """Probability of existence (n,) after time steps (n,), s: ``r exp(-t / TIME_TO_VANISH)``.
+
+    Backward in time no target comes into existence.
+    """
+    return np.asarray(existence * np.exp(-np.maximum(time_step, 0.0) / TIME_TO_VANISH))
+
+
+def predicted_visibility(visible: FloatArray, time_step: FloatArray) -> FloatArray:
+    """Probability that targets are visible (n,) after time steps (n,), s, of either sign.
+
+    ``1 - s <- s P(faded after t | visible) + (1 - s) P(faded after t | faded)``
+    """
+    fades, stays_faded = stay_or_change(np.abs(time_step), TIME_TO_FADE, TIME_OF_FADING)
+    return np.asarray(1.0 - visible * fades - (1.0 - visible) * stays_faded)
+
+
+@dataclass(frozen=True)
+class Association:
+    """How probably each detection is each target's.
+
+    Attributes
+    ----------
+    ratio : (m, p) ndarray
+        L_ijm of each pair in each mode, with what other targets explain as clutter.
+    probability : (p,) ndarray
+        beta_ij = L_ij / Lambda_i: that detection j is target i's, if the target exists.
+    held_density : (d,) ndarray
+        Density of detections of held targets at each detection, 1/m^2.
+    """
+
+    ratio: FloatArray
+    probability: FloatArray
+    held_density: FloatArray
+
+
+def associate(
+    existence: FloatArray,
+    empty: FloatArray,
+    mode_probability: FloatArray,
+    ratios: FloatArray,
+    track: IntArray,
+    row: IntArray,
+    clutter: FloatArray,
+) -> Association:
+    """Association probabilities of targets that compete for detections.
+
+    The scan is less likely by the factor f_ij if detection j is not there for target i::
+
+        f_ij = (1 - r_i + r_i Lambda_i) / (1 - r_i + r_i (Lambda_i - L_ij))
+
+    To each target, what the others explain is clutter: L_ij / prod_k!=i f_kj stands for L_ij, with
+    the f_kj of targets alone, in all but the numerator of f_ij of j itself (as in Musicki, La
+    Scala, "Multi-target tracking in clutter without measurement assignment", IEEE Trans. Aerosp.
+    Electron. Syst. 44(3), 2008). The density of held targets' detections is
+    ``lambda_j (prod_i f_ij - 1)``. Where another detection may as well be target i's, little of it
+    is target i's: so a second target is seen beside the first.
+
+    Parameters
+    ----------
+    existence : (n,) ndarray
+        r_i.
+    empty : (n,) ndarray
+        b_i.
+    mode_probability : (m, n) ndarray
+        mu_im.
+    ratios : (m, p) ndarray
+        L_ijm.
+    track, row : (p,) ndarray of int
+        i and j of each pair.
+    clutter : (d,) ndarray
+        lambda_j, 1/m^2.
+    """
+    d = len(clutter)
+    ratio = mean_over_modes(mode_probability, ratios, track)
+    alone = _log_factor(existence, empty, track, ratio, ratio)
+    by_others = np.bincount(row, alone, minlength=d)[row] - alone
+    left = np.exp(-np.minimum(by_others, MAX_LOG_FACTOR))
+    competing = left * ratio
+    factor = _log_factor(existence, empty, track, ratio, competing)
+    explained = np.minimum(np.bincount(row, factor, minlength=d), MAX_LOG_FACTOR)
+    return Association(
+        ratio=left * ratios,
+        probability=competing / scan_ratio(empty, competing, track)[track],
+        held_density=clutter * np.expm1(explained),
+    )
+
+
+def mean_over_modes(
+    mode_probability: FloatArray, values: FloatArray, track: IntArray
+) -> FloatArray:
+    """Mean of values (m, p) of pairs over the modes (m, n) of their tracks, (p,)."""
+    return np.asarray((mode_probability[:, track] * values).sum(axis=0))
+
+
+def scan_ratio(empty: FloatArray, ratio: FloatArray, track: IntArray) -> FloatArray:
+    """Lambda_i = b_i + sum_j L_ij, (n,), of pairs' L_ij (p,)."""
+    return np.asarray(empty + np.bincount(track, ratio, minlength=len(empty)))
+
+
+def _log_factor(
+    existence: FloatArray,
+    empty: FloatArray,
+    track: IntArray,
+    ratio: FloatArray,
+    competing: FloatArray,
+) -> FloatArray:
+    """Logarithm of f of each pair, (p,): of `ratio`, beside the `competing` ones of the same track.
+
+    ``ln(1 + r_i L_ij / (1 - r_i + r_i (b_i + sum_k!=j L_ik)))``
+    """
+    r = existence[track]
+    others = scan_ratio(empty, competing, track)[track] - competing
+    least = 1.0 - r + r * empty[track]  # the difference of the sums is rounded
+    return np.log1p(r * ratio / np.maximum(1.0 - r + r * others, least))
+
+
+def updated_modes(
+    mode_probability: FloatArray, of_mode: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mode probabilities after a scan, and its likelihood ratio over all modes.
+
+    ``Lambda_i = sum_m mu_im Lambda_im``, ``mu_im <- mu_im Lambda_im / Lambda_i``
+
+    Parameters
+    ----------
+    mode_probability, of_mode : (m, n) ndarray
+        mu_im and Lambda_im.
+
+    Returns
+    -------
+    mode_probability : (m, n) ndarray
+    scan_ratio : (n,) ndarray
+    """
+    weighted = mode_probability * of_mode
+    total = weighted.sum(axis=0)
+    return weighted / total, total
+
+
+def updated_existence(existence: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Probability of existence (n,) after a scan: ``Lambda r / (1 - (1 - Lambda) r)``."""
+    return np.asarray(ratio * existence / (1.0 - (1.0 - ratio) * existence))
+
+
+def updated_visibility(visible: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Probability that targets are visible (n,) after a scan: ``1 - (1 - s) / Lambda``.
+
+    Of a faded target nothing is detected: its likelihood ratio is 1.
+    """
+    return np.asarray(1.0 - (1.0 - visible) / ratio)

@@ -1,0 +1,52 @@
+"""Tracks that repeat an older one: two tracks of the same target."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.stages.paths import NO_HIT
+
+SAME_SCANS = 5
+"""Scans in a row for which a track must agree with an older one to be the same target's."""
+SAME_DISTANCE = 7.78
+"""Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
+NEAREST = 8
+"""Tracks among which an older one is looked for, the nearest, the track itself included."""
+
+
+def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray) -> BoolArray:
+    """Which tracks are where an older one is.
+
+    Two tracks agree where ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four
+    dimensions, and they do not each have a plot of their own.
+
+    Parameters
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        Oldest track first.
+    plots : (n,) ndarray of int
+        Detection that is each track's own, or NO_HIT.
+
+    Returns
+    -------
+    (n,) ndarray of bool
+    """
+    n = len(state)
+    agrees = np.zeros(n, bool)
+    if n < 2:
+        return agrees
+    count = range(2, min(NEAREST, n) + 1)
+    _, other = cKDTree(state[:, 0::2]).query(state[:, 0::2], k=count)
+    one = np.repeat(np.arange(n), len(count))
+    two = other.ravel()
+    older = two < one
+    one, two = one[older], two[older]
+    apart = state[one] - state[two]
+    spread = covariance[one] + covariance[two]
+    scaled = np.linalg.solve(spread, apart[..., None])[..., 0]
+    near = np.einsum("pi,pi->p", apart, scaled) <= SAME_DISTANCE
+    near &= (plots[one] == plots[two]) | (plots[one] == NO_HIT) | (plots[two] == NO_HIT)
+    agrees[one[near]] = True
+    return agrees

@@ -1,0 +1,92 @@
+"""States of held tracks after a scan: mixtures over which detection, if any, is the target's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.maintenance.gated_detections import GatedDetections
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+
+ROUNDING = 1e-12
+"""Relative error of a covariance that has to be reckoned with."""
+
+
+def updated_states(
+    state: FloatArray,
+    covariance: FloatArray,
+    gated: GatedDetections,
+    track: IntArray,
+    probability: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Means and covariances of the mixtures, in one mode of motion.
+
+    Parameters
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        As predicted.
+    gated : GatedDetections
+        How well the detections fit in this mode.
+    track : (p,) ndarray of int
+        Track of each pair.
+    probability : (p,) ndarray
+        beta_j of each pair; with what is left to 1, beta_0, no detection is the target's.
+
+    Returns
+    -------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+    """
+    if gated.updated is None:
+        state, covariance = _by_positions(state, covariance, gated, track, probability)
+    else:
+        state, covariance = _by_updates(state, covariance, gated.updated, track, probability)
+    # Rounding must not make it asymmetric, a part that would grow from scan to scan, or indefinite.
+    covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
+    covariance[:, range(4), range(4)] *= 1.0 + ROUNDING
+    return state, covariance
+
+
+def _by_positions(
+    state: FloatArray,
+    covariance: FloatArray,
+    gated: GatedDetections,
+    track: IntArray,
+    probability: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Mixtures where one gain K serves all detections of a track.
+
+    ``x + K v``, ``P - (1 - beta_0) K S K' + K (sum_j beta_j v_j v_j' - v v') K'`` with
+    ``v = sum_j beta_j v_j``.
+    """
+    n = len(state)
+    x, y = gated.innovation.T
+    parts = (np.ones_like(x), x, y, x * x, x * y, y * y)
+    some, *sums = (np.bincount(track, probability * part, minlength=n) for part in parts)
+    mean = np.stack(sums[:2], axis=-1)
+    square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
+    spread = gated.innovation_covariance
+    gain = kalman.kalman_gain(covariance, gated.time_after_scan, spread)
+    change = square - mean[:, :, None] * mean[:, None, :] - some[:, None, None] * spread
+    state = state + (gain @ mean[..., None])[..., 0]
+    return state, covariance + gain @ change @ np.swapaxes(gain, 1, 2)
+
+
+def _by_updates(
+    state: FloatArray,
+    covariance: FloatArray,
+    updated: tuple[FloatArray, FloatArray],
+    track: IntArray,
+    probability: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Mixtures of each track as it is, and as each of its detections would make it.
+
+    ``x + m``, ``beta_0 P + sum_j beta_j (P_j + d_j d_j') - m m'`` with ``d_j = x_j - x`` and
+    ``m = sum_j beta_j d_j``.
+    """
+    after, spread = updated
+    moved = after - state[track]
+    spread = spread - covariance[track] + moved[:, :, None] * moved[:, None, :]
+    mean, change = np.zeros_like(state), np.zeros_like(covariance)
+    np.add.at(mean, track, probability[:, None] * moved)
+    np.add.at(change, track, probability[:, None, None] * spread)
+    return state + mean, covariance + change - mean[:, :, None] * mean[:, None, :]

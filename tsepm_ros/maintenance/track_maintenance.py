@@ -1,0 +1,324 @@
+"""Confirmed tracks maintained: carried from scan to scan, updated by their detections, and ended.
+
+Where a downstream tracker lists tracks, its states replace the held ones, and the rules by which
+tracks end here are for those only that it has not listed yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.environment.detection_probability import DetectionProbability
+from tsepm_ros.environment.feature_association import Environment
+from tsepm_ros.kinematics.interacting_models import InteractingModels
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance import gated_detections, held_features, ipda, repetition, state_mixtures
+from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
+from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, GatedDetections, Neighbours
+from tsepm_ros.maintenance.held_tracks import HeldTracks
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.sensing.plot_features import Histories
+from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
+from tsepm_ros.stages.paths import NO_HIT
+
+LEAST_EXISTENCE = 0.01
+"""Probability of existence below which a track ends."""
+TRACKED_EXISTENCE = 0.99
+"""Probability that a target exists which a downstream tracker lists: a choice."""
+DETECTED = 0.5
+"""Probability of a detection from which a target counts as detected in a scan."""
+
+
+class HeldAssociation(NamedTuple):
+    """Detections of a scan that may be held tracks'.
+
+    Attributes
+    ----------
+    row : (p,) ndarray of int
+        Detection of each pair.
+    probability : (p,) ndarray
+        That the track's target exists and the detection is its: ``r_i beta_ij``.
+    """
+
+    row: IntArray
+    probability: FloatArray
+
+
+NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
+
+
+class TrackMaintenance:
+    """Maintains confirmed tracks.
+
+    A scan is taken by predicting the tracks, associating the detections, updating the tracks, and
+    ending those whose target is gone, was long not detected, or is an older track's too.
+
+    Parameters
+    ----------
+    hold_time : float
+        Time, s, for which a track is held without a detection of its own; it ends at the first scan
+        after that, or sooner, where its target was missed so often that it probably exists no more,
+        or where it has come to be the same as an older track.
+    tracked_timeout : float, optional
+        Time, s, after which a downstream tracker without a report is silent, and for which it may
+        leave a track unlisted before that counts as declined.
+
+    Attributes
+    ----------
+    detection_probability : DetectionProbability
+        Learns from every step; may be replaced by an estimator that is shared.
+    claims : HeldAssociation
+        Detections of the last scan that may be the tracks'.
+    """
+
+    def __init__(self, hold_time: float, tracked_timeout: float = 60.0) -> None:
+        self.hold_time = hold_time
+        self.tracked_timeout = tracked_timeout
+        self._ended: list[int] = []
+        self._cleared: list[int] = []
+        self._forget()
+
+    def _forget(self) -> None:
+        self._held = HeldTracks.none()
+        self._tracker = DownstreamTracker()
+        self.detection_probability = DetectionProbability()
+        self.claims = NO_ASSOCIATION
+
+    @property
+    def held(self) -> HeldTracks:
+        """Every track held, with all that is known of it."""
+        return self._held
+
+    @property
+    def current(self) -> TrackArrays:
+        """Every track held, at the last scan's stamp; between `follow` and `step` at their own."""
+        return self._held.tracks
+
+    @property
+    def ended(self) -> list[int]:
+        """Ids of the tracks that ended at the last step, or before it since the one before."""
+        return self._ended
+
+    @property
+    def tracker(self) -> Tracker:
+        """Whether a downstream tracker was heard since the last clearing, and still is."""
+        return self._tracker.status
+
+    def step(
+        self,
+        stamp: float,
+        detections: NDArray[np.void],
+        clutter: FloatArray,
+        detectable: Callable[[FloatArray], FloatArray],
+        sensor: SensorModel,
+        max_speed: float,
+        environment: Environment | None = None,
+    ) -> FloatArray:
+        """Predict the tracks to a scan, associate its detections, update the tracks, and end some.
+
+        For the equations see `maintenance.ipda` and `maintenance.state_mixtures`.
+
+        Parameters
+        ----------
+        stamp : float
+            The scan's, s.
+        detections : (d,) ndarray of DETECTION
+        clutter : (d,) ndarray
+            Clutter density lambda at each detection, 1/m^2.
+        detectable : callable
+            P_D of targets at positions (n, 2).
+        sensor : SensorModel
+        max_speed : float
+            v_max, m/s: the velocity after a turn is unknown up to it.
+        environment : Environment, optional
+            Clutter zones and encounters, in which plots' features count.
+
+        Returns
+        -------
+        (d,) ndarray
+            Density at each detection, 1/m^2, of the held targets' detections, to be added to the
+            clutter density; see `ipda.associate`.
+        """
+        self._begin(stamp)
+        if not len(self._held):
+            return np.zeros(len(detections))
+        held = self._held.predicted(stamp, max_speed)
+
+        probability = detectable(held.tracks.state[:, 0::2])
+        empty = 1.0 - held.visible * probability * GATE_PROBABILITY
+        near = gated_detections.neighbours(held.models, held.tracks.state, stamp, detections)
+        gated = [
+            gated_detections.gated(state, covariance, near, stamp, detections, sensor)
+            for _, state, covariance in held.models.modes()
+        ]
+        clutter = np.maximum(clutter, LEAST_DENSITY)
+        ratios = _likelihood_ratios(held, near, gated, detections, clutter, sensor, environment)
+        association = ipda.associate(
+            held.existence, empty, held.models.probability, ratios, near.track, near.row, clutter
+        )
+
+        plots = np.full(len(held), NO_HIT)
+        if environment is not None:
+            plots = held_features.own_plots(near, association.probability, len(held))
+            histories = held_features.extended(held.histories, plots, detections)
+            held = replace(held, histories=histories)
+            plots = held_features.outside_zones(plots, environment)
+        held, detected = _updated(held, near, gated, association.ratio, empty)
+        self.claims = HeldAssociation(
+            near.row, association.probability * held.existence[near.track]
+        )
+        self._held = self._learned(held, detected, probability > 0.0)
+
+        plots = plots[self._end(held.existence >= LEAST_EXISTENCE)]
+        self._end(~self._repeated(plots))
+        return association.held_density
+
+    def add(
+        self,
+        tracks: TrackArrays,
+        existence: float | FloatArray,
+        histories: Histories | None = None,
+    ) -> None:
+        """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
+
+        Their hits have features as in `histories`, if these are known.
+        """
+        if len(tracks):
+            self._held = self._held.joined(HeldTracks.of(tracks, existence, histories))
+
+    def follow(self, stamp: float, tracks: TrackArrays) -> None:
+        """Take over what a downstream tracker reports, before the next step.
+
+        A track of the same id gets the tracker's state, and keeps its other figures; a track of
+        another id joins. A track that the tracker listed before, and lists no more, ends. A track
+        that it has not listed yet is held by the rules here, and ends where the tracker, heard all
+        the while, has not listed it for `tracked_timeout`. After a silence, all begin to wait
+        again.
+
+        Parameters
+        ----------
+        stamp : float
+            Time of the report, s; it may be later than the next step's.
+        tracks : TrackArrays
+            With stamps of their own, finite numbers and an id each, see
+            `tsepm_ros.maintenance.downstream_tracker.usable`.
+        """
+        tracker, held = self._tracker.at(stamp, self.tracked_timeout), self._held
+        since = tracker.unlisted_since(held.unlisted_since, stamp)
+        self._tracker = tracker.heard(stamp)
+        ids = held.tracks.track_id
+        over = declined(since, ids, tracks.track_id, stamp, self.tracked_timeout)
+        self._cleared += ids[over].tolist()
+        self._held = replace(held, unlisted_since=since).where(~over)
+        self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
+        self._held = self._held.listed(tracks, TRACKED_EXISTENCE)
+
+    def clear(self) -> None:
+        """End every track and forget what a downstream tracker said."""
+        self._cleared += self.current.track_id.tolist()
+        self._forget()
+
+    def take_cleared(self) -> list[int]:
+        """Ids of the tracks that ended since the last step; the next will not name them."""
+        cleared, self._cleared = self._cleared, []
+        return cleared
+
+    def _begin(self, stamp: float) -> None:
+        """Begin a step: forget the last one's, and end the tracks that are over their time."""
+        self._ended, self._cleared = self._cleared, []
+        self.claims = NO_ASSOCIATION
+        self._tracker = self._tracker.at(stamp, self.tracked_timeout)
+        self._end(self._held.last_detected >= stamp - self.hold_time)
+
+    def _learned(self, held: HeldTracks, detected: FloatArray, covered: BoolArray) -> HeldTracks:
+        """Learn P_D from the tracks that a scan covered and detected with a probability, (n,)."""
+        scans = held.covered_scans + covered
+        self.detection_probability.update(detected[covered], scans[covered], GATE_PROBABILITY)
+        return replace(held, covered_scans=scans * (1.0 - detected))
+
+    def _repeated(self, plots: IntArray) -> BoolArray:
+        """Which tracks have for some scans been where an older one is, (n,)."""
+        tracks = self._held.tracks
+        agrees = repetition.agrees_with_older(tracks.state, tracks.covariance, plots)
+        scans = np.where(agrees, self._held.agreeing_scans + 1, 0)
+        self._held = replace(self._held, agreeing_scans=scans)
+        return scans >= repetition.SAME_SCANS
+
+    def _end(self, kept: BoolArray) -> BoolArray:
+        """End all tracks but those kept and those that the downstream tracker lists.
+
+        Returns which were kept.
+        """
+        kept = kept | self._tracker.keeps(self._held.unlisted_since)
+        if not kept.all():
+            self._ended = self._ended + self.current.track_id[~kept].tolist()
+            self._held = self._held.where(kept)
+        return kept
+
+
+def _likelihood_ratios(
+    held: HeldTracks,
+    near: Neighbours,
+    gated: list[GatedDetections],
+    detections: NDArray[np.void],
+    clutter: FloatArray,
+    sensor: SensorModel,
+    environment: Environment | None,
+) -> FloatArray:
+    """L_ijm of each pair in each mode, (m, p); see `maintenance.ipda`.
+
+    A detection was possible where there is one, wherever the data sheet ends the coverage.
+    """
+    likelihood = np.array([mode.likelihood for mode in gated])
+    scale = held.visible[near.track] * sensor.detection_probability / clutter[near.row]
+    if environment is not None:
+        mean = ipda.mean_over_modes(held.models.probability, likelihood, near.track)
+        scale = scale * held_features.likelihood_factors(environment, held, near, mean, detections)
+    return likelihood * scale
+
+
+def _updated(
+    held: HeldTracks,
+    near: Neighbours,
+    gated: list[GatedDetections],
+    ratios: FloatArray,
+    empty: FloatArray,
+) -> tuple[HeldTracks, FloatArray]:
+    """The predicted rows after a scan, and the probability that each target was detected in it.
+
+    Parameters
+    ----------
+    held : HeldTracks
+    near : Neighbours
+    gated : list of GatedDetections
+        Of each mode.
+    ratios : (m, p) ndarray
+        L_ijm.
+    empty : (n,) ndarray
+        b_i.
+    """
+    of_mode, states, covariances = [], [], []
+    for (_, state, covariance), detections, ratio in zip(
+        held.models.modes(), gated, ratios, strict=True
+    ):
+        scan_ratio = ipda.scan_ratio(empty, ratio, near.track)
+        beta = ratio / scan_ratio[near.track]
+        state, covariance = state_mixtures.updated_states(
+            state, covariance, detections, near.track, beta
+        )
+        of_mode.append(scan_ratio)
+        states.append(state)
+        covariances.append(covariance)
+    probability, scan_ratio = ipda.updated_modes(held.models.probability, np.array(of_mode))
+    models = InteractingModels(probability, np.array(states), np.array(covariances))
+    existence = ipda.updated_existence(held.existence, scan_ratio)
+    visible = ipda.updated_visibility(held.visible, scan_ratio)
+    detected = (1.0 - empty / scan_ratio) * existence
+    stamp = np.where(detected >= DETECTED, held.tracks.stamp, held.last_detected)
+    held = replace(held.updated(models, existence, visible), last_detected=stamp)
+    return held, detected
