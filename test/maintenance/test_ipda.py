@@ -14,6 +14,7 @@ from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.kinematics import interacting_models
+from tsepm_ros.maintenance import ipda
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.ipda import TIME_OF_FADING, TIME_TO_FADE, TIME_TO_VANISH
 from tsepm_ros.maintenance.repetition import SAME_SCANS
@@ -124,3 +125,28 @@ def test_a_target_that_vanishes_in_clutter_is_given_up(clutter):
         scans_after.append(scan - 30)
     assert np.mean(np.array(scans_after) < 0) <= 0.1, "lost while it was there"
     assert np.median(scans_after) <= 30
+
+
+def test_existence_and_visibility_are_predicted_by_their_chain():
+    time = np.array([0.0, 60.0, -60.0])
+    decay = math.exp(-60.0 / TIME_TO_VANISH)
+    found = ipda.predicted_existence(np.full(3, 0.8), time)
+    np.testing.assert_allclose(found, [0.8, 0.8 * decay, 0.8])
+    rates = np.array([[-1.0, 1.0], [0.0, 0.0]]) / TIME_TO_FADE
+    rates += np.array([[0.0, 0.0], [1.0, -1.0]]) / TIME_OF_FADING
+    seen = (np.array([0.7, 0.3]) @ expm(60.0 * rates))[0]
+    found = ipda.predicted_visibility(np.full(3, 0.7), time)
+    np.testing.assert_allclose(found, [0.7, seen, seen])
+
+
+def test_a_detection_of_two_targets_is_shared():
+    # Both targets surely exist and expect the one detection; each explains it against the other.
+    track, row, empty = np.array([0, 1]), np.array([0, 0]), np.array([0.1, 0.1])
+    found = ipda.associate(
+        np.ones(2), empty, np.ones((1, 2)), np.array([[0.9, 0.9]]), track, row, np.array([1e-6])
+    )
+    factor = (0.1 + 0.9) / 0.1
+    competing = 0.9 / factor
+    np.testing.assert_allclose(found.ratio, [[competing, competing]])
+    np.testing.assert_allclose(found.probability, competing / (0.1 + competing))
+    np.testing.assert_allclose(found.held_density, 1e-6 * (factor**2 - 1.0))

@@ -10,7 +10,9 @@ from support.builders import detections
 from support.held import P_D, ids, step, tracks
 
 from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.maintenance import repetition
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.stages.paths import NO_HIT
 
 
 def test_a_target_that_is_started_again_and_again_is_held_once():
@@ -40,3 +42,26 @@ def test_targets_that_cross_stay_two(straight):
         points = [[2000.0 + 5.0 * time, 1000.0], [3000.0 - 5.0 * time, 1300.0]]
         step(hold, time, detections(points, time), P_D)
     assert ids(hold) == [1, 2]
+
+
+def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
+    """Of tracks in a row with a deviation of 10 m and 1 m/s, the first the oldest."""
+    state = np.zeros((len(offsets), 4))
+    state[:, 0] = offsets
+    covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
+    own = np.full(len(offsets), NO_HIT) if plots is None else np.array(plots)
+    return repetition.agrees_with_older(state, covariance, own).tolist()
+
+
+def test_the_younger_of_two_tracks_agrees_within_the_gate():
+    # d' (P_i + P_j)^-1 d = d^2 / 200 against 7.78: 39.4 m.
+    assert agrees(0.0, 39.0) == [False, True]
+    assert agrees(0.0, 40.0) == [False, False]
+    assert agrees(5.0, 500.0, 0.0) == [False, False, True]
+    assert agrees(0.0) == [False]
+
+
+def test_tracks_with_plots_of_their_own_are_two_targets():
+    assert agrees(0.0, 10.0, plots=(3, 4)) == [False, False]
+    assert agrees(0.0, 10.0, plots=(3, 3)) == [False, True]
+    assert agrees(0.0, 10.0, plots=(3, NO_HIT)) == [False, True]

@@ -1,0 +1,492 @@
+"""Maintenance of held tracks in plain loops: by track, detection and mode of motion.
+
+Written from the equations, for small scenes: interacting multiple models (Blom, Bar-Shalom 1988),
+integrated probabilistic data association with a Markov chain two (Musicki, Evans, Stankovic 1994;
+with modes: Musicki, Suvorova 2008) and targets that compete for detections (Musicki, La Scala
+2008). Detections are converted by `plain_tsepm`. Every constant stands here again.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from support.plain_tsepm import (
+    Detection,
+    Parameters,
+    convert_scan,
+    covariance_at,
+    transition_matrix,
+)
+
+P_G = 0.99
+ON, TURN = 0, 1
+POSITION = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+VELOCITY = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A target's state if it moves in a mode, and the probability of that."""
+
+    probability: float
+    state: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Track:
+    """A held track."""
+
+    id: int
+    stamp: float
+    modes: tuple[Mode, Mode]
+    existence: float
+    last_detected: float
+    visible: float = 1.0
+    covered_scans: float = 0.0
+    agreeing: int = 0
+    unlisted_since: float = 0.0
+
+    @property
+    def mean(self) -> tuple[np.ndarray, np.ndarray]:
+        """State and covariance over the modes."""
+        return mixture([(mode.probability, mode.state, mode.covariance) for mode in self.modes])
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A detection with what association needs of it."""
+
+    detection: Detection
+    clutter: float
+    range_rate: float
+    sensor_velocity: np.ndarray
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What the maintenance is given."""
+
+    settings: Parameters
+    hold_time: float
+    tracked_timeout: float
+    detection_probability: float
+    range_rate_std: float
+
+
+@dataclass
+class PlainMaintenance:
+    """The tracks held, and what the last scan gave."""
+
+    rule: Rule
+    tracks: list[Track] = field(default_factory=list)
+    ended: dict[str, list[int]] = field(default_factory=dict)
+    association: dict[tuple[int, int], float] = field(default_factory=dict)
+    report: float | None = None
+    declined: list[int] = field(default_factory=list)
+    detected: float = 0.0
+    covered: float = 0.0
+
+    def add(self, id_: int, stamp: float, state: Any, covariance: Any, existence: float) -> None:
+        """Hold a new track."""
+        self.tracks.append(begun(id_, stamp, state, covariance, existence, stamp))
+
+    def follow(self, stamp: float, listed: Mapping[int, tuple[float, Any, Any]]) -> None:
+        """Take the report of a downstream tracker: stamp, state and covariance of each id."""
+        timeout, kept = self.rule.tracked_timeout, []
+        heard = self.report is not None and abs(stamp - self.report) <= timeout
+        for track in self.tracks:
+            since = track.unlisted_since if heard else max(track.unlisted_since, stamp)
+            if track.id in listed:
+                time, state, covariance = listed[track.id]
+                new = begun(track.id, time, state, covariance, 0.99, -math.inf)
+                kept.append(
+                    replace(
+                        track,
+                        stamp=time,
+                        modes=new.modes,
+                        existence=0.99,
+                        last_detected=max(track.last_detected, time),
+                        unlisted_since=-math.inf,
+                    )
+                )
+            elif stamp - since > timeout:
+                self.declined.append(track.id)
+            else:
+                kept.append(replace(track, unlisted_since=since))
+        ids = [track.id for track in self.tracks]
+        self.tracks = kept
+        for id_, (time, state, covariance) in listed.items():
+            if id_ not in ids:
+                self.tracks.append(begun(id_, time, state, covariance, 0.99, -math.inf))
+        self.report = stamp
+
+    def step(
+        self,
+        scan: Mapping[str, Any],
+        clutter: Sequence[float],
+        detectable: Callable[[np.ndarray], float],
+    ) -> list[float]:
+        """Take a scan; returns the held density at each detection."""
+        rule, stamp = self.rule, scan["stamp"]
+        self.ended, self.declined = {"declined": self.declined}, []
+        self.association = {}
+        if self.report is not None and abs(stamp - self.report) > rule.tracked_timeout:
+            self.report = None
+        self.end("time", [t.last_detected >= stamp - rule.hold_time for t in self.tracks])
+        longest = max((abs(stamp - track.stamp) for track in self.tracks), default=0.0)
+        predicted = [
+            predict(track, stamp, longest, rule.settings.max_speed) for track in self.tracks
+        ]
+        plots = plots_of(scan, clutter, rule)
+        near = [neighbours(track, plots, stamp) for track in predicted]
+        with_rates = any(has_rate(plot, rule) for plot in plots)
+        fits = [
+            [
+                {j: fit(mode, plots[j], plots[some[0]], stamp, with_rates, rule) for j in some}
+                for mode in track.modes
+            ]
+            for track, some in zip(predicted, near, strict=True)
+        ]
+        # L_ijm = s_i P_D N_ijm / lambda_j, and b_i = 1 - s_i P_D P_G.
+        ratios = [
+            [
+                {
+                    j: track.visible
+                    * rule.detection_probability
+                    * one.likelihood
+                    / plots[j].clutter
+                    for j, one in mode.items()
+                }
+                for mode in modes
+            ]
+            for track, modes in zip(predicted, fits, strict=True)
+        ]
+        p_d = [detectable(track.mean[0][[0, 2]]) for track in predicted]
+        empty = [1.0 - t.visible * p * P_G for t, p in zip(predicted, p_d, strict=True)]
+        mean = [
+            {
+                j: sum(m.probability * of[j] for m, of in zip(t.modes, modes, strict=True))
+                for j in near[i]
+            }
+            for i, (t, modes) in enumerate(zip(predicted, ratios, strict=True))
+        ]
+        everyone = range(len(predicted))
+        alone = [
+            {
+                j: factor(predicted[i].existence, empty[i], mean[i][j], others(mean[i], j))
+                for j in mean[i]
+            }
+            for i in everyone
+        ]
+        left = [
+            {
+                j: math.prod(alone[k][j] for k in everyone if k != i and j in alone[k])
+                for j in mean[i]
+            }
+            for i in everyone
+        ]
+        competing = [{j: mean[i][j] / left[i][j] for j in mean[i]} for i in everyone]
+        density = [
+            plot.clutter
+            * (
+                math.prod(
+                    factor(predicted[i].existence, empty[i], mean[i][j], others(competing[i], j))
+                    for i in everyone
+                    if j in mean[i]
+                )
+                - 1.0
+            )
+            for j, plot in enumerate(plots)
+        ]
+        self.tracks, learned = [], []
+        for i, track in enumerate(predicted):
+            of_modes = [{j: of[j] / left[i][j] for j in of} for of in ratios[i]]
+            track, detected = update(track, fits[i], of_modes, empty[i])
+            whole = empty[i] + sum(competing[i].values())
+            for j, value in competing[i].items():
+                self.association[track.id, j] = value / whole * track.existence
+            covered = track.covered_scans + (p_d[i] > 0.0)
+            if p_d[i] > 0.0:
+                learned.append((detected, covered))
+            self.tracks.append(replace(track, covered_scans=covered * (1.0 - detected)))
+        self.learn(learned)
+        self.end("existence", [track.existence >= 0.01 for track in self.tracks])
+        self.tracks = counted(self.tracks)
+        self.end("repetition", [track.agreeing < 5 for track in self.tracks])
+        return density
+
+    def learn(self, learned: Sequence[tuple[float, float]]) -> None:
+        """P_D from the probability of a detection and the scans since the last, of each track."""
+        covered = sum(detected * scans for detected, scans in learned)
+        keep = math.exp(-covered / 200.0)
+        self.detected = keep * self.detected + sum(detected for detected, _ in learned) / P_G
+        self.covered = keep * self.covered + covered
+
+    def learned_detection_probability(self, given: float) -> float:
+        """Mean of the beta distribution, the data sheet's figure worth five scans."""
+        return min(max((5.0 * given + self.detected) / (5.0 + self.covered), 0.05), 0.999)
+
+    def end(self, why: str, kept: Sequence[bool]) -> None:
+        """End tracks, but for those that the downstream tracker lists while it is heard."""
+        alive = self.report is not None
+        keeps = [
+            keep or (alive and track.unlisted_since == -math.inf)
+            for keep, track in zip(kept, self.tracks, strict=True)
+        ]
+        self.ended[why] = [t.id for t, keep in zip(self.tracks, keeps, strict=True) if not keep]
+        self.tracks = [t for t, keep in zip(self.tracks, keeps, strict=True) if keep]
+
+
+def begun(
+    id_: int, stamp: float, state: Any, covariance: Any, existence: float, unlisted: float
+) -> Track:
+    """A track of which only a state is known: it turns as often as targets do in the long run."""
+    turning = (1.0 / 100.0) / (1.0 / 100.0 + 1.0 / 5.0)
+    state, covariance = np.array(state, float), np.array(covariance, float)
+    modes = Mode(1.0 - turning, state, covariance), Mode(turning, state, covariance)
+    return Track(id_, stamp, modes, existence, stamp, unlisted_since=unlisted)
+
+
+def mixture(
+    parts: Sequence[tuple[float, np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of Gaussians with weights."""
+    mean = sum(weight * state for weight, state, _ in parts)
+    return mean, sum(
+        weight * (covariance + np.outer(state - mean, state - mean))
+        for weight, state, covariance in parts
+    )
+
+
+def chain(time: float, begins: float, ends: float) -> np.ndarray:
+    """Probabilities p_ij of a Markov chain of two states after a time: mean times of 0 and 1."""
+    rate = 1.0 / begins + 1.0 / ends
+    stationary = np.array([(1.0 / ends) / rate, (1.0 / begins) / rate])
+    decay = math.exp(-rate * time)
+    return (1.0 - decay) * np.array([stationary, stationary]) + decay * np.eye(2)
+
+
+def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Track:
+    """The track at the stamp of a scan.
+
+    The turn's acceleration is such that the velocity's variance grows to v_max^2 / 4 in 5 s, or
+    in the longest time of any track.
+    """
+    time = stamp - track.stamp
+    change = chain(abs(time), 100.0, 5.0)
+    modes = []
+    for to in (ON, TURN):
+        weights = [change[of, to] * track.modes[of].probability for of in (ON, TURN)]
+        state, covariance = mixture(
+            [
+                (weight / sum(weights), mode.state, mode.covariance)
+                for weight, mode in zip(weights, track.modes, strict=True)
+            ]
+        )
+        noise = 0.01 + (max_speed**2 / 4.0 / max(longest, 5.0) if to == TURN else 0.0)
+        q = np.kron(
+            np.eye(2),
+            noise
+            * np.array(
+                [
+                    [abs(time) ** 3 / 3.0, abs(time) * time / 2.0],
+                    [abs(time) * time / 2.0, abs(time)],
+                ]
+            ),
+        )
+        f = transition_matrix(time)
+        modes.append(Mode(sum(weights), f @ state, f @ covariance @ f.T + q))
+    seen = np.array([track.visible, 1.0 - track.visible]) @ chain(abs(time), 300.0, 20.0)
+    return replace(
+        track,
+        stamp=stamp,
+        modes=(modes[ON], modes[TURN]),
+        existence=track.existence * math.exp(-max(time, 0.0) / 600.0),
+        visible=seen[0],
+    )
+
+
+def plots_of(scan: Mapping[str, Any], clutter: Sequence[float], rule: Rule) -> list[Plot]:
+    """Detections of a scan."""
+    detections = convert_scan(scan, 0, rule.settings)
+    rates = scan.get("features", {}).get("range_rate", [math.nan] * len(detections))
+    moves = np.array(scan.get("sensor_velocity", (0.0, 0.0)))
+    return [
+        Plot(*values, moves) for values in zip(detections, map(float, clutter), rates, strict=True)
+    ]
+
+
+def has_rate(plot: Plot, rule: Rule) -> bool:
+    """Whether a range rate was measured, and counts."""
+    return rule.range_rate_std > 0.0 and not math.isnan(plot.range_rate)
+
+
+def neighbours(track: Track, plots: Sequence[Plot], stamp: float) -> list[int]:
+    """The eight plots nearest to where the track is in the middle of the scan, nearest first."""
+    if not plots:
+        return []
+    times = [plot.detection.time - stamp for plot in plots]
+    state, _ = track.mean
+    middle = (min(times) + max(times)) / 2.0
+    centre = POSITION @ transition_matrix(middle) @ state
+    away = [math.dist(plot.detection.point, centre) for plot in plots]
+    return sorted(range(len(plots)), key=lambda j: away[j])[:8]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a plot fits a track in a mode, and the track's state if it is the target's."""
+
+    likelihood: float
+    state: np.ndarray
+    covariance: np.ndarray
+
+
+def fit(mode: Mode, plot: Plot, nearest: Plot, stamp: float, with_rates: bool, rule: Rule) -> Fit:
+    """Compare a plot at its own time; S is that of the track's nearest plot at that plot's time.
+
+    So is the gain, unless plots have range rates.
+    """
+    x, p = mode.state, mode.covariance
+    h_nearest = POSITION @ transition_matrix(nearest.detection.time - stamp)
+    h = POSITION @ transition_matrix(plot.detection.time - stamp)
+    r = covariance_at(h_nearest @ x, nearest.detection.sensing, rule.settings)
+    s = h_nearest @ p @ h_nearest.T + r
+    v = plot.detection.point - h @ x
+    distance = float(v @ np.linalg.inv(s) @ v)
+    likelihood = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
+    k = p @ (h if with_rates else h_nearest).T @ np.linalg.inv(s)
+    x, p = x + k @ v, p - k @ s @ k.T
+    gate = float(chi2.ppf(P_G, 3 if has_rate(plot, rule) else 2))
+    if distance <= gate and has_rate(plot, rule):
+        error, variance, gradient = range_rate_innovation(x, p, plot, stamp, rule)
+        distance += error**2 / variance
+        likelihood *= math.exp(-(error**2) / variance / 2.0) / math.sqrt(2.0 * math.pi * variance)
+        k = p @ gradient / variance
+        x, p = x + k * error, p - variance * np.outer(k, k)
+    return Fit(likelihood if distance <= gate else 0.0, x, p)
+
+
+def range_rate_innovation(
+    x: np.ndarray, p: np.ndarray, plot: Plot, stamp: float, rule: Rule
+) -> tuple[float, float, np.ndarray]:
+    """Range rate less the expected, c = u.(v - w), to second order; its variance; its gradient.
+
+    With the displacement across the line of sight of variance A, the velocity across it of
+    variance B and C between them, the mean of what is left out is C / r, its variance
+    (A B + C^2) / r^2.
+    """
+    at = transition_matrix(plot.detection.time - stamp)
+    offset = POSITION @ at @ x - plot.detection.sensing.position
+    relative = VELOCITY @ at @ x - plot.sensor_velocity
+    r = math.hypot(*offset)
+    u = offset / r
+    rate = float(u @ relative)
+    gradient = (relative - rate * u) / r @ POSITION @ at + u @ VELOCITY @ at
+    across = np.array([-u[1], u[0]])
+    place, speed = across @ POSITION @ at, across @ VELOCITY @ at
+    a, b, c = place @ p @ place, speed @ p @ speed, place @ p @ speed
+    variance = gradient @ p @ gradient + rule.range_rate_std**2 + (a * b + c * c) / r**2
+    return plot.range_rate - rate - c / r, float(variance), gradient
+
+
+def others(ratio: Mapping[int, float], j: int) -> float:
+    """Sum of a track's likelihood ratios but that of a plot."""
+    return sum(value for k, value in ratio.items() if k != j)
+
+
+def factor(existence: float, empty: float, ratio: float, rest: float) -> float:
+    """f: by how much the scan is less likely if a plot is not there for a target."""
+    without = 1.0 - existence + existence * (empty + rest)
+    return (without + existence * ratio) / without
+
+
+def update(
+    track: Track,
+    fits: Sequence[Mapping[int, Fit]],
+    ratios: Sequence[Mapping[int, float]],
+    empty: float,
+) -> tuple[Track, float]:
+    """The track after a scan, and the probability that its target was detected."""
+    wholes, modes = [], []
+    for mode, fit_of, ratio_of in zip(track.modes, fits, ratios, strict=True):
+        whole = empty + sum(ratio_of.values())  # 1 - delta of the mode
+        parts = [(empty / whole, mode.state, mode.covariance)]
+        parts += [(ratio_of[j] / whole, one.state, one.covariance) for j, one in fit_of.items()]
+        wholes.append(whole)
+        modes.append(Mode(mode.probability * whole, *mixture(parts)))
+    whole = sum(mode.probability for mode in modes)
+    r = track.existence
+    existence = whole * r / (1.0 - r + whole * r)
+    detected = (1.0 - empty / whole) * existence
+    return (
+        replace(
+            track,
+            modes=tuple(replace(mode, probability=mode.probability / whole) for mode in modes),
+            existence=existence,
+            visible=1.0 - (1.0 - track.visible) / whole,
+            last_detected=track.stamp if detected >= 0.5 else track.last_detected,
+        ),
+        detected,
+    )
+
+
+def counted(tracks: Sequence[Track]) -> list[Track]:
+    """The tracks with the scans in a row in which each agreed with an older track nearby."""
+    made = []
+    for i, track in enumerate(tracks):
+        state, covariance = track.mean
+        away = {
+            k: math.dist(POSITION @ state, POSITION @ other.mean[0])
+            for k, other in enumerate(tracks)
+            if k != i
+        }
+        agrees = False
+        for k in sorted(away, key=lambda k: away[k])[:7]:
+            apart, spread = state - tracks[k].mean[0], covariance + tracks[k].mean[1]
+            agrees |= k < i and float(apart @ np.linalg.solve(spread, apart)) <= 7.78
+        made.append(replace(track, agreeing=track.agreeing + 1 if agrees else 0))
+    return made
+
+
+class Coverage:
+    """Where the sensor detects: its poses by range, and the edges."""
+
+    def __init__(
+        self, min_range: float, max_range: float, azimuth_min: float, azimuth_max: float
+    ) -> None:
+        self.ranges, self.azimuths = (min_range, max_range), (azimuth_min, azimuth_max)
+        self.poses = [(0.0, np.zeros(3))]
+
+    def move(self, scan: Mapping[str, Any]) -> None:
+        """Take the poses of a scan: one, or that of each detection; without any, the last stay."""
+        poses = np.reshape(scan["sensor_pose"], (-1, 3))
+        if len(poses) == 1:
+            self.poses = [(0.0, poses[0])]
+        elif len(poses):
+            echoes = zip(scan["range"], poses, strict=True)
+            self.poses = sorted(((float(r), pose) for r, pose in echoes), key=lambda e: e[0])
+
+    def covers(self, position: np.ndarray) -> bool:
+        """Whether the sensor covers a position, from where it is as the echo arrives."""
+        pose = self.poses[len(self.poses) // 2][1]
+        distance = math.dist(position, pose[:2])
+        for (near, begin), (far, end) in itertools.pairwise(self.poses):
+            if near <= distance < far:
+                pose = begin + (distance - near) / (far - near) * (end - begin)
+        if distance < self.poses[0][0]:
+            pose = self.poses[0][1]
+        elif distance >= self.poses[-1][0]:
+            pose = self.poses[-1][1]
+        offset = position - pose[:2]
+        low, high = self.azimuths
+        turned = (math.atan2(offset[1], offset[0]) - pose[2] - low) % (2.0 * math.pi)
+        return self.ranges[0] <= math.hypot(*offset) <= self.ranges[1] and turned <= high - low
