@@ -14,7 +14,9 @@ from support.plain_held_tracks import Coverage, PlainMaintenance, Rule
 from support.plain_tsepm import Parameters
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
+from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.coverage import PosesByRange
@@ -145,7 +147,7 @@ def compare(seed: int) -> Counter[str]:
         )
     )
     coverage, poses = Coverage(**scene.edges), PosesByRange(np.zeros(1), np.zeros((1, 3)))
-    stamp, next_id = 0.0, 0
+    stamp, next_id, learned = 0.0, 0, DetectionProbability()
     for index in range(14):
         new = scene.new_tracks(next_id, stamp)
         next_id += len(new)
@@ -179,8 +181,10 @@ def compare(seed: int) -> Counter[str]:
             assert found == pytest.approx(value, rel=1e-6, abs=1e-9 * lowest)
         counts["explained"] += sum(value > 0.0 for value in expected)
         counts["empty"] += not len(clutter)
-        learned = maintenance.detection_probability.estimate(0.9)
-        assert learned == pytest.approx(plain.learned_detection_probability(0.9), rel=1e-7)
+        learned.update(*maintenance.covered, GATE_PROBABILITY)
+        assert learned.estimate(0.9) == pytest.approx(
+            plain.learned_detection_probability(0.9), rel=1e-7
+        )
         counts["outside"] += sum(not coverage.covers(t.position) for t in maintenance.current)
     return counts + Counter({name: 1 for name, has in scene.has.items() if has})
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.clutter_range_rates import ClutterRates
+from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Surroundings
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -19,12 +20,15 @@ class Learned:
     clutter_map : ClutterMap
     clutter_rates : ClutterRates
         Range rates of clutter.
+    detection_probability : DetectionProbability
+        As the held tracks are detected.
     features : Surroundings
         Features of the plots.
     """
 
     clutter_map: ClutterMap
     clutter_rates: ClutterRates = field(default_factory=ClutterRates)
+    detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
     features: Surroundings = field(default_factory=Surroundings)
 
     @classmethod

@@ -9,6 +9,7 @@ import numpy as np
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
+from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
@@ -76,7 +77,7 @@ class FrontEnd:
     @property
     def estimated_detection_probability(self) -> float:
         """Detection probability as the tracks held tell it, whether it is used or not."""
-        return self.held.detection_probability.estimate(self.sensor.detection_probability)
+        return self.learned.detection_probability.estimate(self.sensor.detection_probability)
 
     @property
     def detection_probability(self) -> float:
@@ -141,6 +142,7 @@ class FrontEnd:
             self.common.max_speed,
             environment,
         )
+        learned.detection_probability.update(*self.held.covered, GATE_PROBABILITY)
         if with_features:
             learned.features.observe(
                 self.scan_index, detections["index"], detections["features"], held_density < before

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.kinematics.track import TrackArrays
@@ -52,6 +51,24 @@ class HeldAssociation(NamedTuple):
 NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
 
 
+class CoveredTracks(NamedTuple):
+    """What a scan tells of the detection probability: a row for each track that it covered.
+
+    Attributes
+    ----------
+    detected : (k,) ndarray
+        Probability that the target exists and was detected.
+    scans : (k,) ndarray
+        Scans that covered the target since its last detection, this scan included.
+    """
+
+    detected: FloatArray
+    scans: FloatArray
+
+
+NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
+
+
 class TrackMaintenance:
     """Maintains confirmed tracks.
 
@@ -70,10 +87,11 @@ class TrackMaintenance:
 
     Attributes
     ----------
-    detection_probability : DetectionProbability
-        Learns from every step; may be replaced by an estimator that is shared.
     claims : HeldAssociation
         Detections of the last scan that may be the tracks'.
+    covered : CoveredTracks
+        Tracks that the last scan covered: an estimate of the detection probability learns from
+        them.
     """
 
     def __init__(self, hold_time: float, tracked_timeout: float = 60.0) -> None:
@@ -86,8 +104,7 @@ class TrackMaintenance:
     def _forget(self) -> None:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
-        self.detection_probability = DetectionProbability()
-        self.claims = NO_ASSOCIATION
+        self.claims, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
 
     @property
     def held(self) -> HeldTracks:
@@ -172,7 +189,10 @@ class TrackMaintenance:
         self.claims = HeldAssociation(
             near.row, association.probability * held.existence[near.track]
         )
-        self._held = self._learned(held, detected, probability > 0.0)
+        covered = probability > 0.0
+        scans = held.covered_scans + covered
+        self.covered = CoveredTracks(detected[covered], scans[covered])
+        self._held = replace(held, covered_scans=scans * (1.0 - detected))
 
         plots = plots[self._end(held.existence >= LEAST_EXISTENCE)]
         self._end(~self._repeated(plots))
@@ -231,15 +251,9 @@ class TrackMaintenance:
     def _begin(self, stamp: float) -> None:
         """Begin a step: forget the last one's, and end the tracks that are over their time."""
         self._ended, self._cleared = self._cleared, []
-        self.claims = NO_ASSOCIATION
+        self.claims, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)
-
-    def _learned(self, held: HeldTracks, detected: FloatArray, covered: BoolArray) -> HeldTracks:
-        """Learn P_D from the tracks that a scan covered and detected with a probability, (n,)."""
-        scans = held.covered_scans + covered
-        self.detection_probability.update(detected[covered], scans[covered], GATE_PROBABILITY)
-        return replace(held, covered_scans=scans * (1.0 - detected))
 
     def _repeated(self, plots: IntArray) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
