@@ -68,10 +68,14 @@ class GatedDetections:
     updated: tuple[FloatArray, FloatArray] | None = None
 
 
-def neighbours(
-    models: InteractingModels, state: FloatArray, stamp: float, detections: NDArray[np.void]
-) -> Neighbours:
-    """The detections nearest to each predicted track, as far as the gate of any mode reaches.
+def gate(
+    models: InteractingModels,
+    state: FloatArray,
+    stamp: float,
+    detections: NDArray[np.void],
+    sensor: SensorModel,
+) -> tuple[Neighbours, list[GatedDetections]]:
+    """Pairs of tracks and detections, and how well they fit in each mode.
 
     Parameters
     ----------
@@ -82,6 +86,21 @@ def neighbours(
     stamp : float
         The scan's, s.
     detections : (d,) ndarray of DETECTION
+    sensor : SensorModel
+    """
+    near = neighbours(models, state, stamp, detections)
+    return near, [
+        gated(of_mode, covariance, near, stamp, detections, sensor)
+        for _, of_mode, covariance in models.modes()
+    ]
+
+
+def neighbours(
+    models: InteractingModels, state: FloatArray, stamp: float, detections: NDArray[np.void]
+) -> Neighbours:
+    """The detections nearest to each predicted track, as far as the gate of any mode reaches.
+
+    Arguments as in `gate`.
     """
     if not len(detections) or not len(state):
         return Neighbours(*np.zeros((3, 0), np.int64))

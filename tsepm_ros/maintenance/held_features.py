@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,6 @@ from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, Neighbours
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.stages.association import Pairs
 from tsepm_ros.stages.paths import NO_HIT
 
@@ -49,26 +50,39 @@ def likelihood_factors(
     return environment.factors(held.histories, meets, pairs, detections["features"])
 
 
-def own_plots(near: Neighbours, probability: FloatArray, number: int) -> IntArray:
-    """Detection that is probably each track's own, (number,), by pairs' probabilities (p,).
+def with_plots(
+    held: HeldTracks,
+    near: Neighbours,
+    probability: FloatArray,
+    detections: NDArray[np.void],
+    environment: Environment | None,
+) -> tuple[HeldTracks, IntArray]:
+    """The rows with the features of the tracks' own plots, and the plots that tell tracks apart.
 
-    NO_HIT where there is none.
+    A plot in a clutter zone tells none apart: two plots there are not two targets.
+
+    Parameters
+    ----------
+    held : HeldTracks
+    near : Neighbours
+    probability : (p,) ndarray
+        Association probability of each pair.
+    detections : (d,) ndarray of DETECTION
+    environment : Environment or None
+        Without it features do not count.
+
+    Returns
+    -------
+    held : HeldTracks
+    plots : (n,) ndarray of int
+        Detection that is each track's own; NO_HIT where there is none.
     """
-    plots = np.full(number, NO_HIT)
-    own = probability > OWN_PROBABILITY
-    plots[near.track[own]] = near.row[own]
-    return plots
-
-
-def extended(histories: Histories, plots: IntArray, detections: NDArray[np.void]) -> Histories:
-    """The histories after the tracks' own plots (n,), if any, of the detections (d,)."""
+    plots = np.full(len(held), NO_HIT)
+    if environment is None:
+        return held, plots
+    likely = probability > OWN_PROBABILITY
+    plots[near.track[likely]] = near.row[likely]
     own = np.flatnonzero(plots != NO_HIT)
-    return histories.with_plots(own, detections["features"][plots[own]])
-
-
-def outside_zones(plots: IntArray, environment: Environment) -> IntArray:
-    """The plots (n,), NO_HIT for those in a clutter zone: two there are not two targets."""
-    own = np.flatnonzero(plots != NO_HIT)
-    plots = plots.copy()
+    histories = held.histories.with_plots(own, detections["features"][plots[own]])
     plots[own[environment.in_zone[plots[own]]]] = NO_HIT
-    return plots
+    return replace(held, histories=histories), plots

@@ -129,14 +129,6 @@ class HeldTracks:
             visible=ipda.predicted_visibility(self.visible, time_step),
         )
 
-    def updated(
-        self, models: InteractingModels, existence: FloatArray, visible: FloatArray
-    ) -> HeldTracks:
-        """The rows after a scan's detections; their stamp is the scan's already."""
-        state, covariance = models.combined()
-        tracks = replace(self.tracks, state=state, covariance=covariance)
-        return replace(self, tracks=tracks, models=models, existence=existence, visible=visible)
-
     def listed(self, reported: TrackArrays, existence: float) -> HeldTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
 

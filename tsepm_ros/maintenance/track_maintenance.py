@@ -14,23 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment.feature_association import Environment
-from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance import gated_detections, held_features, ipda, repetition, state_mixtures
+from tsepm_ros.maintenance import gated_detections, held_features, held_update, ipda, repetition
 from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, GatedDetections, Neighbours
 from tsepm_ros.maintenance.held_tracks import HeldTracks
+from tsepm_ros.maintenance.held_update import CoveredTracks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
-from tsepm_ros.stages.paths import NO_HIT
 
 LEAST_EXISTENCE = 0.01
 """Probability of existence below which a track ends."""
 TRACKED_EXISTENCE = 0.99
 """Probability that a target exists which a downstream tracker lists: a choice."""
-DETECTED = 0.5
-"""Probability of a detection from which a target counts as detected in a scan."""
 
 
 class HeldAssociation(NamedTuple):
@@ -49,21 +46,6 @@ class HeldAssociation(NamedTuple):
 
 
 NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
-
-
-class CoveredTracks(NamedTuple):
-    """What a scan tells of the detection probability: a row for each track that it covered.
-
-    Attributes
-    ----------
-    detected : (k,) ndarray
-        Probability that the target exists and was detected.
-    scans : (k,) ndarray
-        Scans that covered the target since its last detection, this scan included.
-    """
-
-    detected: FloatArray
-    scans: FloatArray
 
 
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
@@ -164,36 +146,29 @@ class TrackMaintenance:
         self._begin(stamp)
         if not len(self._held):
             return np.zeros(len(detections))
+        # Predict.
         held = self._held.predicted(stamp, max_speed)
-
+        # Associate.
         probability = detectable(held.tracks.state[:, 0::2])
         empty = 1.0 - held.visible * probability * GATE_PROBABILITY
-        near = gated_detections.neighbours(held.models, held.tracks.state, stamp, detections)
-        gated = [
-            gated_detections.gated(state, covariance, near, stamp, detections, sensor)
-            for _, state, covariance in held.models.modes()
-        ]
+        near, gated = gated_detections.gate(
+            held.models, held.tracks.state, stamp, detections, sensor
+        )
         clutter = np.maximum(clutter, LEAST_DENSITY)
         ratios = _likelihood_ratios(held, near, gated, detections, clutter, sensor, environment)
         association = ipda.associate(
             held.existence, empty, held.models.probability, ratios, near.track, near.row, clutter
         )
-
-        plots = np.full(len(held), NO_HIT)
-        if environment is not None:
-            plots = held_features.own_plots(near, association.probability, len(held))
-            histories = held_features.extended(held.histories, plots, detections)
-            held = replace(held, histories=histories)
-            plots = held_features.outside_zones(plots, environment)
-        held, detected = _updated(held, near, gated, association.ratio, empty)
+        # Update.
+        held, plots = held_features.with_plots(
+            held, near, association.probability, detections, environment
+        )
+        held, detected = held_update.updated(held, near, gated, association.ratio, empty)
         self.claims = HeldAssociation(
             near.row, association.probability * held.existence[near.track]
         )
-        covered = probability > 0.0
-        scans = held.covered_scans + covered
-        self.covered = CoveredTracks(detected[covered], scans[covered])
-        self._held = replace(held, covered_scans=scans * (1.0 - detected))
-
+        self._held, self.covered = held_update.counted(held, detected, probability > 0.0)
+        # End.
         plots = plots[self._end(held.existence >= LEAST_EXISTENCE)]
         self._end(~self._repeated(plots))
         return association.held_density
@@ -294,45 +269,3 @@ def _likelihood_ratios(
         mean = ipda.mean_over_modes(held.models.probability, likelihood, near.track)
         scale = scale * held_features.likelihood_factors(environment, held, near, mean, detections)
     return likelihood * scale
-
-
-def _updated(
-    held: HeldTracks,
-    near: Neighbours,
-    gated: list[GatedDetections],
-    ratios: FloatArray,
-    empty: FloatArray,
-) -> tuple[HeldTracks, FloatArray]:
-    """The predicted rows after a scan, and the probability that each target was detected in it.
-
-    Parameters
-    ----------
-    held : HeldTracks
-    near : Neighbours
-    gated : list of GatedDetections
-        Of each mode.
-    ratios : (m, p) ndarray
-        L_ijm.
-    empty : (n,) ndarray
-        b_i.
-    """
-    of_mode, states, covariances = [], [], []
-    for (_, state, covariance), detections, ratio in zip(
-        held.models.modes(), gated, ratios, strict=True
-    ):
-        scan_ratio = ipda.scan_ratio(empty, ratio, near.track)
-        beta = ratio / scan_ratio[near.track]
-        state, covariance = state_mixtures.updated_states(
-            state, covariance, detections, near.track, beta
-        )
-        of_mode.append(scan_ratio)
-        states.append(state)
-        covariances.append(covariance)
-    probability, scan_ratio = ipda.updated_modes(held.models.probability, np.array(of_mode))
-    models = InteractingModels(probability, np.array(states), np.array(covariances))
-    existence = ipda.updated_existence(held.existence, scan_ratio)
-    visible = ipda.updated_visibility(held.visible, scan_ratio)
-    detected = (1.0 - empty / scan_ratio) * existence
-    stamp = np.where(detected >= DETECTED, held.tracks.stamp, held.last_detected)
-    held = replace(held.updated(models, existence, visible), last_detected=stamp)
-    return held, detected

@@ -1,0 +1,89 @@
+"""Held tracks after a scan: their modes, states, probabilities and counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tsepm_ros.kinematics.interacting_models import InteractingModels
+from tsepm_ros.maintenance import ipda, state_mixtures
+from tsepm_ros.maintenance.gated_detections import GatedDetections, Neighbours
+from tsepm_ros.maintenance.held_tracks import HeldTracks
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+
+DETECTED = 0.5
+"""Probability of a detection from which a target counts as detected in a scan."""
+
+
+class CoveredTracks(NamedTuple):
+    """What a scan tells of the detection probability: a row for each track that it covered.
+
+    Attributes
+    ----------
+    detected : (k,) ndarray
+        Probability that the target exists and was detected.
+    scans : (k,) ndarray
+        Scans that covered the target since its last detection, this scan included.
+    """
+
+    detected: FloatArray
+    scans: FloatArray
+
+
+def updated(
+    held: HeldTracks,
+    near: Neighbours,
+    gated: list[GatedDetections],
+    ratios: FloatArray,
+    empty: FloatArray,
+) -> tuple[HeldTracks, FloatArray]:
+    """The predicted rows after a scan, and the probability that each target was detected in it.
+
+    Parameters
+    ----------
+    held : HeldTracks
+    near : Neighbours
+    gated : list of GatedDetections
+        Of each mode.
+    ratios : (m, p) ndarray
+        L_ijm.
+    empty : (n,) ndarray
+        b_i.
+    """
+    of_mode, states, covariances = [], [], []
+    for (_, state, covariance), detections, ratio in zip(
+        held.models.modes(), gated, ratios, strict=True
+    ):
+        scan_ratio = ipda.scan_ratio(empty, ratio, near.track)
+        beta = ratio / scan_ratio[near.track]
+        state, covariance = state_mixtures.updated_states(
+            state, covariance, detections, near.track, beta
+        )
+        of_mode.append(scan_ratio)
+        states.append(state)
+        covariances.append(covariance)
+    probability, scan_ratio = ipda.updated_modes(held.models.probability, np.array(of_mode))
+    models = InteractingModels(probability, np.array(states), np.array(covariances))
+    existence = ipda.updated_existence(held.existence, scan_ratio)
+    detected = (1.0 - empty / scan_ratio) * existence
+    state, covariance = models.combined()
+    held = replace(
+        held,
+        tracks=replace(held.tracks, state=state, covariance=covariance),
+        models=models,
+        existence=existence,
+        visible=ipda.updated_visibility(held.visible, scan_ratio),
+        last_detected=np.where(detected >= DETECTED, held.tracks.stamp, held.last_detected),
+    )
+    return held, detected
+
+
+def counted(
+    held: HeldTracks, detected: FloatArray, covered: BoolArray
+) -> tuple[HeldTracks, CoveredTracks]:
+    """The rows after a scan that covered, and detected with a probability, some tracks, (n,)."""
+    scans = held.covered_scans + covered
+    held = replace(held, covered_scans=scans * (1.0 - detected))
+    return held, CoveredTracks(detected[covered], scans[covered])
