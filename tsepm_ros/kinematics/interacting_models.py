@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.gaussian import mixture
 
 PROCESS_NOISE = 0.01
 """Spectral density of a target's acceleration while it goes on, m^2/s^3: 1 m/s per 100 s."""
@@ -94,7 +95,7 @@ class InteractingModels:
         longest = max(float(np.abs(step).max(initial=0.0)), TIME_OF_TURN)
         turn = (0.5 * max_speed) ** 2 / longest
         modes = [
-            kalman.predict(*combined(share, self.state, self.covariance), step, noise)
+            kalman.predict(*mixture(share, self.state, self.covariance), step, noise)
             for share, noise in zip(
                 np.swapaxes(joint / probability, 0, 1),
                 (PROCESS_NOISE, PROCESS_NOISE + turn),
@@ -109,7 +110,7 @@ class InteractingModels:
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over the modes."""
-        return combined(self.probability, self.state, self.covariance)
+        return mixture(self.probability, self.state, self.covariance)
 
     def modes(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Probability (n,), state (n, 4) and covariance (n, 4, 4) of each mode."""
@@ -136,25 +137,3 @@ class InteractingModels:
             np.concatenate([self.state, other.state], axis=1),
             np.concatenate([self.covariance, other.covariance], axis=1),
         )
-
-
-def combined(
-    share: FloatArray, state: FloatArray, covariance: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance of mixtures, with the spread of the means.
-
-    Parameters
-    ----------
-    share : (m, n) ndarray
-        Weights of the m parts, which add up to 1.
-    state, covariance : (m, n, 4), (m, n, 4, 4) ndarray
-
-    Returns
-    -------
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-    """
-    apart = state - state[0]  # exact where the parts are equal
-    offset = np.einsum("mn,mni->ni", share, apart)
-    shift = apart - offset
-    outer = shift[..., :, None] * shift[..., None, :]
-    return state[0] + offset, np.einsum("mn,mnij->nij", share, covariance + outer)

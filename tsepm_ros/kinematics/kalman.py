@@ -54,6 +54,12 @@ def predict(
     return state, covariance
 
 
+def position_after(state: FloatArray, step: FloatArray | float) -> FloatArray:
+    """Position ``H x`` (n, 2), m, of states (n, 4) after times, (n,) or the same for all, s."""
+    position: FloatArray = state[:, 0::2] + np.reshape(step, (-1, 1)) * state[:, 1::2]
+    return position
+
+
 def position_covariance_after(covariance: FloatArray, step: FloatArray) -> FloatArray:
     """Position covariance ``H P H'`` a short time after the state's, without process noise.
 

@@ -106,13 +106,13 @@ def neighbours(
         return Neighbours(*np.zeros((3, 0), np.int64))
     lag = detections["time"] - stamp
     middle = 0.5 * (lag.min() + lag.max())
-    centre = state[:, 0::2] + middle * state[:, 1::2]
+    centre = kalman.position_after(state, middle)
     reach = np.zeros(len(state))
     gate = kalman.gate_reach(GATE_PROBABILITY, detections)
     for _, of_mode, covariance in models.modes():
         spread = kalman.position_covariance_after(covariance, np.full(len(state), middle))
         sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
-        offset = of_mode[:, 0::2] + middle * of_mode[:, 1::2] - centre
+        offset = kalman.position_after(of_mode, middle) - centre
         radius = SEARCH_MARGIN * gate * sigma + np.hypot(*offset.T)
         radius += np.hypot(of_mode[:, 1], of_mode[:, 3]) * np.ptp(lag)
         reach = np.maximum(reach, radius)
@@ -151,13 +151,11 @@ def gated(
     track, row = near.track, near.row
     nearest = detections[near.nearest]
     lag = nearest["time"] - stamp
-    expected = state[:, 0::2] + lag[:, None] * state[:, 1::2]
     spread = kalman.position_covariance_after(covariance, lag)
-    spread += covariance_at(nearest, expected, sensor)
+    spread += covariance_at(nearest, kalman.position_after(state, lag), sensor)
     found = detections[row]
-    own_lag = (found["time"] - stamp)[:, None]
-    innovation = found["position"] - state[track, 0::2] - own_lag * state[track, 1::2]
-    own_lag = own_lag[:, 0]
+    own_lag = found["time"] - stamp
+    innovation = found["position"] - kalman.position_after(state[track], own_lag)
     density = kalman.log_likelihood(
         state, covariance, track, own_lag, innovation, spread[track], found, GATE_PROBABILITY
     )

@@ -42,7 +42,6 @@ from tsepm_ros.initiation.mn_options import MnOptions
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.kinematics.interacting_models import combined
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
@@ -131,7 +130,7 @@ class Banks(Paths):
 
     def output(self) -> tuple[FloatArray, FloatArray]:
         """Weighted mean (n, 4) and covariance (n, 4, 4)."""
-        return combined(
+        return gaussian.mixture(
             self.weight.T, np.swapaxes(self.state, 0, 1), np.swapaxes(self.covariance, 0, 1)
         )
 

@@ -61,23 +61,24 @@ def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray,
 def mixture(
     weights: FloatArray, states: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance over alternatives, the spread of their means included.
+    """Means and covariances over alternatives, the spread of their means included.
 
     ``x = sum_i w_i x_i``, ``P = sum_i w_i (P_i + (x_i - x)(x_i - x)')``
 
     Parameters
     ----------
-    weights : (n,) ndarray
-        Probabilities, of sum 1.
-    states : (n, 4) ndarray
-    covariances : (n, 4, 4) ndarray
+    weights : (m, ...) ndarray
+        Probabilities of the m alternatives, of sum 1.
+    states : (m, ..., 4) ndarray
+    covariances : (m, ..., 4, 4) ndarray
 
     Returns
     -------
-    state : (4,) ndarray
-    covariance : (4, 4) ndarray
+    state : (..., 4) ndarray
+    covariance : (..., 4, 4) ndarray
     """
-    state: FloatArray = weights @ states
-    spread = states - state
-    parts = covariances + spread[:, :, None] * spread[:, None, :]
-    return state, np.einsum("n,nij->ij", weights, parts)
+    apart = states - states[0]  # exact where the alternatives are equal
+    offset = np.einsum("m...,m...i->...i", weights, apart)
+    shift = apart - offset
+    parts = covariances + shift[..., :, None] * shift[..., None, :]
+    return states[0] + offset, np.einsum("m...,m...ij->...ij", weights, parts)
