@@ -56,7 +56,7 @@ def predict(
 
 def position_after(state: FloatArray, step: FloatArray | float) -> FloatArray:
     """Position ``H x`` (n, 2), m, of states (n, 4) after times, (n,) or the same for all, s."""
-    position: FloatArray = state[:, 0::2] + np.reshape(step, (-1, 1)) * state[:, 1::2]
+    position: FloatArray = state[:, 0::2] + np.asarray(step)[..., None] * state[:, 1::2]
     return position
 
 

@@ -89,8 +89,9 @@ def gate(
     sensor : SensorModel
     """
     near = neighbours(models, state, stamp, detections)
+    nearest, found = detections[near.nearest], detections[near.row]
     return near, [
-        gated(of_mode, covariance, near, stamp, detections, sensor)
+        _gated(of_mode, covariance, near.track, nearest, found, stamp, sensor)
         for _, of_mode, covariance in models.modes()
     ]
 
@@ -105,16 +106,18 @@ def neighbours(
     if not len(detections) or not len(state):
         return Neighbours(*np.zeros((3, 0), np.int64))
     lag = detections["time"] - stamp
-    middle = 0.5 * (lag.min() + lag.max())
+    first, last = lag.min(), lag.max()
+    middle = 0.5 * (first + last)
+    error = GATE_MARGIN * detections["major_sigma"].max()
     centre = kalman.position_after(state, middle)
     reach = np.zeros(len(state))
     gate = kalman.gate_reach(GATE_PROBABILITY, detections)
     for _, of_mode, covariance in models.modes():
         spread = kalman.position_covariance_after(covariance, np.full(len(state), middle))
-        sigma = np.hypot(major_sigma(spread), GATE_MARGIN * detections["major_sigma"].max())
+        sigma = np.hypot(major_sigma(spread), error)
         offset = kalman.position_after(of_mode, middle) - centre
         radius = SEARCH_MARGIN * gate * sigma + np.hypot(*offset.T)
-        radius += np.hypot(of_mode[:, 1], of_mode[:, 3]) * np.ptp(lag)
+        radius += np.hypot(of_mode[:, 1], of_mode[:, 3]) * (last - first)
         reach = np.maximum(reach, radius)
     count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
     distance, near = cKDTree(detections["position"]).query(centre, k=count)
@@ -122,39 +125,26 @@ def neighbours(
     return Neighbours(near[:, 0], track, near[track, place])
 
 
-def gated(
+def _gated(
     state: FloatArray,
     covariance: FloatArray,
-    near: Neighbours,
+    track: IntArray,
+    nearest: NDArray[np.void],
+    found: NDArray[np.void],
     stamp: float,
-    detections: NDArray[np.void],
     sensor: SensorModel,
 ) -> GatedDetections:
-    """How well the detections fit the predicted tracks in one mode.
+    """How well the detections found (p,) fit the predicted tracks (n,) in one mode.
 
     Each detection is compared at its own time. One innovation covariance serves all detections of
-    a track, ``S = H P H' + R`` at the time and with the error of the nearest.
-
-    Parameters
-    ----------
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        Of the tracks in the mode, at the stamp.
-    near : Neighbours
-    stamp : float
-        The scan's, s.
-    detections : (d,) ndarray of DETECTION
-    sensor : SensorModel
+    a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,).
     """
-    if not len(near.nearest):
+    if not len(nearest):
         lag, spread = np.zeros(len(state)), covariance[:, 0::2, 0::2]
         return GatedDetections(np.zeros((0, 2)), np.zeros(0), lag, spread)
-    track, row = near.track, near.row
-    nearest = detections[near.nearest]
-    lag = nearest["time"] - stamp
+    lag, own_lag = nearest["time"] - stamp, found["time"] - stamp
     spread = kalman.position_covariance_after(covariance, lag)
     spread += covariance_at(nearest, kalman.position_after(state, lag), sensor)
-    found = detections[row]
-    own_lag = found["time"] - stamp
     innovation = found["position"] - kalman.position_after(state[track], own_lag)
     density = kalman.log_likelihood(
         state, covariance, track, own_lag, innovation, spread[track], found, GATE_PROBABILITY

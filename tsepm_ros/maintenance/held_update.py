@@ -38,8 +38,9 @@ def updated(
     gated: list[GatedDetections],
     ratios: FloatArray,
     empty: FloatArray,
-) -> tuple[HeldTracks, FloatArray]:
-    """The predicted rows after a scan, and the probability that each target was detected in it.
+    covered: BoolArray,
+) -> tuple[HeldTracks, CoveredTracks]:
+    """The predicted rows after a scan, and what it tells of the detection probability.
 
     Parameters
     ----------
@@ -51,6 +52,8 @@ def updated(
         L_ijm.
     empty : (n,) ndarray
         b_i.
+    covered : (n,) ndarray of bool
+        Which targets could be detected at all.
     """
     of_mode, states, covariances = [], [], []
     for (_, state, covariance), detections, ratio in zip(
@@ -68,6 +71,7 @@ def updated(
     models = InteractingModels(probability, np.array(states), np.array(covariances))
     existence = ipda.updated_existence(held.existence, scan_ratio)
     detected = (1.0 - empty / scan_ratio) * existence
+    scans = held.covered_scans + covered
     state, covariance = models.combined()
     held = replace(
         held,
@@ -75,15 +79,7 @@ def updated(
         models=models,
         existence=existence,
         visible=ipda.updated_visibility(held.visible, scan_ratio),
+        covered_scans=scans * (1.0 - detected),
         last_detected=np.where(detected >= DETECTED, held.tracks.stamp, held.last_detected),
     )
-    return held, detected
-
-
-def counted(
-    held: HeldTracks, detected: FloatArray, covered: BoolArray
-) -> tuple[HeldTracks, CoveredTracks]:
-    """The rows after a scan that covered, and detected with a probability, some tracks, (n,)."""
-    scans = held.covered_scans + covered
-    held = replace(held, covered_scans=scans * (1.0 - detected))
     return held, CoveredTracks(detected[covered], scans[covered])

@@ -37,12 +37,7 @@ def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray
     agrees = np.zeros(n, bool)
     if n < 2:
         return agrees
-    count = range(2, min(NEAREST, n) + 1)
-    _, other = cKDTree(state[:, 0::2]).query(state[:, 0::2], k=count)
-    one = np.repeat(np.arange(n), len(count))
-    two = other.ravel()
-    older = two < one
-    one, two = one[older], two[older]
+    one, two = _pairs_with_older(state[:, 0::2])
     apart = state[one] - state[two]
     spread = covariance[one] + covariance[two]
     scaled = np.linalg.solve(spread, apart[..., None])[..., 0]
@@ -50,3 +45,14 @@ def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray
     near &= (plots[one] == plots[two]) | (plots[one] == NO_HIT) | (plots[two] == NO_HIT)
     agrees[one[near]] = True
     return agrees
+
+
+def _pairs_with_older(positions: FloatArray) -> tuple[IntArray, IntArray]:
+    """Rows of each track and of an older one near it, (p,) and (p,)."""
+    n = len(positions)
+    if n <= NEAREST:  # all are
+        return np.tril_indices(n, -1)
+    _, nearest = cKDTree(positions).query(positions, k=NEAREST)
+    one, two = np.repeat(np.arange(n), NEAREST), nearest.ravel()
+    older = two < one
+    return one[older], two[older]

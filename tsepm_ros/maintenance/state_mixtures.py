@@ -60,8 +60,10 @@ def _by_positions(
     """
     n = len(state)
     x, y = gated.innovation.T
-    parts = (np.ones_like(x), x, y, x * x, x * y, y * y)
-    some, *sums = (np.bincount(track, probability * part, minlength=n) for part in parts)
+    some = np.bincount(track, probability, minlength=n)
+    sums = [
+        np.bincount(track, probability * part, minlength=n) for part in (x, y, x * x, x * y, y * y)
+    ]
     mean = np.stack(sums[:2], axis=-1)
     square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
     spread = gated.innovation_covariance

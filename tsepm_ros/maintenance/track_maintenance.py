@@ -163,11 +163,13 @@ class TrackMaintenance:
         held, plots = held_features.with_plots(
             held, near, association.probability, detections, environment
         )
-        held, detected = held_update.updated(held, near, gated, association.ratio, empty)
+        held, self.covered = held_update.updated(
+            held, near, gated, association.ratio, empty, probability > 0.0
+        )
         self.claims = HeldAssociation(
             near.row, association.probability * held.existence[near.track]
         )
-        self._held, self.covered = held_update.counted(held, detected, probability > 0.0)
+        self._held = held
         # End.
         plots = plots[self._end(held.existence >= LEAST_EXISTENCE)]
         self._end(~self._repeated(plots))
