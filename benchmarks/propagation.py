@@ -28,15 +28,12 @@ from typing import Any
 import numpy as np
 
 from msg_adapters import (
-    OwnShipSample,
     detections_cloud,
     make_header,
     odometry_message,
-    pose_sample,
     read_detections,
     read_own_ship,
     seconds_to_ns,
-    sensor_scan,
 )
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.intervals import mean
@@ -44,7 +41,7 @@ from tsepm_ros.analysis.terminal_tables import text_table
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -126,19 +123,17 @@ def odometry(scene: Scenario) -> list[PoseSample]:
         x, y, yaw = scene.own_ship.pose(time).tolist()
         vx, vy, yaw_rate = scene.own_ship.rates(time).tolist()
         message = odometry_message(
-            OwnShipSample(
-                stamp_ns=seconds_to_ns(time),
+            PoseSample(
+                time,
+                x,
+                y,
+                yaw,
+                rates=(vx, vy, yaw_rate),
                 frame_id="odom",
                 child_frame_id="sonar",
-                x=x,
-                y=y,
-                yaw=yaw,
-                vx=vx,
-                vy=vy,
-                yaw_rate=yaw_rate,
             )
         )
-        samples.append(pose_sample(read_own_ship(message)))
+        samples.append(read_own_ship(message))
     return samples
 
 
@@ -168,9 +163,9 @@ def first_track(
     """Error and variance, (along, across) each, of the target's first track; None without one."""
     session = Session(settings)
     for pose in poses:
-        session.add_own_ship(pose, "odom", "sonar")
+        session.add_own_ship(pose)
     for cloud, truth in messages:
-        session.add_scan(sensor_scan(read_detections(cloud, sound_speed=sound_speed)), 0.0)
+        session.add_scan(read_detections(cloud, sound_speed=sound_speed).sensor_scan, 0.0)
         for result in session.process():
             for track in result.new:
                 sight = truth[0::2] - scene.own_ship.pose(track.stamp)[:2]

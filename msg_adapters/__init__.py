@@ -10,18 +10,17 @@ from msg_adapters import (  # noqa: F401 - each registers its types
     radar_detections,
     vision_detections,
 )
-from msg_adapters.detections import (
-    DetectionMessage,
+from msg_adapters.detection_types import (
     message_class,
     read_detections,
     supported_types,
-    with_echo_times,
     write_detections,
 )
 from msg_adapters.diagnostics import diagnostics
 from msg_adapters.errors import MessageError
 from msg_adapters.ground_truth import truth_markers, truth_tracks
-from msg_adapters.own_ship_odometry import OwnShipSample, odometry_message, read_own_ship
+from msg_adapters.own_ship_odometry import odometry_message, read_own_ship
+from msg_adapters.ping import Ping
 from msg_adapters.placed_detections import (
     PlacedDetections,
     placed_detections_cloud,
@@ -29,7 +28,6 @@ from msg_adapters.placed_detections import (
 )
 from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.point_cloud_detections import detections_cloud
-from msg_adapters.session_input import pose_sample, sensor_scan, tracker_report
 from msg_adapters.stamps import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
 from msg_adapters.track_cloud import (
     TRACK_DTYPE,
@@ -37,15 +35,15 @@ from msg_adapters.track_cloud import (
     track_cloud,
     track_covariances,
     track_states,
+    tracker_report,
 )
 from msg_adapters.track_markers import clear_markers, potential_track_markers, track_markers
 from msg_adapters.track_odometry import track_odometry
 
 __all__ = [
     "TRACK_DTYPE",
-    "DetectionMessage",
     "MessageError",
-    "OwnShipSample",
+    "Ping",
     "PlacedDetections",
     "clear_markers",
     "detections_cloud",
@@ -56,7 +54,6 @@ __all__ = [
     "ns_to_time",
     "odometry_message",
     "placed_detections_cloud",
-    "pose_sample",
     "potential_track_markers",
     "read_detections",
     "read_fields",
@@ -64,7 +61,6 @@ __all__ = [
     "read_placed_detections",
     "read_track_cloud",
     "seconds_to_ns",
-    "sensor_scan",
     "supported_types",
     "time_to_ns",
     "track_cloud",
@@ -75,7 +71,6 @@ __all__ = [
     "tracker_report",
     "truth_markers",
     "truth_tracks",
-    "with_echo_times",
     "write_cloud",
     "write_detections",
 ]

@@ -14,8 +14,7 @@ class MessageError(ValueError):
         clouds ``duplicate_field``, ``wrong_datatype``, ``wrong_count``, ``bad_offset``,
         ``bad_row_step`` and ``short_data``;
         clouds of tracks ``bad_id`` too;
-        odometry ``not_finite``, ``zero_quaternion``, ``undefined_heading`` and
-        ``bad_covariance``.
+        odometry ``not_finite``, ``zero_quaternion`` and ``undefined_heading``.
     sentence : str
         What is wrong, for people; it names the field.
 

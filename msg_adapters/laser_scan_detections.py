@@ -12,16 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msg_adapters.detections import (
-    DetectionMessage,
-    ReadingOptions,
-    good_detections,
-    intensity_feature,
-    register,
-    register_writer,
-)
+from msg_adapters.detection_fields import intensity_feature
+from msg_adapters.detection_types import register, register_writer
+from msg_adapters.ping import Ping, good_detections
+from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.sensing.scan import Scan
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import LaserScan
@@ -42,7 +38,7 @@ RAYS = 36_000
 
 
 @register("sensor_msgs/msg/LaserScan")
-def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> DetectionMessage:
+def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
     """Read the detections of a scan.
 
     Beside the reasons of `good_detections` a ray may be dropped for ``range_below_min`` (also
@@ -56,7 +52,7 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> DetectionMessag
 
     Returns
     -------
-    DetectionMessage
+    Ping
     """
     range = np.asarray(scan.ranges, np.float64)
     rays = np.arange(len(range))
@@ -71,9 +67,10 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> DetectionMessag
     return good_detections(
         time_to_ns(scan.header.stamp),
         scan.header.frame_id,
+        options,
         range=range,
         azimuth=azimuth,
-        time_offset=echo,  # None: `read_detections` has what all types have in common
+        time_offset=echo,
         transmit_offset=leaving,
         features=features,
         nothing=(range == np.inf) | (range == 0.0),
@@ -86,9 +83,7 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> DetectionMessag
 
 
 @register_writer("sensor_msgs/msg/LaserScan")
-def write_laser_scan(
-    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
-) -> LaserScan:
+def write_laser_scan(header: Header, scan: Scan, sound_speed: float) -> LaserScan:
     """Write each detection on the nearest of `RAYS` rays that is free, as if measured at the stamp.
 
     The travel times have no place in the message.
@@ -96,17 +91,17 @@ def write_laser_scan(
     from sensor_msgs.msg import LaserScan
 
     increment = 2 * np.pi / RAYS
-    order = np.argsort(azimuth)
-    rays = np.round((azimuth[order] + np.pi) / increment).astype(np.int64)
+    order = np.argsort(scan.azimuth)
+    rays = np.round((scan.azimuth[order] + np.pi) / increment).astype(np.int64)
     places = np.arange(len(rays))
     rays = np.maximum.accumulate(rays - places) + places  # the next one where it is taken
     ranges = np.full(max(RAYS, rays.max(initial=0) + 1), np.inf, np.float32)
-    ranges[rays] = range[order]
+    ranges[rays] = scan.range[order]
     return LaserScan(
         header=header,
         angle_min=-np.pi,
         angle_max=-np.pi + (len(ranges) - 1) * increment,
         angle_increment=increment,
-        range_max=float(range.max(initial=0.0)) * (1 + 1e-6),
+        range_max=float(scan.range.max(initial=0.0)) * (1 + 1e-6),
         ranges=ranges,
     )

@@ -11,19 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msg_adapters.detections import (
-    SOUND_SPEED,
-    DetectionMessage,
-    ReadingOptions,
-    fitted,
-    good_detections,
-    intensity_feature,
-    register,
-    register_writer,
-)
+from msg_adapters.detection_fields import fitted, intensity_feature
+from msg_adapters.detection_types import register, register_writer
 from msg_adapters.errors import MessageError
+from msg_adapters.ping import Ping, good_detections
+from msg_adapters.reading_options import SOUND_SPEED, ReadingOptions
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.sensing.scan import Scan
 
 if TYPE_CHECKING:
     from marine_acoustic_msgs.msg import SonarDetections, SonarRanges
@@ -38,7 +33,7 @@ _ROUNDING = 1e-6  # of a squared sine whose angle came as a float32
 
 
 @register("marine_acoustic_msgs/msg/SonarDetections")
-def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> DetectionMessage:
+def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> Ping:
     """Read the detections of a multibeam sonar's travel times.
 
     Beside the reasons of `good_detections` a beam may be dropped for ``flagged_bad`` and for
@@ -54,7 +49,7 @@ def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> 
 
     Returns
     -------
-    DetectionMessage
+    Ping
         Azimuths from ahead to port.
 
     Raises
@@ -76,6 +71,7 @@ def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> 
     speed, assumptions = _sound_speed("SonarDetections", message, options)
     return _detections(
         message,
+        options,
         slant_range=0.5 * speed * travel,
         half_travel_time=0.5 * travel,
         delay=_each("tx_delays", message.tx_delays, n),
@@ -86,7 +82,7 @@ def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> 
 
 
 @register("marine_acoustic_msgs/msg/SonarRanges")
-def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> DetectionMessage:
+def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Ping:
     """Read the detections of a sonar's ranges along beams.
 
     Beside the reasons of `good_detections` a beam may be dropped for ``flagged_bad`` and for
@@ -102,7 +98,7 @@ def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Detectio
 
     Returns
     -------
-    DetectionMessage
+    Ping
         Azimuths from ahead to port.
 
     Raises
@@ -121,6 +117,7 @@ def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Detectio
     speed, assumptions = _sound_speed("SonarRanges", message, options)
     return _detections(
         message,
+        options,
         slant_range=slant_range,
         half_travel_time=slant_range / speed,
         delay=_each("transmit_delays", message.transmit_delays, n),
@@ -160,6 +157,7 @@ def _sound_speed(name: str, message: Any, options: ReadingOptions) -> tuple[floa
 
 def _detections(
     message: Any,
+    options: ReadingOptions,
     *,
     slant_range: FloatArray,
     half_travel_time: FloatArray,
@@ -167,7 +165,7 @@ def _detections(
     direction: FloatArray,
     undefined: BoolArray,
     assumptions: tuple[str, ...],
-) -> DetectionMessage:
+) -> Ping:
     """Return the detections of beams: m, s, s after the stamp, unit vectors (n, 3)."""
     n = len(slant_range)
     flags = _each("flags", [flag.flag for flag in message.flags], n)
@@ -180,6 +178,7 @@ def _detections(
     return good_detections(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
+        options,
         range=range,
         azimuth=azimuth,
         height=height,
@@ -193,26 +192,23 @@ def _detections(
 
 
 @register_writer("marine_acoustic_msgs/msg/SonarDetections")
-def write_sonar_detections(
-    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
-) -> SonarDetections:
+def write_sonar_detections(header: Header, scan: Scan, sound_speed: float) -> SonarDetections:
     """Write the detections ahead; what is abeam and behind has no place in the message."""
     from marine_acoustic_msgs.msg import SonarDetections
 
     _check_sound_speed(sound_speed)
-    ahead = np.cos(azimuth) > 0.0
+    ahead = np.cos(scan.azimuth) > 0.0
+    angles = -np.arctan2(np.sin(scan.azimuth), np.cos(scan.azimuth))
     message = SonarDetections()
     message.header = header
     message.ping_info.sound_speed = sound_speed
-    message.two_way_travel_times = (2.0 * range[ahead] / sound_speed).tolist()
-    message.rx_angles = (-np.arctan2(np.sin(azimuth), np.cos(azimuth))[ahead]).tolist()
+    message.two_way_travel_times = (2.0 * scan.range[ahead] / sound_speed).tolist()
+    message.rx_angles = angles[ahead].tolist()
     return message
 
 
 @register_writer("marine_acoustic_msgs/msg/SonarRanges")
-def write_sonar_ranges(
-    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
-) -> SonarRanges:
+def write_sonar_ranges(header: Header, scan: Scan, sound_speed: float) -> SonarRanges:
     """Write the detections as beams in the horizontal plane."""
     from geometry_msgs.msg import Vector3
     from marine_acoustic_msgs.msg import SonarRanges
@@ -221,9 +217,9 @@ def write_sonar_ranges(
     message = SonarRanges()
     message.header = header
     message.ping_info.sound_speed = sound_speed
-    message.ranges = range.tolist()
+    message.ranges = scan.range.tolist()
     message.beam_unit_vec = [
-        Vector3(y=-math.sin(angle), z=math.cos(angle)) for angle in azimuth.tolist()
+        Vector3(y=-math.sin(angle), z=math.cos(angle)) for angle in scan.azimuth.tolist()
     ]
     return message
 

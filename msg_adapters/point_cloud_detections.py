@@ -15,25 +15,20 @@ Optional: `elevation` (rad, above the sensor's x-y plane) beside a range, which 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from msg_adapters.detections import (
-    DetectionMessage,
-    ReadingOptions,
-    azimuth_of_bearing,
-    good_detections,
-    in_plane,
-    register,
-    register_writer,
-)
+from msg_adapters.detection_fields import azimuth_of_bearing, in_plane
+from msg_adapters.detection_types import register, register_writer
 from msg_adapters.errors import MessageError
+from msg_adapters.ping import Ping, good_detections
 from msg_adapters.point_cloud import read_fields, write_cloud
+from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.sensing.scan import FEATURES
+from tsepm_ros.sensing.scan import FEATURES, Scan
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
@@ -56,7 +51,7 @@ NO_TIMES = (
 
 
 @register("sensor_msgs/msg/PointCloud2")
-def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMessage:
+def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> Ping:
     """Read the detections of a cloud.
 
     Parameters
@@ -67,7 +62,7 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMe
 
     Returns
     -------
-    DetectionMessage
+    Ping
 
     Raises
     ------
@@ -77,8 +72,9 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> DetectionMe
     """
     if not cloud.fields and cloud.height * cloud.width == 0:
         nothing = np.zeros(0)
+        stamp_ns = time_to_ns(cloud.header.stamp)
         return good_detections(
-            time_to_ns(cloud.header.stamp), cloud.header.frame_id, range=nothing, azimuth=nothing
+            stamp_ns, cloud.header.frame_id, options, range=nothing, azimuth=nothing
         )
     there = {field.name for field in cloud.fields}
     position = _position_fields(there)
@@ -102,7 +98,7 @@ def detections_of_fields(
     values: Mapping[str, FloatArray],
     options: ReadingOptions,
     assumptions: tuple[str, ...] = (),
-) -> DetectionMessage:
+) -> Ping:
     """Read detections given by the names that the fields of a cloud have.
 
     Beside the reasons of `good_detections` a detection may be dropped for ``elevation_not_finite``.
@@ -118,7 +114,7 @@ def detections_of_fields(
         A position in one of `POSITION_FIELDS`, and whatever else there is, SI and radians.
     options : ReadingOptions
     assumptions : tuple of str, optional
-        As in `DetectionMessage`.
+        As in `Ping`.
 
     Raises
     ------
@@ -135,6 +131,7 @@ def detections_of_fields(
     return good_detections(
         stamp_ns,
         frame_id,
+        options,
         range=range,
         azimuth=azimuth,
         height=height,
@@ -237,28 +234,15 @@ def detections_cloud(
     return write_cloud(header, _points(fields, ()))
 
 
-@register_writer("sensor_msgs/msg/PointCloud2", features=FEATURES)
-def write_point_cloud(
-    header: Header,
-    range: FloatArray,
-    azimuth: FloatArray,
-    sound_speed: float,
-    intensity: FloatArray | None = None,
-    range_width: FloatArray | None = None,
-    azimuth_width: FloatArray | None = None,
-    range_rate: FloatArray | None = None,
-) -> PointCloud2:
+@register_writer("sensor_msgs/msg/PointCloud2")
+def write_point_cloud(header: Header, scan: Scan, sound_speed: float) -> PointCloud2:
     """Write everything, the times in `time_offset`."""
-    times = range / sound_speed if sound_speed > 0.0 else np.zeros(len(range))
+    times = scan.range / sound_speed if sound_speed > 0.0 else np.zeros(len(scan))
+    features: dict[str, Any] = {
+        name: scan.features[name] for name in FEATURES if name in scan.features
+    }
     return detections_cloud(
-        header,
-        range=range,
-        azimuth=azimuth,
-        time_offset=times,
-        intensity=intensity,
-        range_width=range_width,
-        azimuth_width=azimuth_width,
-        range_rate=range_rate,
+        header, range=scan.range, azimuth=scan.azimuth, time_offset=times, **features
     )
 
 

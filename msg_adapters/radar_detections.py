@@ -12,16 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msg_adapters.detections import (
-    DetectionMessage,
-    ReadingOptions,
-    good_detections,
-    in_plane,
-    register,
-    register_writer,
-)
+from msg_adapters.detection_fields import in_plane
+from msg_adapters.detection_types import register, register_writer
+from msg_adapters.ping import Ping, good_detections
+from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.sensing.scan import Scan
 
 if TYPE_CHECKING:
     from radar_msgs.msg import RadarScan
@@ -29,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @register("radar_msgs/msg/RadarScan")
-def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessage:
+def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> Ping:
     """Read the returns of a scan.
 
     Beside the reasons of `good_detections` a return may be dropped for ``elevation_not_finite``.
@@ -43,7 +39,7 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessag
 
     Returns
     -------
-    DetectionMessage
+    Ping
     """
     rows = [
         (one.range, one.azimuth, one.elevation, one.doppler_velocity, one.amplitude)
@@ -56,6 +52,7 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessag
     return good_detections(
         time_to_ns(scan.header.stamp),
         scan.header.frame_id,
+        options,
         range=range,
         azimuth=azimuth,
         height=height,
@@ -64,31 +61,22 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> DetectionMessag
     )
 
 
-@register_writer("radar_msgs/msg/RadarScan", features=("intensity", "range_rate"))
-def write_radar_scan(
-    header: Header,
-    range: FloatArray,
-    azimuth: FloatArray,
-    sound_speed: float,
-    intensity: FloatArray | None = None,
-    range_rate: FloatArray | None = None,
-) -> RadarScan:
+@register_writer("radar_msgs/msg/RadarScan")
+def write_radar_scan(header: Header, scan: Scan, sound_speed: float) -> RadarScan:
     """Write the detections as returns in the horizontal plane.
 
     The travel times have no place in the message.
     """
     from radar_msgs.msg import RadarReturn, RadarScan
 
-    scan = RadarScan()
-    scan.header = header
-    unknown = np.full(len(range), math.nan)
-    amplitudes = unknown if intensity is None else intensity
-    rates = unknown if range_rate is None else range_rate
-    for distance, angle, rate, amplitude in zip(
-        range.tolist(), azimuth.tolist(), rates.tolist(), amplitudes.tolist(), strict=True
-    ):
+    message = RadarScan()
+    message.header = header
+    unknown = np.full(len(scan), math.nan)
+    rates = scan.features.get("range_rate", unknown)
+    amplitudes = scan.features.get("intensity", unknown)
+    columns = (scan.range, scan.azimuth, rates, amplitudes)
+    for row in zip(*(column.tolist() for column in columns), strict=True):
         one = RadarReturn()
-        one.range, one.azimuth = distance, angle
-        one.doppler_velocity, one.amplitude = rate, amplitude
-        scan.returns.append(one)
-    return scan
+        one.range, one.azimuth, one.doppler_velocity, one.amplitude = row
+        message.returns.append(one)
+    return message

@@ -25,7 +25,9 @@ from numpy.typing import NDArray
 
 from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import cloud_of, read_fields
+from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
@@ -151,6 +153,19 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
         for name in names:
             records[name] = values[name]
     return records
+
+
+def tracker_report(cloud: PointCloud2) -> TrackerReport:
+    """Read a cloud of tracks as what a downstream tracker says that it tracks.
+
+    Raises
+    ------
+    MessageError
+        If it has not the layout of `read_track_cloud`.
+    """
+    stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
+    tracks = track_arrays(read_track_cloud(cloud), stamp)
+    return TrackerReport(stamp=stamp, frame_id=cloud.header.frame_id, tracks=tracks)
 
 
 def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:

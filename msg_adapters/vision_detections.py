@@ -13,15 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msg_adapters.detections import (
-    DetectionMessage,
-    ReadingOptions,
-    good_detections,
-    register,
-    register_writer,
-)
+from msg_adapters.detection_types import register, register_writer
+from msg_adapters.ping import Ping, good_detections
+from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.sensing.scan import Scan
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
@@ -33,7 +30,7 @@ OPTICAL = ("_optical", "_optical_frame")
 
 
 @register("vision_msgs/msg/Detection3DArray")
-def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> DetectionMessage:
+def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> Ping:
     """Read the detections of an array.
 
     Beside the reasons of `good_detections` one may be dropped for ``other_frame``, which its own
@@ -49,7 +46,7 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> De
 
     Returns
     -------
-    DetectionMessage
+    Ping
     """
     detections, frame = array.detections, array.header.frame_id
     optical = frame.endswith(OPTICAL)
@@ -65,6 +62,7 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> De
     return good_detections(
         stamp_ns,
         frame,
+        options,
         range=range,
         azimuth=np.arctan2(port, ahead),
         height=up,
@@ -137,9 +135,7 @@ def _deviations(
 
 
 @register_writer("vision_msgs/msg/Detection3DArray")
-def write_detection_array(
-    header: Header, range: FloatArray, azimuth: FloatArray, sound_speed: float
-) -> Detection3DArray:
+def write_detection_array(header: Header, scan: Scan, sound_speed: float) -> Detection3DArray:
     """Write the detections as boxes of no size in the horizontal plane, seen at the stamp.
 
     The travel times have no place in the message.
@@ -148,7 +144,8 @@ def write_detection_array(
 
     array = Detection3DArray()
     array.header = header
-    for x, y in zip(range * np.cos(azimuth), range * np.sin(azimuth), strict=True):
+    ahead, port = scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth)
+    for x, y in zip(ahead, port, strict=True):
         one = Detection3D()
         one.header = header
         center = one.bbox.center.position

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -17,7 +18,6 @@ from msg_adapters import (
     make_header,
     message_class,
     read_detections,
-    sensor_scan,
     supported_types,
     write_detections,
 )
@@ -45,6 +45,10 @@ def header_at(seconds: float, frame_id: str = "sonar") -> Any:
     return make_header(round(seconds * 1e9), frame_id)
 
 
+def scan_of(range_: Any, azimuth: Any, **more: Any) -> Scan:
+    return Scan(START, range_, azimuth, **more)
+
+
 def test_every_supported_type_is_tested_here():
     assert set(MAKERS) == set(supported_types())
 
@@ -63,7 +67,7 @@ def test_messages_give_the_tracks_of_the_core_on_the_same_numbers(type_name, met
         detections = read_detections(message)
         said = SAID.get(type_name.rpartition("/")[2], ())
         assert (detections.dropped, detections.assumptions) == ({}, said)
-        session.add_scan(sensor_scan(detections), 0.0)
+        session.add_scan(detections.sensor_scan, 0.0)
         [result] = session.process()
         expected = core.process(Scan(stamp=stamp, **numbers))
         assert [track.hits for track in result.new] == [track.hits for track in expected]
@@ -82,17 +86,21 @@ def test_a_written_message_is_read_back(type_name):
     echoes = echoes_of(3, clutter=200)
     range_, azimuth = np.array([(echo.range, echo.azimuth) for echo in echoes]).T
     message = write_detections(
-        type_name, header_at(START), range=range_, azimuth=azimuth, sound_speed=1480.0
+        type_name, header_at(START), scan_of(range_, azimuth), sound_speed=1480.0
     )
     assert type(message) is message_class(type_name)
     found = read_detections(message)
-    assert (found.stamp_ns, found.frame_id, found.dropped) == (START * 10**9, "sonar", {})
-    order, expected = np.argsort(found.azimuth), np.argsort(azimuth)
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id, found.dropped) == (
+        START * 10**9,
+        "sonar",
+        {},
+    )
+    order, expected = np.argsort(found.scan.azimuth), np.argsort(azimuth)
     fineness = 2e-3 if type_name.endswith("LaserScan") else 1e-6  # rays are 0.01 degrees apart
-    np.testing.assert_allclose(found.azimuth[order], azimuth[expected], atol=fineness)
-    np.testing.assert_allclose(np.sort(found.range), np.sort(range_), rtol=1e-6)
-    if found.time_offset is not None:
-        np.testing.assert_allclose(found.time_offset, found.range / 1480.0, rtol=1e-6)
+    np.testing.assert_allclose(found.scan.azimuth[order], azimuth[expected], atol=fineness)
+    np.testing.assert_allclose(np.sort(found.scan.range), np.sort(range_), rtol=1e-6)
+    if found.scan.time_offset is not None:
+        np.testing.assert_allclose(found.scan.time_offset, found.scan.range / 1480.0, rtol=1e-6)
 
 
 @pytest.mark.usefixtures("_installed")
@@ -100,12 +108,12 @@ def test_a_written_message_is_read_back(type_name):
 def test_without_times_an_echo_is_of_range_over_sound_speed_where_that_is_given(type_name):
     message, numbers = MAKERS[type_name](header_at(START), echoes_of(0))
     unset, found = read_detections(message), read_detections(message, sound_speed=1450.0)
-    np.testing.assert_array_equal(found.range, unset.range)
+    np.testing.assert_array_equal(found.scan.range, unset.scan.range)
     given = "time_offset" in numbers
-    height = 0.0 if found.height is None else found.height
-    expected = numbers["time_offset"] if given else np.hypot(found.range, height) / 1450.0
-    np.testing.assert_allclose(found.time_offset, expected, rtol=1e-6, atol=1e-9)
-    assert (unset.time_offset is None) == (not given)
+    height = 0.0 if found.sensor_scan.height is None else found.sensor_scan.height
+    expected = numbers["time_offset"] if given else np.hypot(found.scan.range, height) / 1450.0
+    np.testing.assert_allclose(found.scan.time_offset, expected, rtol=1e-6, atol=1e-9)
+    assert (unset.scan.time_offset is None) == (not given)
     assert found.assumptions == ()
 
 
@@ -121,10 +129,8 @@ def test_features_are_written_where_the_type_has_a_place_for_them(type_name):
     message = write_detections(
         type_name,
         header_at(START),
-        range=np.array([100.0, 200.0]),
-        azimuth=np.array([0.5, -0.5]),
+        scan_of(np.array([100.0, 200.0]), np.array([0.5, -0.5]), features=features),
         sound_speed=1500.0,
-        features=features,
     )
     found = read_detections(message)
     assert len(found) == 2
@@ -134,9 +140,9 @@ def test_features_are_written_where_the_type_has_a_place_for_them(type_name):
     }.get(type_name.rpartition("/")[2], set())
     for name, values in features.items():
         if name in places:
-            np.testing.assert_allclose(found.features[name], values, rtol=1e-6)
+            np.testing.assert_allclose(found.scan.features[name], values, rtol=1e-6)
         else:
-            assert np.isnan(found.features.get(name, np.nan)).all()
+            assert np.isnan(found.scan.features.get(name, np.nan)).all()
 
 
 @pytest.mark.usefixtures("_installed")
@@ -144,7 +150,7 @@ def test_features_are_written_where_the_type_has_a_place_for_them(type_name):
 def test_a_written_message_may_have_no_detections(type_name):
     nothing = np.zeros(0)
     message = write_detections(
-        type_name, header_at(START), range=nothing, azimuth=nothing, sound_speed=1500.0
+        type_name, header_at(START), scan_of(nothing, nothing), sound_speed=1500.0
     )
     assert len(read_detections(message)) == 0
 
@@ -156,8 +162,7 @@ def test_sonar_messages_cannot_be_written_without_a_sound_speed(name):
         write_detections(
             f"marine_acoustic_msgs/msg/{name}",
             header_at(START),
-            range=np.ones(1),
-            azimuth=np.ones(1),
+            scan_of(np.ones(1), np.ones(1)),
             sound_speed=0.0,
         )
 
@@ -167,24 +172,22 @@ def test_travel_times_are_written_for_what_is_ahead_only():
     message = write_detections(
         "marine_acoustic_msgs/msg/SonarDetections",
         header_at(START),
-        range=np.array([100.0, 200.0, 300.0]),
-        azimuth=np.array([0.5, 3.0, -0.5 + 2 * math.pi]),
+        scan_of(np.array([100.0, 200.0, 300.0]), np.array([0.5, 3.0, -0.5 + 2 * math.pi])),
         sound_speed=1500.0,
     )
     found = read_detections(message)
-    np.testing.assert_allclose(found.azimuth, [0.5, -0.5], atol=1e-6)
+    np.testing.assert_allclose(found.scan.azimuth, [0.5, -0.5], atol=1e-6)
 
 
 def test_detections_on_one_ray_are_written_beside_each_other():
     message = write_detections(
         "sensor_msgs/msg/LaserScan",
         header_at(START),
-        range=np.array([100.0, 200.0, 300.0]),
-        azimuth=np.array([0.5, 0.5, math.pi]),
+        scan_of(np.array([100.0, 200.0, 300.0]), np.array([0.5, 0.5, math.pi])),
         sound_speed=0.0,
     )
     found = read_detections(message)
-    np.testing.assert_array_equal(np.sort(found.range), [100.0, 200.0, 300.0])
+    np.testing.assert_array_equal(np.sort(found.scan.range), [100.0, 200.0, 300.0])
 
 
 @pytest.mark.parametrize("type_name", [name for name in MAKERS if "sensor_msgs" not in name])
@@ -196,9 +199,7 @@ def test_a_package_that_is_not_installed_is_named(type_name, monkeypatch):
     assert error.value.reason == "package_not_installed"
     nothing = np.zeros(0)
     with pytest.raises(MessageError, match=package):
-        write_detections(
-            type_name, header_at(START), range=nothing, azimuth=nothing, sound_speed=1500.0
-        )
+        write_detections(type_name, header_at(START), scan_of(nothing, nothing), sound_speed=1500.0)
 
 
 def test_a_type_that_has_changed_is_refused_by_the_name_of_its_field():
@@ -262,7 +263,7 @@ def test_nothing_that_arrives_is_worse_than_refused(type_name):
         except MessageError as error:
             outcomes.add(error.reason)
             continue
-        sensor_scan(found)  # is a scan that the core takes
+        dataclasses.replace(found.scan)  # passes all the checks of the constructor
         outcomes |= found.dropped.keys()
         outcomes |= {"good"} if len(found) else set()
     assert len(outcomes) > 3, outcomes

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from msg_adapters import (
-    OwnShipSample,
     make_header,
     odometry_message,
     read_detections,
@@ -23,6 +22,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.bag_files import Entry, write_bag
 from support.driver_messages import MAKERS, echoes_of
 
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.replay.bag import Bag
 
 DEFINITIONS = {
@@ -99,6 +99,20 @@ def through_a_bag(store: Any, tmp_path: Any, message: Any) -> Any:
         return bag.read(found)
 
 
+def assert_same(one: Any, other: Any) -> None:
+    """Whether two values are equal to the bit, field by field."""
+    assert type(one) is type(other)
+    if dataclasses.is_dataclass(one):
+        for field in dataclasses.fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name))
+    elif isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for name in one:
+            assert_same(one[name], other[name])
+    else:
+        np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize("echoes", [12, 0])
 @pytest.mark.parametrize("name", supported_types())
 def test_a_bags_message_is_read_like_the_one_of_ros(store, tmp_path, name, echoes):
@@ -106,21 +120,13 @@ def test_a_bags_message_is_read_like_the_one_of_ros(store, tmp_path, name, echoe
     expected = read_detections(message)
     found = read_detections(through_a_bag(store, tmp_path, message))
     assert len(expected) > 5 or echoes == 0
-    for field in dataclasses.fields(expected):
-        one, other = getattr(expected, field.name), getattr(found, field.name)
-        if isinstance(one, dict):
-            assert one.keys() == other.keys()
-            one, other = list(one.values()), list(other.values())
-        np.testing.assert_array_equal(one, other, err_msg=field.name)
+    assert_same(expected, found)
 
 
 def test_a_bags_odometry_is_read_like_the_one_of_ros(store, tmp_path):
     covariance = np.diag([4.0, 9.0, 0.01])
-    sample = OwnShipSample(
-        7, "odom", "sonar", 1.5, -2.5, 0.7, 0.1, -0.2, 3.0, 4.0, 0.05, covariance
-    )
+    rates = (3.0, 4.0, 0.05)
+    sample = PoseSample(7.0, 1.5, -2.5, 0.7, covariance, rates, 0.1, -0.2, "odom", "sonar")
     message = odometry_message(sample)
     expected, found = read_own_ship(message), read_own_ship(through_a_bag(store, tmp_path, message))
-    for field in dataclasses.fields(expected):
-        one, other = getattr(expected, field.name), getattr(found, field.name)
-        np.testing.assert_array_equal(one, other, err_msg=field.name)
+    assert_same(expected, found)

@@ -12,13 +12,20 @@ import pytest
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters import MessageError, detections, message_class, read_detections, supported_types
+from msg_adapters import (
+    MessageError,
+    detection_types,
+    message_class,
+    read_detections,
+    supported_types,
+)
+from msg_adapters.ping import good_detections
 from msg_adapters.stamps import time_to_ns
 
 
 @pytest.fixture
 def _other_registry(monkeypatch):
-    monkeypatch.setattr(detections, "_adapters", dict(detections._adapters))
+    monkeypatch.setattr(detection_types, "_adapters", dict(detection_types._adapters))
 
 
 def test_point_cloud_is_supported_and_its_class_found():
@@ -50,7 +57,7 @@ def test_the_class_of_an_unknown_type_is_refused_with_the_known_ones(name):
 )
 @pytest.mark.usefixtures("_other_registry")
 def test_a_type_whose_package_is_not_installed_is_named(name):
-    detections.register(name)(lambda message, options: None)
+    detection_types.register(name)(lambda message, options: None)
     with pytest.raises(MessageError, match=f"'{name}' needs the package") as error:
         message_class(name)
     assert error.value.reason == "package_not_installed"
@@ -58,12 +65,13 @@ def test_a_type_whose_package_is_not_installed_is_named(name):
 
 @pytest.mark.usefixtures("_other_registry")
 def test_a_later_adapter_needs_one_registration_and_no_installed_package():
-    @detections.register("sonar_msgs/msg/Ping")
+    @detection_types.register("sonar_msgs/msg/Ping")
     def read_ping(ping, options):
         angle = np.array(ping.bearings) * (-1.0 if options.bearing_reference == "bow" else 1.0)
-        return detections.good_detections(
+        return good_detections(
             time_to_ns(ping.header.stamp),
             ping.header.frame_id,
+            options,
             range=np.array(ping.ranges),
             azimuth=angle,
         )
@@ -75,10 +83,12 @@ def test_a_later_adapter_needs_one_registration_and_no_installed_package():
     ping = Ping(header=header, ranges=[10.0, -1.0, 30.0], bearings=[1.0, 2.0, 3.0])
     assert "sonar_msgs/msg/Ping" in supported_types()
     found = read_detections(ping)
-    assert (found.stamp_ns, found.frame_id) == (3_000_000_005, "sonar")
-    np.testing.assert_array_equal(found.azimuth, [-1.0, -3.0])
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id) == (3_000_000_005, "sonar")
+    np.testing.assert_array_equal(found.scan.azimuth, [-1.0, -3.0])
     np.testing.assert_array_equal(found.index, [0, 2])
-    np.testing.assert_array_equal(read_detections(ping, bearing_reference="north").azimuth, [1, 3])
+    np.testing.assert_array_equal(
+        read_detections(ping, bearing_reference="north").scan.azimuth, [1, 3]
+    )
 
 
 def test_an_error_survives_pickling():

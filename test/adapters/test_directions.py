@@ -17,7 +17,7 @@ from support.driver_messages import MAKERS, Echo
 from support.foreign_messages import PingInfo, SonarDetections
 from support.raw_cloud import raw_cloud
 
-from msg_adapters import make_header, pose_sample, read_detections, read_own_ship, sensor_scan
+from msg_adapters import make_header, read_detections, read_own_ship
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
@@ -54,9 +54,8 @@ def place(message, attitude: Rotation, *, reference="bow", mounting=None) -> np.
     )
     session = Session(settings)
     for seconds in (-1.0, 20.0):
-        sample = read_own_ship(odometry(seconds, attitude))
-        session.add_own_ship(pose_sample(sample), sample.frame_id, sample.child_frame_id)
-    session.add_scan(sensor_scan(read_detections(message, bearing_reference=reference)), 0.0)
+        session.add_own_ship(read_own_ship(odometry(seconds, attitude)))
+    session.add_scan(read_detections(message, bearing_reference=reference).sensor_scan, 0.0)
     (result,) = session.process()
     assert session.dropped == {}
     scan = result.scan

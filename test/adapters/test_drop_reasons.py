@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters.detections import good_detections
+from msg_adapters.ping import good_detections
+from msg_adapters.reading_options import ReadingOptions
 from tsepm_ros.session.drop_reasons import DROP_REASONS, as_markdown, reason_of
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [
     path for package in ("tsepm_ros", "msg_adapters") for path in ROOT.glob(f"{package}/**/*.py")
 ]
-NOT_COUNTED = {"not_finite", "zero_quaternion", "undefined_heading", "bad_covariance", "bad_id"}
+NOT_COUNTED = {"not_finite", "zero_quaternion", "undefined_heading", "bad_id"}
 """Of odometry and of what is tracked: counted as own_ship_invalid and as tracked_bad_id."""
 
 
@@ -50,7 +51,7 @@ def faults_of_numbers() -> set[str]:
     names = ("range", "azimuth", "range_std", "azimuth_std", "time_offset", "transmit_offset")
     for name in names:
         values = {"range": np.ones(n), "azimuth": np.zeros(n), name: bad}
-        found |= set(good_detections(0, "sonar", **values).dropped)
+        found |= set(good_detections(0, "sonar", ReadingOptions(), **values).dropped)
     return found
 
 

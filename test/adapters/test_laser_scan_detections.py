@@ -25,30 +25,33 @@ def fan(ranges, **more):
 
 def test_rays_are_counted_from_angle_min_counter_clockwise(over_the_wire):
     found = read_detections(over_the_wire(fan([20.0, 30.0, 40.0])))
-    assert (found.stamp_ns, found.frame_id) == (1_700_000_000_123_456_789, "sonar")
-    np.testing.assert_array_equal(found.range, [20.0, 30.0, 40.0])
-    np.testing.assert_array_equal(found.azimuth, [-1.0, -0.5, 0.0])
-    assert found.time_offset is found.transmit_offset is None
-    assert (found.features, found.dropped, found.axes) == ({}, {}, "body")
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id) == (
+        1_700_000_000_123_456_789,
+        "sonar",
+    )
+    np.testing.assert_array_equal(found.scan.range, [20.0, 30.0, 40.0])
+    np.testing.assert_array_equal(found.scan.azimuth, [-1.0, -0.5, 0.0])
+    assert found.scan.time_offset is found.sensor_scan.transmit_offset is None
+    assert (found.scan.features, found.dropped, found.sensor_scan.axes) == ({}, {}, "body")
 
 
 def test_a_fan_may_turn_clockwise():
     found = read_detections(fan([20.0, 30.0], angle_increment=-0.25))
-    np.testing.assert_array_equal(found.azimuth, [-1.0, -1.25])
+    np.testing.assert_array_equal(found.scan.azimuth, [-1.0, -1.25])
 
 
 def test_the_angle_does_not_drift_along_the_rays():
     scan = fan(np.full(3600, 50.0, np.float32), angle_min=-math.pi, angle_increment=math.pi / 1800)
     found = read_detections(scan)
-    assert found.azimuth[-1] == scan.angle_min + 3599 * scan.angle_increment
+    assert found.scan.azimuth[-1] == scan.angle_min + 3599 * scan.angle_increment
 
 
 @pytest.mark.parametrize("nothing", [INF, 0.0, -0.0], ids=["rep_117", "older", "signed"])
 def test_a_ray_on_which_nothing_is_detected_is_no_drop(nothing):
     found = read_detections(fan([nothing, 20.0, nothing]), sound_speed=1500.0)
     assert found.dropped == {}
-    np.testing.assert_array_equal(found.range, [20.0])
-    np.testing.assert_array_equal(found.azimuth, [-0.5])
+    np.testing.assert_array_equal(found.scan.range, [20.0])
+    np.testing.assert_array_equal(found.scan.azimuth, [-0.5])
     np.testing.assert_array_equal(found.index, [1])
 
 
@@ -66,8 +69,8 @@ def test_a_ray_on_which_nothing_is_detected_is_no_drop(nothing):
 def test_a_bad_ray_is_dropped_and_counted_and_the_rest_kept(value, reason):
     found = read_detections(fan([20.0, value, 40.0, INF], intensities=[1.0, 2.0, 3.0, 4.0]))
     assert found.dropped == {reason: 1}
-    np.testing.assert_array_equal(found.range, [20.0, 40.0])
-    np.testing.assert_array_equal(found.features["intensity"], [1.0, 3.0])
+    np.testing.assert_array_equal(found.scan.range, [20.0, 40.0])
+    np.testing.assert_array_equal(found.scan.features["intensity"], [1.0, 3.0])
     np.testing.assert_array_equal(found.index, [0, 2])
 
 
@@ -77,8 +80,8 @@ def test_the_limits_themselves_are_good():
 
 def test_every_ray_has_its_own_time():
     found = read_detections(fan([20.0, INF, 40.0], time_increment=0.125))
-    np.testing.assert_array_equal(found.time_offset, [0.0, 0.25])
-    np.testing.assert_array_equal(found.transmit_offset, found.time_offset)
+    np.testing.assert_array_equal(found.scan.time_offset, [0.0, 0.25])
+    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, found.scan.time_offset)
 
 
 def test_an_echo_is_of_its_ray_s_time_and_its_travel():
@@ -86,14 +89,14 @@ def test_an_echo_is_of_its_ray_s_time_and_its_travel():
     found = read_detections(
         fan([1500.0, INF, 3000.0], range_max=9e3, time_increment=0.125), sound_speed=1500.0
     )
-    np.testing.assert_array_equal(found.transmit_offset, [0.0, 0.25])
-    np.testing.assert_array_equal(found.time_offset, [1.0, 2.25])
+    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [0.0, 0.25])
+    np.testing.assert_array_equal(found.scan.time_offset, [1.0, 2.25])
 
 
 def test_echoes_of_one_ping_are_of_their_travel():
     found = read_detections(fan([1500.0, 3000.0], range_max=9e3), sound_speed=1500.0)
-    assert found.transmit_offset is None
-    np.testing.assert_array_equal(found.time_offset, [1.0, 2.0])
+    assert found.sensor_scan.transmit_offset is None
+    np.testing.assert_array_equal(found.scan.time_offset, [1.0, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -113,7 +116,7 @@ def test_echoes_without_a_travel_time_are_said(time_increment, sound_speed, said
 def test_intensities_of_another_number_are_not_used_and_said():
     found = read_detections(fan([20.0, 30.0, 40.0], intensities=[1.0, 2.0]))
     assert len(found) == 3
-    assert found.features == {}
+    assert found.scan.features == {}
     said = "intensities are not as many as detections: they are not used"
     assert found.assumptions == (said, NO_TIMES)
 

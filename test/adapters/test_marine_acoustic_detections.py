@@ -42,16 +42,20 @@ def flags(*values):
 
 def test_starboard_is_positive_in_the_message_and_negative_here():
     found = read_detections(travel_times([2.0, 2.0, 4.0], [0.5, -0.5, 0.0]))
-    assert (found.stamp_ns, found.frame_id, found.axes) == (STAMP, "sonar", "sonar")
-    np.testing.assert_allclose(found.range, [1500.0, 1500.0, 3000.0])
-    np.testing.assert_allclose(found.azimuth, [-0.5, 0.5, 0.0], atol=1e-15)
-    assert (found.features, found.dropped, found.assumptions) == ({}, {}, ())
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id, found.sensor_scan.axes) == (
+        STAMP,
+        "sonar",
+        "sonar",
+    )
+    np.testing.assert_allclose(found.scan.range, [1500.0, 1500.0, 3000.0])
+    np.testing.assert_allclose(found.scan.azimuth, [-0.5, 0.5, 0.0], atol=1e-15)
+    assert (found.scan.features, found.dropped, found.assumptions) == ({}, {}, ())
 
 
 def test_echoes_are_valid_half_of_the_travel_time_after_their_transmit():
     found = read_detections(travel_times([2.0, 4.0], [0.0, 0.0], tx_delays=[0.25, 0.5]))
-    np.testing.assert_array_equal(found.time_offset, [1.25, 2.5])
-    np.testing.assert_array_equal(found.transmit_offset, [0.25, 0.5])
+    np.testing.assert_array_equal(found.scan.time_offset, [1.25, 2.5])
+    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [0.25, 0.5])
 
 
 @pytest.mark.parametrize("elevation", [0.0, 0.3, -0.7])
@@ -70,37 +74,39 @@ def test_the_horizontal_place_is_found_of_any_direction(azimuth, elevation):
         ranges([1500.0], [(3 * x, 3 * y, 3 * z)]),
     ):
         found = read_detections(message)
-        assert found.range[0] == pytest.approx(1500.0 * math.cos(elevation), rel=3 * ROUNDED)
-        assert found.azimuth[0] == pytest.approx(azimuth, abs=10 * ROUNDED)
-        assert found.height[0] == pytest.approx(1500.0 * math.sin(elevation), rel=10 * ROUNDED)
+        assert found.scan.range[0] == pytest.approx(1500.0 * math.cos(elevation), rel=3 * ROUNDED)
+        assert found.scan.azimuth[0] == pytest.approx(azimuth, abs=10 * ROUNDED)
+        assert found.sensor_scan.height[0] == pytest.approx(
+            1500.0 * math.sin(elevation), rel=10 * ROUNDED
+        )
 
 
 def test_a_beam_may_look_abaft():
     found = read_detections(ranges([100.0, 100.0], [(0, 0, -1), (0, 1, 0)]))
-    np.testing.assert_allclose(np.abs(found.azimuth), [math.pi, math.pi / 2])
-    assert found.azimuth[1] < 0
+    np.testing.assert_allclose(np.abs(found.scan.azimuth), [math.pi, math.pi / 2])
+    assert found.scan.azimuth[1] < 0
 
 
 def test_times_follow_from_ranges_and_the_sound_speed():
     message = ranges([1500.0, 3000.0], [(0, 0, 1)], transmit_delays=[0.5, 0.25])
     found = read_detections(message)
-    np.testing.assert_array_equal(found.time_offset, [1.5, 2.25])
-    np.testing.assert_array_equal(found.transmit_offset, [0.5, 0.25])
+    np.testing.assert_array_equal(found.scan.time_offset, [1.5, 2.25])
+    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [0.5, 0.25])
 
 
 @pytest.mark.parametrize("unknown", [0.0, -1500.0, NAN, INF, 1e-38])
 def test_an_unknown_sound_speed_is_the_parameter_s_and_said(unknown):
     info = PingInfo(sound_speed=unknown)
     found = read_detections(travel_times([2.0], [0.0], ping_info=info), sound_speed=1450.0)
-    assert found.range[0] == 1450.0
+    assert found.scan.range[0] == 1450.0
     [sentence] = found.assumptions
     assert "SonarDetections does not give the sound speed" in sentence
     assert "1450 m/s" in sentence
     found = read_detections(ranges([2900.0], [(0, 0, 1)], ping_info=info), sound_speed=1450.0)
-    assert (found.range[0], found.time_offset[0]) == (2900.0, 2.0)
+    assert (found.scan.range[0], found.scan.time_offset[0]) == (2900.0, 2.0)
     assert len(found.assumptions) == 1
     found = read_detections(travel_times([2.0], [0.0], ping_info=info))
-    assert found.range[0] == 1500.0
+    assert found.scan.range[0] == 1500.0
     assert "1500 m/s; sound_speed is not set" in found.assumptions[0]
 
 
@@ -115,11 +121,11 @@ def test_one_value_holds_for_every_beam():
             flags=flags(0),
         )
     )
-    np.testing.assert_array_equal(found.azimuth, [-0.5, -0.5])
-    np.testing.assert_array_equal(found.transmit_offset, [0.25, 0.25])
-    np.testing.assert_array_equal(found.features["intensity"], [7.0, 7.0])
+    np.testing.assert_array_equal(found.scan.azimuth, [-0.5, -0.5])
+    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [0.25, 0.25])
+    np.testing.assert_array_equal(found.scan.features["intensity"], [7.0, 7.0])
     found = read_detections(ranges([100.0], [(0, 0, 1), (0, 1, 0)]))
-    np.testing.assert_array_equal(found.range, [100.0, 100.0])
+    np.testing.assert_array_equal(found.scan.range, [100.0, 100.0])
 
 
 @pytest.mark.parametrize("bad", [1, 2, 4, 7])
@@ -128,8 +134,8 @@ def test_flagged_beams_are_dropped(bad):
         travel_times([2.0, 4.0], [0.0, 0.0], flags=flags(0, bad), intensities=[1.0, 2.0])
     )
     assert found.dropped == {"flagged_bad": 1}
-    np.testing.assert_array_equal(found.range, [1500.0])
-    np.testing.assert_array_equal(found.features["intensity"], [1.0])
+    np.testing.assert_array_equal(found.scan.range, [1500.0])
+    np.testing.assert_array_equal(found.scan.features["intensity"], [1.0])
     assert read_detections(ranges([1.0, 2.0], [(0, 0, 1)], flags=flags(bad))).dropped == {
         "flagged_bad": 2
     }
@@ -165,13 +171,13 @@ def test_a_bad_travel_time_is_dropped_and_the_rest_kept(values, reason):
         )
     )
     assert found.dropped == {reason: 1}
-    np.testing.assert_array_equal(found.range, [1500.0, 3000.0])
+    np.testing.assert_array_equal(found.scan.range, [1500.0, 3000.0])
     np.testing.assert_array_equal(found.index, [0, 2])
 
 
 @pytest.mark.parametrize("angle", [math.pi / 2, -math.pi / 2])
 def test_abeam_is_a_direction(angle):
-    assert read_detections(travel_times([2.0], [angle])).azimuth[0] == pytest.approx(
+    assert read_detections(travel_times([2.0], [angle])).scan.azimuth[0] == pytest.approx(
         -angle, abs=1e-6
     )
 
@@ -190,7 +196,7 @@ def test_abeam_is_a_direction(angle):
 def test_a_bad_vector_is_dropped_and_the_rest_kept(vector, reason):
     found = read_detections(ranges([100.0, 200.0, 300.0], [(0, 0, 1), vector, (0, 0, 1e200)]))
     assert found.dropped == {reason: 1}
-    np.testing.assert_array_equal(found.range, [100.0, 300.0])
+    np.testing.assert_array_equal(found.scan.range, [100.0, 300.0])
 
 
 @pytest.mark.parametrize(
@@ -214,7 +220,7 @@ def test_arrays_that_do_not_fit_drop_the_message_by_name(message, reason, name):
 
 def test_intensities_that_do_not_fit_lose_no_detection():
     found = read_detections(travel_times([2.0, 2.0, 2.0], [0.0], intensities=[1.0, 2.0]))
-    assert (len(found), found.features) == (3, {})
+    assert (len(found), found.scan.features) == (3, {})
     assert "intensities" in found.assumptions[0]
 
 

@@ -9,14 +9,9 @@ import pytest
 from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 
-from msg_adapters import (
-    MessageError,
-    OwnShipSample,
-    odometry_message,
-    pose_sample,
-    read_own_ship,
-)
+from msg_adapters import MessageError, odometry_message, read_own_ship
 from tsepm_ros.own_ship.pose_history import PoseHistory
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.session import MAX_YAW_VARIANCE
 
@@ -39,7 +34,7 @@ def _message(rotation=None, *, linear=(0.0, 0.0, 0.0), angular=(0.0, 0.0, 0.0)):
 
 def test_stamp_frames_and_position_are_read():
     sample = read_own_ship(_message())
-    assert sample.stamp_ns == 1_700_000_000_123_456_789
+    assert sample.stamp == 1_700_000_000.123_456_789
     assert (sample.frame_id, sample.child_frame_id) == ("odom", "base_link")
     assert (sample.x, sample.y) == (100.5, -200.25)
 
@@ -57,10 +52,10 @@ def test_twist_is_turned_into_the_fixed_frame(heading, ahead, port):
     rotation = Rotation.from_euler("z", heading, degrees=True)
     sample = read_own_ship(_message(rotation, linear=(5.0, 0.5, 0.0), angular=(0.0, 0.0, 0.125)))
     expected = 5.0 * np.array(ahead) + 0.5 * np.array(port)
-    np.testing.assert_allclose([sample.vx, sample.vy], expected, atol=1e-14)
+    np.testing.assert_allclose(sample.rates[:2], expected, atol=1e-14)
     turned = math.remainder(sample.yaw - math.radians(heading), 2 * math.pi)
     assert turned == pytest.approx(0.0, abs=1e-14)
-    assert sample.yaw_rate == pytest.approx(0.125)
+    assert sample.rates[2] == pytest.approx(0.125)
 
 
 def test_roll_and_pitch_are_read_and_used_on_the_twist():
@@ -69,7 +64,7 @@ def test_roll_and_pitch_are_read_and_used_on_the_twist():
     linear = (5.0, 1.0, -2.0)
     sample = read_own_ship(_message(rotation, linear=linear))
     assert (sample.yaw, sample.pitch, sample.roll) == pytest.approx((yaw, pitch, roll), rel=1e-14)
-    np.testing.assert_allclose([sample.vx, sample.vy], rotation.apply(linear)[:2], rtol=1e-14)
+    np.testing.assert_allclose(sample.rates[:2], rotation.apply(linear)[:2], rtol=1e-14)
 
 
 TURN = math.radians(3.0)
@@ -85,7 +80,7 @@ def _carried(linear, angular, *, turn=TURN, speed=SPEED):
             round((100.0 + time) * 1e9), 10**9
         )
         message.pose.pose.position.x = speed * time
-        history.add(pose_sample(read_own_ship(message)))
+        history.add(read_own_ship(message))
     x, _, yaw = history.poses(np.array([100.5]))[0]
     return x, yaw
 
@@ -108,7 +103,7 @@ def test_yaw_rate_is_the_derivative_of_the_yaw():
         read_own_ship(_message(rotation * Rotation.from_rotvec(angular * time))).yaw
         for time in (-step, step)
     ]
-    rate = read_own_ship(_message(rotation, angular=angular)).yaw_rate
+    rate = read_own_ship(_message(rotation, angular=angular)).rates[2]
     assert rate == pytest.approx((yaw[1] - yaw[0]) / (2 * step), rel=1e-6)
 
 
@@ -121,7 +116,7 @@ def test_a_quaternion_need_not_be_of_unit_length(length, sign):
         setattr(message.pose.pose.orientation, name, sign * length * value)
     sample = read_own_ship(message)
     assert sample.yaw == pytest.approx(0.75)
-    assert math.hypot(sample.vx, sample.vy) == pytest.approx(4.0)
+    assert math.hypot(*sample.rates[:2]) == pytest.approx(4.0)
 
 
 def _set(message, path, value):
@@ -179,34 +174,38 @@ def _with_covariance(block):
 
 def test_covariance_is_that_of_x_y_and_yaw():
     sample = read_own_ship(_with_covariance(POSE_COVARIANCE))
-    np.testing.assert_array_equal(sample.pose_covariance, POSE_COVARIANCE)
+    np.testing.assert_array_equal(sample.covariance, POSE_COVARIANCE)
 
 
 def test_a_covariance_of_zeros_is_not_known():
-    assert read_own_ship(_message()).pose_covariance is None
+    assert read_own_ship(_message()).covariance is None
 
 
 def test_a_covariance_that_rounding_left_uneven_is_made_symmetric():
     uneven = POSE_COVARIANCE.copy()
     uneven[0, 1] += 1e-3
-    found = read_own_ship(_with_covariance(uneven)).pose_covariance
+    found = read_own_ship(_with_covariance(uneven)).covariance
     np.testing.assert_array_equal(found, found.T)
     assert found[0, 1] == pytest.approx(0.5005)
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_covariance_that_is_not_finite_is_refused(value):
+    with pytest.raises(MessageError, match=r"pose\.covariance of x, y and yaw") as error:
+        read_own_ship(_with_covariance(np.diag([1.0, value, 1.0])))
+    assert error.value.reason == "not_finite"
+
+
 @pytest.mark.parametrize(
-    ("block", "reason"),
+    "block",
     [
-        pytest.param(np.diag([1.0, math.nan, 1.0]), "not_finite", id="nan"),
-        pytest.param(np.diag([1.0, 1.0, math.inf]), "not_finite", id="infinite"),
-        pytest.param(np.diag([1.0, -1.0, 1.0]), "bad_covariance", id="negative"),
-        pytest.param([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "bad_covariance", id="correlation-above-1"),
+        pytest.param(np.diag([1.0, -1.0, 1.0]), id="negative"),
+        pytest.param([[1, 2, 0], [2, 1, 0], [0, 0, 1]], id="correlation-above-1"),
     ],
 )
-def test_an_impossible_covariance_is_refused(block, reason):
-    with pytest.raises(MessageError, match=r"pose\.covariance of x, y and yaw") as error:
-        read_own_ship(_with_covariance(block))
-    assert error.value.reason == reason
+def test_an_impossible_covariance_cannot_place_a_scan(block):
+    with pytest.raises(ValueError, match="covariance must be symmetric and positive semi-definite"):
+        read_own_ship(_with_covariance(block)).check()
 
 
 HUGE = [1e13, 1e152, 1e300, np.finfo(float).max]
@@ -216,13 +215,13 @@ HUGE = [1e13, 1e152, 1e300, np.finfo(float).max]
 def test_a_huge_variance_is_read_as_no_position_and_leaves_the_rest(huge):
     block = np.diag([4.0, huge, 0.25])
     block[0, 1] = block[1, 0] = math.sqrt(huge)
-    found = read_own_ship(_with_covariance(block)).pose_covariance
+    found = read_own_ship(_with_covariance(block)).covariance
     np.testing.assert_allclose(found, [[4.0, 1e6, 0.0], [1e6, 1e12, 0.0], [0.0, 0.0, 0.25]])
 
 
 @pytest.mark.parametrize("huge", HUGE)
 def test_a_huge_variance_of_the_yaw_is_no_heading(huge):
-    found = read_own_ship(_with_covariance(np.diag([4.0, 9.0, huge]))).pose_covariance
+    found = read_own_ship(_with_covariance(np.diag([4.0, 9.0, huge]))).covariance
     np.testing.assert_allclose(found, np.diag([4.0, 9.0, 1e12]))
     assert found[2, 2] > MAX_YAW_VARIANCE
 
@@ -230,22 +229,20 @@ def test_a_huge_variance_of_the_yaw_is_no_heading(huge):
 @pytest.mark.parametrize("huge", HUGE)
 def test_a_covariance_that_is_huge_all_over_can_place_a_scan(huge):
     sample = read_own_ship(_with_covariance(huge * np.ones((3, 3))))
-    pose_sample(sample).check()
-    Scan(0.0, [1000.0], [0.5], sensor_pose_covariance=sample.pose_covariance)
+    sample.check()
+    Scan(0.0, [1000.0], [0.5], sensor_pose_covariance=sample.covariance)
 
 
 def test_a_heading_that_is_not_known_hides_no_impossible_position():
     block = np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1e308]])
-    with pytest.raises(MessageError) as error:
-        read_own_ship(_with_covariance(block))
-    assert error.value.reason == "bad_covariance"
+    with pytest.raises(ValueError, match="covariance"):
+        read_own_ship(_with_covariance(block)).check()
 
 
 def test_a_huge_covariance_of_small_variances_is_refused():
     block = np.array([[1.0, 1.7e308, 0.0], [1.7e308, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    with pytest.raises(MessageError) as error:
-        read_own_ship(_with_covariance(block))
-    assert error.value.reason == "bad_covariance"
+    with pytest.raises(ValueError, match="covariance"):
+        read_own_ship(_with_covariance(block)).check()
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.5, 3.0, -2.5])
@@ -253,44 +250,43 @@ def test_a_huge_covariance_of_small_variances_is_refused():
     "covariance", [None, POSE_COVARIANCE], ids=["covariance-unknown", "covariance"]
 )
 def test_a_written_sample_is_read_back(over_the_wire, yaw, covariance):
-    sample = OwnShipSample(
-        stamp_ns=1_700_000_000_123_456_789,
-        frame_id="odom",
-        child_frame_id="base_link",
+    sample = PoseSample(
+        stamp=1_700_000_000.123_456_789,
         x=10.0,
         y=-20.0,
         yaw=yaw,
+        covariance=covariance,
+        rates=(3.0, -1.0, 0.03),
         roll=0.2,
         pitch=-0.1,
-        vx=3.0,
-        vy=-1.0,
-        yaw_rate=0.03,
-        pose_covariance=covariance,
+        frame_id="odom",
+        child_frame_id="base_link",
     )
     found = read_own_ship(over_the_wire(odometry_message(sample)))
-    for name in ("stamp_ns", "frame_id", "child_frame_id", "x", "y"):
+    for name in ("stamp", "frame_id", "child_frame_id", "x", "y"):
         assert getattr(found, name) == getattr(sample, name), name
-    for name in ("yaw", "roll", "pitch", "vx", "vy", "yaw_rate"):
+    for name in ("yaw", "roll", "pitch", "rates"):
         assert getattr(found, name) == pytest.approx(getattr(sample, name), rel=1e-12), name
     if covariance is None:
-        assert found.pose_covariance is None
+        assert found.covariance is None
     else:
-        np.testing.assert_array_equal(found.pose_covariance, covariance)
+        np.testing.assert_array_equal(found.covariance, covariance)
 
 
 def _sample(**values):
-    return OwnShipSample(0, "odom", "base_link", x=1.0, y=2.0, **{"yaw": math.pi / 2, **values})
+    frames = {"frame_id": "odom", "child_frame_id": "base_link"}
+    return PoseSample(0.0, 1.0, 2.0, **frames, **{"yaw": math.pi / 2, **values})
 
 
 def test_written_twist_is_in_the_child_frame():
-    message = odometry_message(_sample(vx=0.0, vy=5.0, yaw_rate=0.1))  # northward, heading north
+    message = odometry_message(_sample(rates=(0.0, 5.0, 0.1)))  # northward, heading north
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     assert (linear.x, linear.y, linear.z) == pytest.approx((5.0, 0.0, 0.0), abs=1e-14)
     assert (angular.x, angular.y, angular.z) == pytest.approx((0.0, 0.0, 0.1), abs=1e-14)
 
 
 def test_written_turn_changes_the_yaw_alone():
-    sample = _sample(roll=0.4, pitch=-0.3, yaw_rate=0.05)
+    sample = _sample(roll=0.4, pitch=-0.3, rates=(0.0, 0.0, 0.05))
     angular = odometry_message(sample).twist.twist.angular
     before, after = (
         Rotation.from_euler("ZYX", [sample.yaw + sign * 0.05 * 1e-4, -0.3, 0.4]) for sign in (-1, 1)
@@ -300,11 +296,20 @@ def test_written_turn_changes_the_yaw_alone():
 
 
 def test_written_covariance_is_large_where_a_sample_says_nothing():
-    message = odometry_message(_sample(pose_covariance=POSE_COVARIANCE))
+    message = odometry_message(_sample(covariance=POSE_COVARIANCE))
     covariance = np.reshape(message.pose.covariance, (6, 6))
     expected = np.diag([0.0, 0.0, 1e6, 1e6, 1e6, 0.0])
     expected[np.ix_([0, 1, 5], [0, 1, 5])] = POSE_COVARIANCE
     np.testing.assert_array_equal(covariance, expected)
+
+
+@pytest.mark.parametrize("rates", [None, (math.nan, math.nan, math.nan)])
+def test_rates_that_are_not_known_are_written_as_zeros_and_read_back_as_not_known(rates):
+    message = odometry_message(_sample(rates=rates))
+    twist = message.twist.twist
+    parts = [getattr(vector, name) for vector in (twist.linear, twist.angular) for name in "xyz"]
+    assert parts == [0.0] * 6
+    assert np.isnan(read_own_ship(message).rates).all()
 
 
 def test_a_covariance_that_is_not_known_is_written_as_zeros():
@@ -323,12 +328,12 @@ def test_a_covariance_that_is_not_known_is_written_as_zeros():
 def test_an_unknown_heading_has_a_large_variance_and_leaves_the_velocity_right(
     covariance, position
 ):
-    sample = _sample(yaw=0.7, vx=3.0, vy=-4.0, pose_covariance=covariance)
+    sample = _sample(yaw=0.7, rates=(3.0, -4.0, 0.0), covariance=covariance)
     found = read_own_ship(odometry_message(sample, heading_known=False))
     expected = np.diag([0.0, 0.0, 1e6])
     expected[:2, :2] = position
-    np.testing.assert_array_equal(found.pose_covariance, expected)
-    assert (found.vx, found.vy) == pytest.approx((3.0, -4.0))
+    np.testing.assert_array_equal(found.covariance, expected)
+    assert found.rates[:2] == pytest.approx((3.0, -4.0))
     assert found.yaw == pytest.approx(0.7)
     if covariance is not None:
         assert covariance[2, 2] == 0.001  # the caller's array is left alone

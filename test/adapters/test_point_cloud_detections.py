@@ -9,7 +9,7 @@ import pytest
 from support.raw_cloud import raw_cloud
 
 from msg_adapters import MessageError, detections_cloud, make_header, read_detections
-from tsepm_ros.sensing.scan import LARGEST
+from tsepm_ros.sensing.scan import LARGEST, wrap
 
 RANGE = [1000.5, 2500.25, 7071.0]
 ANGLE = [0.25, -2.5, 4.75]
@@ -33,11 +33,13 @@ def _rows(*columns):
 def test_range_and_azimuth_are_read_in_any_order_and_layout(code, layout):
     fields = [("label", "H"), ("azimuth", code), ("z", "f"), ("range", code)]
     found = read_detections(raw_cloud(fields, _rows([1, 2, 3], ANGLE, [9.0] * 3, RANGE), **layout))
-    np.testing.assert_array_equal(found.range, RANGE)
-    np.testing.assert_array_equal(found.azimuth, ANGLE)  # every value is exact in float32
+    np.testing.assert_array_equal(found.scan.range, RANGE)
+    np.testing.assert_array_equal(
+        found.scan.azimuth, wrap(ANGLE)
+    )  # every value is exact in float32
     np.testing.assert_array_equal(found.index, [0, 1, 2])
-    assert found.range.dtype == found.azimuth.dtype == np.float64
-    assert not found.north_referenced
+    assert found.scan.range.dtype == found.scan.azimuth.dtype == np.float64
+    assert not found.sensor_scan.north_referenced
     assert found.dropped == {}
     assert len(found) == 3
 
@@ -45,8 +47,8 @@ def test_range_and_azimuth_are_read_in_any_order_and_layout(code, layout):
 def test_stamp_keeps_its_nanoseconds_and_the_frame_its_name():
     cloud = raw_cloud([("range", "f"), ("azimuth", "f")], [], frame_id="sonar_head")
     found = read_detections(cloud)
-    assert found.stamp_ns == 1_700_000_000_123_456_789
-    assert found.frame_id == "sonar_head"
+    assert found.sensor_scan.stamp_ns == 1_700_000_000_123_456_789
+    assert found.sensor_scan.frame_id == "sonar_head"
 
 
 @pytest.mark.parametrize(
@@ -55,14 +57,14 @@ def test_stamp_keeps_its_nanoseconds_and_the_frame_its_name():
         pytest.param(0.0, 0.0, id="bow-ahead"),
         pytest.param(90.0, -90.0, id="starboard-right"),
         pytest.param(180.0, -180.0, id="stern-behind"),
-        pytest.param(270.0, -270.0, id="port-left"),
+        pytest.param(270.0, 90.0, id="port-left"),
     ],
 )
 def test_a_bearing_from_the_bow_is_clockwise(bearing, azimuth):
     cloud = raw_cloud([("range", "d"), ("bearing", "d")], [(5.0, bearing * DEGREE)])
     found = read_detections(cloud, bearing_reference="bow")
-    assert found.azimuth[0] == pytest.approx(azimuth * DEGREE, abs=1e-15)
-    assert not found.north_referenced
+    assert found.scan.azimuth[0] == pytest.approx(azimuth * DEGREE, abs=1e-15)
+    assert not found.sensor_scan.north_referenced
 
 
 @pytest.mark.parametrize(
@@ -77,9 +79,9 @@ def test_a_bearing_from_the_bow_is_clockwise(bearing, azimuth):
 def test_a_bearing_from_north_becomes_an_angle_from_east(bearing, east, north):
     cloud = raw_cloud([("range", "d"), ("bearing", "d")], [(5.0, bearing * DEGREE)])
     found = read_detections(cloud, bearing_reference="north")
-    direction = [math.cos(found.azimuth[0]), math.sin(found.azimuth[0])]
+    direction = [math.cos(found.scan.azimuth[0]), math.sin(found.scan.azimuth[0])]
     np.testing.assert_allclose(direction, [east, north], atol=1e-15)
-    assert found.north_referenced
+    assert found.sensor_scan.north_referenced
 
 
 @pytest.mark.parametrize("reference", ["bow", "north"])
@@ -88,8 +90,8 @@ def test_only_bearings_are_referenced_to_north(fields, reference):
     cloud = raw_cloud([(name, "d") for name in fields], [(3.0, 0.5)])
     first = read_detections(cloud)
     found = read_detections(cloud, bearing_reference=reference)
-    assert not found.north_referenced
-    assert found.azimuth[0] == first.azimuth[0]
+    assert not found.sensor_scan.north_referenced
+    assert found.scan.azimuth[0] == first.scan.azimuth[0]
 
 
 @pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
@@ -98,8 +100,10 @@ def test_x_and_y_become_range_and_azimuth(code):
     found = read_detections(
         raw_cloud(fields, [(3.0, 4.0, 50.0), (-5.0, 0.0, 0.0), (0.0, -2.0, 0.0)])
     )
-    np.testing.assert_allclose(found.range, [5.0, 5.0, 2.0], rtol=1e-15)
-    np.testing.assert_allclose(found.azimuth, [math.atan2(4, 3), math.pi, -math.pi / 2], rtol=1e-15)
+    np.testing.assert_allclose(found.scan.range, [5.0, 5.0, 2.0], rtol=1e-15)
+    np.testing.assert_allclose(
+        found.scan.azimuth, [math.atan2(4, 3), math.pi, -math.pi / 2], rtol=1e-15
+    )
 
 
 @pytest.mark.parametrize("z", [-50.0, 1e30, math.nan, math.inf])
@@ -107,17 +111,17 @@ def test_x_and_y_become_range_and_azimuth(code):
 def test_the_horizontal_place_does_not_depend_on_z(z):
     fields = [(name, "f") for name in ("x", "y", "z", "intensity")]
     found = read_detections(raw_cloud(fields, [(3.0, 4.0, z, 7.0)]))
-    assert (found.range[0], found.azimuth[0]) == (5.0, math.atan2(4.0, 3.0))
-    assert (found.features["intensity"][0], found.dropped) == (7.0, {})
-    assert found.height[0] == (z if abs(z) <= LARGEST["range"] else 0.0)
+    assert (found.scan.range[0], found.scan.azimuth[0]) == (5.0, math.atan2(4.0, 3.0))
+    assert (found.scan.features["intensity"][0], found.dropped) == (7.0, {})
+    assert found.sensor_scan.height[0] == (z if abs(z) <= LARGEST["range"] else 0.0)
 
 
 def test_z_is_the_height_beside_x_and_y_alone():
     rows = [[VALUES.get(name, 5.0) for name in ("x", "y", "z", "range", "azimuth")]]
     fields = [(name, "d") for name in ("x", "y", "z", "range", "azimuth")]
-    assert read_detections(raw_cloud(fields, rows)).height is None
-    assert read_detections(raw_cloud(fields[:3], [rows[0][:3]])).height[0] == 5.0
-    assert read_detections(raw_cloud(fields[:2], [rows[0][:2]])).height is None
+    assert read_detections(raw_cloud(fields, rows)).sensor_scan.height is None
+    assert read_detections(raw_cloud(fields[:3], [rows[0][:3]])).sensor_scan.height[0] == 5.0
+    assert read_detections(raw_cloud(fields[:2], [rows[0][:2]])).sensor_scan.height is None
 
 
 @pytest.mark.parametrize("angle", ["azimuth", "bearing"])
@@ -125,9 +129,9 @@ def test_z_is_the_height_beside_x_and_y_alone():
 def test_an_elevation_makes_the_range_slant(angle, elevation):
     fields = [("range", "d"), (angle, "d"), ("elevation", "d"), ("z", "d")]
     found = read_detections(raw_cloud(fields, [(1000.0, 0.25, elevation, 9.0)]))
-    assert found.range[0] == pytest.approx(1000.0 * math.cos(elevation), rel=1e-15)
-    assert found.height[0] == pytest.approx(1000.0 * math.sin(elevation), rel=1e-15)
-    assert abs(found.azimuth[0]) == 0.25
+    assert found.scan.range[0] == pytest.approx(1000.0 * math.cos(elevation), rel=1e-15)
+    assert found.sensor_scan.height[0] == pytest.approx(1000.0 * math.sin(elevation), rel=1e-15)
+    assert abs(found.scan.azimuth[0]) == 0.25
 
 
 @pytest.mark.filterwarnings("error")
@@ -144,13 +148,13 @@ def test_a_bad_elevation_drops_its_detection(elevation, reason):
     fields = [("range", "d"), ("azimuth", "d"), ("elevation", "d")]
     found = read_detections(raw_cloud(fields, [(9.0, 0.0, 0.0), (9.0, 0.0, elevation)]))
     assert found.dropped == {reason: 1}
-    assert (len(found), found.height.tolist()) == (1, [0.0])
+    assert (len(found), found.sensor_scan.height.tolist()) == (1, [0.0])
 
 
 def test_an_elevation_beside_x_and_y_is_not_used():
     fields = [("x", "d"), ("y", "d"), ("elevation", "d")]
     found = read_detections(raw_cloud(fields, [(3.0, 4.0, math.nan)]))
-    assert (found.range[0], found.height, found.dropped) == (5.0, None, {})
+    assert (found.scan.range[0], found.sensor_scan.height, found.dropped) == (5.0, None, {})
 
 
 VALUES = {"range": 100.0, "azimuth": 0.5, "bearing": 0.25, "x": 30.0, "y": 40.0}
@@ -169,8 +173,8 @@ def test_the_first_complete_form_of_a_position_is_used(names, range_, azimuth):
     names = names.split()
     cloud = raw_cloud([(name, "d") for name in names], [[VALUES[name] for name in names]])
     found = read_detections(cloud)
-    assert found.range[0] == pytest.approx(range_, rel=1e-15)
-    assert found.azimuth[0] == pytest.approx(azimuth, rel=1e-15)
+    assert found.scan.range[0] == pytest.approx(range_, rel=1e-15)
+    assert found.scan.azimuth[0] == pytest.approx(azimuth, rel=1e-15)
 
 
 @pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
@@ -180,8 +184,12 @@ def test_optional_fields_are_read_into_their_places(code):
     fields = [("range", code), ("azimuth", code), *((name, code) for name in names)]
     row = (9.0, 1.0, 0.5, 0.25, 0.125, 2.5, 8.0, 0.75, -3.5)
     found = read_detections(raw_cloud(fields, [row]))
-    assert (found.range_std, found.azimuth_std, found.time_offset) == (0.25, 0.125, 2.5)
-    assert {name: values[0] for name, values in found.features.items()} == {
+    assert (found.scan.range_std, found.scan.azimuth_std, found.scan.time_offset) == (
+        0.25,
+        0.125,
+        2.5,
+    )
+    assert {name: values[0] for name, values in found.scan.features.items()} == {
         "intensity": 0.5,
         "range_width": 8.0,
         "azimuth_width": 0.75,
@@ -191,15 +199,15 @@ def test_optional_fields_are_read_into_their_places(code):
 
 def test_optional_fields_that_are_not_there_are_none():
     found = read_detections(raw_cloud([("range", "d"), ("azimuth", "d")], [(1.0, 1.0)]))
-    assert found.range_std is found.azimuth_std is found.time_offset is None
-    assert found.features == {}
+    assert found.scan.range_std is found.scan.azimuth_std is found.scan.time_offset is None
+    assert found.scan.features == {}
 
 
 @pytest.mark.parametrize("code", ["B", "H"], ids=["uint8", "uint16"])
 def test_intensity_may_be_an_integer(code):
     fields = [("x", "f"), ("y", "f"), ("intensity", code)]
     found = read_detections(raw_cloud(fields, [(1.0, 1.0, 200)]))
-    np.testing.assert_array_equal(found.features["intensity"], [200.0])
+    np.testing.assert_array_equal(found.scan.features["intensity"], [200.0])
 
 
 NAN, INF = math.nan, math.inf
@@ -241,11 +249,16 @@ def test_a_bad_detection_is_dropped_and_counted_and_the_rest_kept(reason, name, 
     rows = [_with(range=100.0), _with(**{name: value}), _with(range=300.0)]
     found = read_detections(raw_cloud([(field, code) for field in FIELDS], rows))
     assert found.dropped == {reason: 1}
-    np.testing.assert_array_equal(found.range, [100.0, 300.0])
+    np.testing.assert_array_equal(found.scan.range, [100.0, 300.0])
     np.testing.assert_array_equal(found.index, [0, 2])
-    for array in (found.azimuth, found.range_std, found.azimuth_std, found.time_offset):
+    for array in (
+        found.scan.azimuth,
+        found.scan.range_std,
+        found.scan.azimuth_std,
+        found.scan.time_offset,
+    ):
         assert len(array) == 2
-    assert len(found.features["intensity"]) == 2
+    assert len(found.scan.features["intensity"]) == 2
 
 
 def test_a_detection_counts_once_under_its_first_reason():
@@ -276,13 +289,13 @@ def test_a_feature_that_is_not_finite_drops_nothing(name, value):
     cloud = raw_cloud([("range", "f"), ("azimuth", "f"), (name, "f")], [(1.0, 1.0, value)])
     found = read_detections(cloud)
     assert found.dropped == {}
-    np.testing.assert_array_equal(found.features[name], [value])
+    np.testing.assert_array_equal(found.scan.features[name], [value])
 
 
 @pytest.mark.parametrize("azimuth", [-math.pi, math.pi, 2 * math.pi, 7.5, -1e6, 1e300])
 def test_any_finite_azimuth_is_good(azimuth):
     found = read_detections(raw_cloud([("range", "d"), ("azimuth", "d")], [(1.0, azimuth)]))
-    assert found.azimuth[0] == azimuth
+    assert found.scan.azimuth[0] == wrap(azimuth)
 
 
 @pytest.mark.parametrize(
@@ -299,7 +312,7 @@ def test_any_finite_azimuth_is_good(azimuth):
 def test_a_bad_x_or_y_is_a_bad_range(x, y, reason):
     found = read_detections(raw_cloud([("x", "d"), ("y", "d")], [(x, y), (3.0, 4.0)]))
     assert found.dropped == {reason: 1}
-    np.testing.assert_array_equal(found.range, [5.0])
+    np.testing.assert_array_equal(found.scan.range, [5.0])
 
 
 @pytest.mark.parametrize("reference", ["bow", "north"])
@@ -314,7 +327,7 @@ def test_a_bad_bearing_is_a_bad_azimuth(value, reference):
 @pytest.mark.parametrize("names", ["range azimuth", "range bearing", "x y", ""])
 def test_an_empty_cloud_has_no_detections(names):
     found = read_detections(raw_cloud([(name, "f") for name in names.split()], []))
-    assert len(found) == len(found.azimuth) == len(found.index) == 0
+    assert len(found) == len(found.scan.azimuth) == len(found.index) == 0
     assert found.dropped == {}
 
 
@@ -361,8 +374,8 @@ def test_a_hundred_thousand_detections_are_all_read(header):
     distance[::1000] = np.nan
     found = read_detections(detections_cloud(header, range=distance, azimuth=azimuth))
     assert found.dropped == {"range_not_finite": 100}
-    np.testing.assert_array_equal(found.range, distance[np.isfinite(distance)])
-    np.testing.assert_array_equal(found.azimuth, azimuth[found.index])
+    np.testing.assert_array_equal(found.scan.range, distance[np.isfinite(distance)])
+    np.testing.assert_array_equal(found.scan.azimuth, azimuth[found.index])
 
 
 def test_built_cloud_gives_back_every_bit(header, over_the_wire):
@@ -375,9 +388,14 @@ def test_built_cloud_gives_back_every_bit(header, over_the_wire):
         )
     }
     found = read_detections(over_the_wire(detections_cloud(header, **given)))
-    assert (found.stamp_ns, found.frame_id) == (1_700_000_000_123_456_789, "map")
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id) == (
+        1_700_000_000_123_456_789,
+        "map",
+    )
     for name, values in given.items():
-        read = found.features[name] if name in found.features else getattr(found, name)
+        read = (
+            found.scan.features[name] if name in found.scan.features else getattr(found.scan, name)
+        )
         np.testing.assert_array_equal(read, values, err_msg=name)
 
 
@@ -388,7 +406,7 @@ def test_built_cloud_gives_back_elevations_and_shows_them(header):
     expected = [level * math.cos(1.0), level * math.sin(1.0), -100.0 * math.sin(0.5)]
     np.testing.assert_allclose([x, y, z], expected, rtol=1e-6)
     found = read_detections(cloud)
-    assert (found.range[0], found.height[0]) == (level, expected[2])
+    assert (found.scan.range[0], found.sensor_scan.height[0]) == (level, expected[2])
 
 
 @pytest.mark.parametrize("angle", [{"azimuth": [0.0, 1.0]}, {"bearing": [0.0, -1.0]}], ids=list)
@@ -406,7 +424,7 @@ def test_built_cloud_of_true_bearings_claims_no_place_in_the_sensor_frame(header
     cloud = detections_cloud(header, range=[5.0], bearing=[0.25], bearing_reference="north")
     assert [field.name for field in cloud.fields] == ["range", "bearing"]
     found = read_detections(cloud, bearing_reference="north")
-    assert found.azimuth[0] == math.pi / 2 - 0.25
+    assert found.scan.azimuth[0] == math.pi / 2 - 0.25
 
 
 def test_built_cloud_leaves_out_what_is_none(header):
@@ -463,14 +481,14 @@ def test_a_bearing_whose_reference_is_not_known_is_written_without_a_place():
         found, wanted = (
             read_detections(one, bearing_reference=reference) for one in (cloud, expected)
         )
-        assert found.azimuth.tolist() == wanted.azimuth.tolist()
+        assert found.scan.azimuth.tolist() == wanted.scan.azimuth.tolist()
 
 
 def test_a_time_offset_counts_whatever_the_sound_speed_is():
     fields = [("range", "d"), ("azimuth", "d"), ("time_offset", "d")]
     cloud = raw_cloud(fields, [(1500.0, 0.1, 0.25), (3000.0, 0.2, 0.0)])
     found = read_detections(cloud, sound_speed=1000.0)
-    np.testing.assert_array_equal(found.time_offset, [0.25, 0.0])
+    np.testing.assert_array_equal(found.scan.time_offset, [0.25, 0.0])
     assert found.assumptions == read_detections(cloud).assumptions == ()
 
 
@@ -480,7 +498,7 @@ TRAVEL = [("range", "d"), ("azimuth", "d"), ("two_way_travel_time", "d")]
 def test_without_a_time_offset_half_of_the_two_way_travel_counts():
     cloud = raw_cloud(TRAVEL, [(1500.0, 0.1, 2.5), (3000.0, 0.2, 0.0)])
     found = read_detections(cloud, sound_speed=1000.0)
-    np.testing.assert_array_equal(found.time_offset, [1.25, 0.0])
+    np.testing.assert_array_equal(found.scan.time_offset, [1.25, 0.0])
     assert found.assumptions == read_detections(cloud).assumptions == ()
 
 
@@ -488,7 +506,7 @@ def test_a_time_offset_comes_before_a_two_way_travel_time_even_where_it_is_nan()
     fields = [*TRAVEL, ("time_offset", "d")]
     cloud = raw_cloud(fields, [(1500.0, 0.1, 2.5, 0.25), (3000.0, 0.2, 4.0, NAN)])
     found = read_detections(cloud)
-    np.testing.assert_array_equal(found.time_offset, [0.25])
+    np.testing.assert_array_equal(found.scan.time_offset, [0.25])
     assert found.dropped == {"time_offset_not_finite": 1}
 
 
@@ -499,7 +517,7 @@ def test_a_time_offset_comes_before_a_two_way_travel_time_even_where_it_is_nan()
 def test_a_bad_two_way_travel_time_is_counted_as_a_time_offset(value, reason):
     found = read_detections(raw_cloud(TRAVEL, [(1500.0, 0.1, value), (3000.0, 0.2, 4.0)]))
     assert found.dropped == {f"time_offset_{reason}": 1}
-    np.testing.assert_array_equal(found.time_offset, [2.0])
+    np.testing.assert_array_equal(found.scan.time_offset, [2.0])
 
 
 @pytest.mark.parametrize("speed", [-1.0, math.nan, math.inf])

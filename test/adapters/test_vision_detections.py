@@ -46,32 +46,36 @@ def array(*detections, frame_id="sonar"):
 
 def test_the_centre_of_the_box_is_the_place_in_the_horizontal_plane():
     found = read_detections(array(detection((3.0, 4.0, 50.0)), detection((0.0, -2.0))))
-    assert (found.stamp_ns, found.frame_id, found.axes) == (STAMP, "sonar", "body")
-    np.testing.assert_allclose(found.range, [5.0, 2.0])
-    np.testing.assert_array_equal(found.height, [50.0, 0.0])
-    np.testing.assert_allclose(found.azimuth, [math.atan2(4, 3), -math.pi / 2])
-    assert found.range_std is found.azimuth_std is found.time_offset is None
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id, found.sensor_scan.axes) == (
+        STAMP,
+        "sonar",
+        "body",
+    )
+    np.testing.assert_allclose(found.scan.range, [5.0, 2.0])
+    np.testing.assert_array_equal(found.sensor_scan.height, [50.0, 0.0])
+    np.testing.assert_allclose(found.scan.azimuth, [math.atan2(4, 3), -math.pi / 2])
+    assert found.scan.range_std is found.scan.azimuth_std is found.scan.time_offset is None
     assert found.dropped == {}
 
 
 def test_the_box_counts_before_the_pose_of_a_result():
     found = read_detections(array(detection((3.0, 4.0), result(at=(6.0, 8.0)))))
-    assert found.range[0] == pytest.approx(5.0)
+    assert found.scan.range[0] == pytest.approx(5.0)
 
 
 def test_without_a_box_the_best_result_counts():
     results = (result(0.2, (1.0, 0.0)), result(0.9, (6.0, 8.0)), result(NAN, (2.0, 0.0)))
     found = read_detections(array(detection((0.0, 0.0), *results)))
-    assert found.range[0] == pytest.approx(10.0)
-    np.testing.assert_array_equal(found.features["intensity"], [0.9])
+    assert found.scan.range[0] == pytest.approx(10.0)
+    np.testing.assert_array_equal(found.scan.features["intensity"], [0.9])
 
 
 def test_an_optical_frame_looks_along_z_with_x_to_starboard():
     for name in ("camera_optical", "camera_optical_frame"):
         found = read_detections(array(detection((4.0, 9.0, 3.0)), frame_id=name))
-        assert (found.range[0], found.axes) == (pytest.approx(5.0), "optical")
-        assert found.azimuth[0] == pytest.approx(-math.atan2(4, 3))
-        assert found.height[0] == -9.0
+        assert (found.scan.range[0], found.sensor_scan.axes) == (pytest.approx(5.0), "optical")
+        assert found.scan.azimuth[0] == pytest.approx(-math.atan2(4, 3))
+        assert found.sensor_scan.height[0] == -9.0
 
 
 @pytest.mark.parametrize("optical", [False, True])
@@ -90,23 +94,23 @@ def test_the_covariance_is_turned_along_and_across_the_line_of_sight(optical):
         covariance[:2, :2] = plane
         message = array(detection((x, y), result(covariance=covariance)))
     found = read_detections(message)
-    assert found.azimuth[0] == pytest.approx(angle)
-    assert found.range_std[0] == pytest.approx(3.0)
-    assert found.azimuth_std[0] == pytest.approx(2.0 / 100.0)
+    assert found.scan.azimuth[0] == pytest.approx(angle)
+    assert found.scan.range_std[0] == pytest.approx(3.0)
+    assert found.scan.azimuth_std[0] == pytest.approx(2.0 / 100.0)
 
 
 def test_covariances_that_only_some_have_are_not_used():
     known = detection((3.0, 4.0), result(covariance=np.eye(6)))
     for other in (detection((3.0, 4.0), result()), detection((3.0, 4.0))):
-        assert read_detections(array(known, other)).range_std is None
-    assert read_detections(array(known, known)).range_std is not None
+        assert read_detections(array(known, other)).scan.range_std is None
+    assert read_detections(array(known, known)).scan.range_std is not None
 
 
 def test_a_detection_may_have_a_time_of_its_own():
     own = Header(frame_id="sonar", stamp=make_header(STAMP + 250_000_000, "").stamp)
     found = read_detections(array(detection((3.0, 4.0), header=own), detection((3.0, 4.0))))
-    np.testing.assert_array_equal(found.time_offset, [0.25, 0.0])
-    np.testing.assert_array_equal(found.transmit_offset, found.time_offset)
+    np.testing.assert_array_equal(found.scan.time_offset, [0.25, 0.0])
+    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, found.scan.time_offset)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +136,7 @@ def test_a_detection_may_have_a_time_of_its_own():
 def test_a_bad_detection_is_dropped_and_the_rest_kept(bad, reason):
     found = read_detections(array(detection((3.0, 4.0)), bad, detection((6.0, 8.0))))
     assert found.dropped == {reason: 1}
-    np.testing.assert_allclose(found.range, [5.0, 10.0])
+    np.testing.assert_allclose(found.scan.range, [5.0, 10.0])
 
 
 @pytest.mark.filterwarnings("error")

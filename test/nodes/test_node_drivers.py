@@ -19,7 +19,7 @@ from support.foreign_messages import PingInfo, SonarDetections
 from support.ros_world import RELIABLE, WARN
 from support.sonar_driver import START_NS
 
-from msg_adapters import make_header, read_detections, sensor_scan
+from msg_adapters import make_header, read_detections
 from tsepm_ros import Scan
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
@@ -116,7 +116,7 @@ def test_a_sonar_frame_with_z_ahead_is_turned_by_that_axis():
     rotation = quaternion(np.array([up, starboard, ahead]).T)
     session.look_up = TfOwnShip(None, session, Standing(rotation)).look_up
     message, _ = MAKERS[SONAR_DETECTIONS](header(0), [Echo(3000.0, 0.25)])
-    session.add_scan(sensor_scan(read_detections(message)), 0.0)
+    session.add_scan(read_detections(message).sensor_scan, 0.0)
     [result] = session.process(0.0)
     np.testing.assert_allclose(result.scan.sensor_pose, [[10.0, 20.0, heading]], atol=1e-9)
 

@@ -23,7 +23,7 @@ from support.foreign_messages import (
 )
 from support.sonar_driver import START_NS, Ping, cloud, points
 
-from msg_adapters import make_header, read_detections, sensor_scan
+from msg_adapters import make_header, read_detections
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -66,7 +66,7 @@ def session_with(buffer: Any) -> Session:
 
 def placed(message: Any, buffer: Any) -> np.ndarray:
     session = session_with(buffer)
-    session.add_scan(sensor_scan(read_detections(message)), 0.0)
+    session.add_scan(read_detections(message).sensor_scan, 0.0)
     (result,) = session.process()
     assert session.dropped == {}
     scan = result.scan

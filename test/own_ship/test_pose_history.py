@@ -15,10 +15,9 @@ from tsepm_ros.own_ship.pose_history import (
     SHORTEST_PERIOD,
     PoseCoverage,
     PoseHistory,
-    PoseSample,
     echo_poses,
-    known_rates,
 )
+from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 
 YES, NOT_YET, NEVER = PoseCoverage.YES, PoseCoverage.NOT_YET, PoseCoverage.NEVER
 

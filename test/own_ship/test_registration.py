@@ -14,7 +14,7 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
@@ -62,7 +62,9 @@ def sail(one: Session, *, first: float = 0.0, last: float = 30.0, step: float = 
     """Poses of the boat, which does not leave (100, 200)."""
     for time in np.arange(first, last + step / 2, step).tolist():
         yaw, pitch, roll = rolling(time)
-        one.add_own_ship(PoseSample(time, 100.0, 200.0, yaw, roll=roll, pitch=pitch), "odom")
+        one.add_own_ship(
+            PoseSample(time, 100.0, 200.0, yaw, roll=roll, pitch=pitch, frame_id="odom")
+        )
 
 
 def measured(slant, azimuth, elevation):
@@ -107,7 +109,7 @@ def test_a_tilt_ignored_would_be_hundreds_of_metres_off():
     one, level = session(), session()
     sail(one)
     for time in (0.0, 30.0):
-        level.add_own_ship(PoseSample(time, 100.0, 200.0, rolling(time)[0]), "odom")
+        level.add_own_ship(PoseSample(time, 100.0, 200.0, rolling(time)[0], frame_id="odom"))
     scan = Scan(3.0, *(np.full(1, value) for value in (5000.0, math.pi / 2)))
     height = np.array([-1500.0])
     moved = places(place(one, scan, height=height)) - places(place(level, scan, height=height))
@@ -121,7 +123,7 @@ def test_level_scans_stay_to_the_bit_whatever_the_height(source):
     one = session(own_ship_source=source)
     if source == "odometry":
         for time in (0.0, 10.0):
-            one.add_own_ship(PoseSample(time, 100.0, 200.0, 0.3 * time), "odom")
+            one.add_own_ship(PoseSample(time, 100.0, 200.0, 0.3 * time, frame_id="odom"))
     found = place(one, scan, height=rng.uniform(-1e6, 1e6, N))
     np.testing.assert_array_equal(found.range, scan.range)
     np.testing.assert_array_equal(found.azimuth, scan.azimuth)
@@ -138,7 +140,7 @@ def test_true_bearings_are_in_the_horizontal_plane_already():
 def test_what_is_straight_above_a_tilted_sensor_is_dropped_and_the_others_keep_their_values():
     one = session()
     for time in (0.0, 20.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, roll=math.pi / 2), "odom")
+        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, roll=math.pi / 2, frame_id="odom"))
     values = np.array([1.0, 2.0, 3.0])
     scan = Scan(
         3.0,
@@ -173,7 +175,9 @@ def test_a_sonar_that_looks_to_port_from_the_bow(heading):
     one = session(Mounting(x=20.0, y=-5.0, yaw=math.pi / 2))
     for time in (0.0, 10.0):
         yaw = math.atan2(north, east)
-        one.add_own_ship(PoseSample(time, 100.0, 200.0, yaw), "odom", "base_link")
+        one.add_own_ship(
+            PoseSample(time, 100.0, 200.0, yaw, frame_id="odom", child_frame_id="base_link")
+        )
     found = place(one, Scan(5.0, [1000.0], [0.0]))
     ahead, port = np.array([east, north]), np.array([-north, east])
     expected = [100.0, 200.0] + 20.0 * ahead - 5.0 * port + 1000.0 * port
@@ -187,7 +191,9 @@ def test_the_end_of_the_lever_arm_is_extrapolated_round_the_turning_vessel():
     one = session(Mounting(x=arm), own_ship_max_extrapolation=1.0)
     for time in (0.0, 1.0):
         rates = (2.0, 1.0, rate)
-        one.add_own_ship(PoseSample(time, 2 * time, time, yaw + rate * time, rates=rates), "odom")
+        one.add_own_ship(
+            PoseSample(time, 2 * time, time, yaw + rate * time, rates=rates, frame_id="odom")
+        )
     found = place(one, Scan(2.0, [1000.0], [0.0]))
     turned = yaw + 2.0 * rate
     expected = [4.0 + arm * math.cos(turned), 2.0 + arm * math.sin(turned), turned]
@@ -197,7 +203,7 @@ def test_the_end_of_the_lever_arm_is_extrapolated_round_the_turning_vessel():
 def test_a_mounting_may_be_corrected_while_running():
     one = session(Mounting(yaw=1.0))
     for time in (0.0, 10.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0), "odom")
+        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, frame_id="odom"))
     assert place(one, Scan(5.0, [1000.0], [0.0])).sensor_pose[2] == 1.0
     one.configure(dataclasses.replace(one.settings, mounting=Mounting(yaw=1.1)))
     assert place(one, Scan(6.0, [1000.0], [0.0])).sensor_pose[2] == 1.1
@@ -208,7 +214,7 @@ def test_a_mounting_carries_the_heading_s_error_to_the_sensor():
     covariance = np.diag([4.0, 9.0, 0.01])
     for time in (0.0, 10.0):
         pose = PoseSample(time, 0.0, 0.0, math.pi / 2, covariance)
-        one.add_own_ship(pose, "odom")
+        one.add_own_ship(dataclasses.replace(pose, frame_id="odom"))
     found = place(one, Scan(5.0, [1000.0], [0.0]))
     expected = [[4.0 + 100.0, 0.0, -1.0], [0.0, 9.0, 0.0], [-1.0, 0.0, 0.01]]
     np.testing.assert_allclose(found.sensor_pose_covariance, expected, atol=1e-12)
@@ -225,7 +231,7 @@ def test_a_mounting_carries_the_heading_s_error_to_the_sensor():
 def test_a_lever_arm_needs_a_heading_even_for_true_bearings(mounting, dropped):
     one = session(mounting)
     for time in (0.0, 10.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6])), "odom")
+        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6]), frame_id="odom"))
     one.add_scan(SensorScan(Scan(5.0, [1000.0], [0.0]), "sonar", north_referenced=True), 0.0)
     assert len(list(one.process())) == 1 - dropped
     assert one.dropped["heading_unknown"] == dropped
@@ -234,7 +240,9 @@ def test_a_lever_arm_needs_a_heading_even_for_true_bearings(mounting, dropped):
 def test_without_a_mounting_a_vessel_s_frame_is_said_to_be_taken_for_the_sensor_s():
     one = session()
     for time in (0.0, 10.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0), "odom", "base_link")
+        one.add_own_ship(
+            PoseSample(time, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="base_link")
+        )
     assert one.figures().mounting == "unknown"
     for time in (4.0, 5.0):
         place(one, Scan(time, [1000.0], [0.0]))
@@ -242,7 +250,7 @@ def test_without_a_mounting_a_vessel_s_frame_is_said_to_be_taken_for_the_sensor_
     assert one._report == ["mounting"], "once"
     one.reset()
     for time in (0.0, 10.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0), "odom", "hull")
+        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="hull"))
     place(one, Scan(6.0, [1000.0], [0.0]))
     assert one._report == ["mounting"] * 2, "once for each pair of frames"
 
@@ -251,7 +259,7 @@ def test_the_mounting_is_given_or_not_needed():
     assert session(Mounting(x=1.0)).figures().mounting == "given"
     assert session(own_ship_source="none").figures().mounting == "not needed"
     one = session()
-    one.add_own_ship(PoseSample(5.0, 0.0, 0.0, 0.0), "odom", "sonar")
+    one.add_own_ship(PoseSample(5.0, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="sonar"))
     place(one, Scan(5.0, [1000.0], [0.0]))
     assert (one.figures().mounting, one._report) == ("not needed", [])
 
@@ -291,7 +299,9 @@ def nees(seed: int, estimator: str, *, known: bool) -> float | None:
     for stamp in 12.0 * np.arange(5):
         true = np.array([[*(ship + ship_velocity * stamp), heading + 0.02 * stamp, 0.0, 0.0]])
         x, y, yaw = true[0, :3] + rng.multivariate_normal(np.zeros(3), covariance)
-        one.add_own_ship(PoseSample(stamp, x, y, yaw, covariance if known else None), "odom")
+        one.add_own_ship(
+            PoseSample(stamp, x, y, yaw, covariance if known else None, frame_id="odom")
+        )
         ((x, y, yaw),) = mounting.sensor_poses(true)
         ahead, across = target + velocity * stamp - (x, y)
         range_ = math.hypot(ahead, across) + NARROW.range_std * rng.standard_normal()
@@ -327,7 +337,7 @@ def test_range_rates_are_taken_against_the_velocity_of_the_sensor_not_of_the_ves
     # It turns on the spot at 0.1 rad/s with the sensor 20 m ahead and 5 m to starboard.
     one = session(Mounting(x=20.0, y=-5.0))
     for stamp in np.arange(0.0, 20.0, 0.1):
-        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.1 * stamp), "odom")
+        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.1 * stamp, frame_id="odom"))
     scan = place(
         one, Scan(10.0, [1500.0], [0.0], time_offset=[1.0], features={"range_rate": [0.0]})
     )
@@ -348,7 +358,7 @@ def test_the_velocity_of_the_sensor_does_not_depend_on_when_odometry_arrives(del
     one, found = session(), []
     one.add_scan(SensorScan(Scan(5.03, time_offset=[0.2, 0.4], **RATED), "sonar"), 0.0)
     for k, (east, north) in enumerate(noise.T.tolist()):
-        one.add_own_ship(PoseSample(0.1 * k, east, north, 0.0), "odom")
+        one.add_own_ship(PoseSample(0.1 * k, east, north, 0.0, frame_id="odom"))
         if 0.1 * k >= 5.83 + delay:
             found += [result.scan.sensor_velocity for result in one.process(0.0)]
     # The last echo came at 5.83 s: of what the samples say up to 5.9 s.
@@ -361,7 +371,9 @@ def test_a_velocity_that_the_odometry_gives_is_the_sensor_s():
     one = session()
     for stamp, error in enumerate(rng.normal(0.0, 1.0, 20).tolist()):
         rates = (4.0 + 0.1 * stamp, -1.0, 0.0)
-        one.add_own_ship(PoseSample(float(stamp), 4.0 * stamp + error, 0.0, 0.0, rates=rates), "o")
+        one.add_own_ship(
+            PoseSample(float(stamp), 4.0 * stamp + error, 0.0, 0.0, rates=rates, frame_id="o")
+        )
     found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED)).sensor_velocity
     np.testing.assert_allclose(found, [[4.52, -1.0], [4.9, -1.0]])
 
@@ -370,7 +382,7 @@ def test_range_rates_are_not_used_where_poses_jump_impossibly():
     one = session()
     for stamp in np.arange(0.0, 20.0, 0.1):
         x = 0.0 if stamp < 9.0 else 1e8
-        one.add_own_ship(PoseSample(stamp, x, 0.0, 0.0), "odom")
+        one.add_own_ship(PoseSample(stamp, x, 0.0, 0.0, frame_id="odom"))
     found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED))
     np.testing.assert_array_equal(found.features["range_rate"], [1.0, np.nan])
     np.testing.assert_allclose(found.sensor_velocity, np.zeros((2, 2)), atol=1e-12)
@@ -379,7 +391,7 @@ def test_range_rates_are_not_used_where_poses_jump_impossibly():
 
 def test_range_rates_are_not_used_where_the_sensor_s_velocity_is_unknown():
     one = session()
-    one.add_own_ship(PoseSample(5.0, 1.0, 2.0, 0.0), "odom")
+    one.add_own_ship(PoseSample(5.0, 1.0, 2.0, 0.0, frame_id="odom"))
     found = place(one, Scan(5.0, **RATED))
     assert np.isnan(found.features["range_rate"]).all()
     assert found.sensor_velocity.tolist() == [0.0, 0.0]
@@ -420,7 +432,9 @@ def test_range_rates_along_a_slant_line_of_sight_become_those_of_the_horizontal_
     one = session(own_ship_source=source)
     if source == "odometry":
         for time in (0.0, 10.0):
-            one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.4, roll=roll, pitch=pitch), "odom")
+            one.add_own_ship(
+                PoseSample(time, 0.0, 0.0, 0.4, roll=roll, pitch=pitch, frame_id="odom")
+            )
     yaw = 0.4 if source == "odometry" else 0.0
     seen = Rotation.from_euler("ZYX", [yaw, pitch, roll]).inv().apply(place_)
     in_plane, azimuth = np.hypot(*seen[:, :2].T), np.arctan2(seen[:, 1], seen[:, 0])

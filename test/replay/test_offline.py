@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.replay.offline import process_recording
 from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, Recording
@@ -108,7 +108,7 @@ def test_a_scan_is_placed_as_by_a_session_that_has_all_of_the_odometry(period):
     (found,), _ = process_recording(Recording([rated(4.0004)], ship), MOVING, "bow")
     one = Session(MOVING)
     for k, x in enumerate(noise):
-        one.add_own_ship(PoseSample(period * k, x, -x, 0.0), "odom")
+        one.add_own_ship(PoseSample(period * k, x, -x, 0.0, frame_id="odom"))
     one.add_scan(SensorScan(found.scan, "sonar"), 0.0)
     (expected,) = one.process()
     for name in ("sensor_pose", "sensor_velocity"):

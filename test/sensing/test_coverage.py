@@ -12,7 +12,7 @@ from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.coverage import PosesByRange, inside
 from tsepm_ros.session.session import Session
@@ -51,7 +51,7 @@ def sailing(scene: Scenario, covariance: np.ndarray | None = None, **more) -> Se
     """A session that knows the own-ship motion."""
     one = session(scene, **more)
     for time in np.arange(-1.0, scene.scans * scene.period + 20.0, 0.5):
-        one.add_own_ship(PoseSample(time, *scene.own_ship.pose(time), covariance), "map")
+        one.add_own_ship(PoseSample(time, *scene.own_ship.pose(time), covariance, frame_id="map"))
     return one
 
 

@@ -12,7 +12,7 @@ from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 
 from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.scan_order import Arrival
 from tsepm_ros.session.session import Session
@@ -31,7 +31,8 @@ RATE = 5.0
 def odometry(ship: OwnShipMotion, first: float, last: float, rate: float = RATE):
     """Samples at a rate, from `first` to `last` (s)."""
     times = np.arange(round(first * rate), round(last * rate) + 1) / rate
-    return [PoseSample(float(time), *ship.pose(float(time))) for time in times]
+    frames = {"frame_id": "odom", "child_frame_id": "sonar"}
+    return [PoseSample(float(time), *ship.pose(float(time)), **frames) for time in times]
 
 
 def moving(**options) -> Session:
@@ -57,7 +58,7 @@ def play(one: Session, events):
         if isinstance(event, Scan):
             one.add_scan(SensorScan(event, "sonar"), now)
         elif isinstance(event, PoseSample):
-            one.add_own_ship(event, "odom", "sonar")
+            one.add_own_ship(event)
         results += one.process(now)
     return results
 
@@ -131,7 +132,7 @@ def test_a_second_source_of_odometry_that_is_late_is_not_a_restart():
 def test_a_late_sample_of_the_run_before_does_not_place_the_scans_of_a_restart():
     one = moving()
     before = [(s.stamp - 1000.0, s) for s in odometry(EAST, 1000.0, 1030.0)]
-    late = PoseSample(1029.9, 0.0, 0.0, 0.0)
+    late = PoseSample(1029.9, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="sonar")
     events = [*before, (29.0, ping(1020.0)), (31.0, late), (32.0, ping(3.0))]
     events += [(32.2, ping(4.0))]
     events += [(32.5 + s.stamp / 100.0, s) for s in odometry(NORTH, 2.0, 10.0)]

@@ -17,7 +17,7 @@ from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.scan_order import Arrival
 from tsepm_ros.session.session import Session
@@ -89,7 +89,7 @@ def sail(one: Session, *stamps: float, frame_id: str = "odom") -> None:
     """Own-ship poses of a ship that runs along x at 2 m/s, at the stamps and every 20 s between."""
     for begin, end in itertools.pairwise([*stamps, stamps[-1]]):
         for stamp in [begin, *np.arange(begin + 20.0, end, 20.0)]:
-            one.add_own_ship(PoseSample(float(stamp), 2.0 * stamp, 10.0, 0.5), frame_id)
+            one.add_own_ship(PoseSample(float(stamp), 2.0 * stamp, 10.0, 0.5, frame_id=frame_id))
 
 
 def simulated(seed: int = 1) -> list[Scan]:
@@ -280,7 +280,7 @@ def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks(monkeypatch):
 def test_own_ship_data_that_is_refused_does_not_change_the_mounting():
     one = moving(fixed_frame="odom")
     sail(one, 1.0, 100.0)
-    one.add_own_ship(PoseSample(101.0, 0.0, 0.0, 0.0), "map", "base_link")
+    one.add_own_ship(PoseSample(101.0, 0.0, 0.0, 0.0, frame_id="map", child_frame_id="base_link"))
     play(one, [12], now=0.0)
     assert one._report == ["own_ship_frame"]
 
@@ -289,7 +289,7 @@ def test_the_pose_covariance_goes_with_the_scan():
     one = moving()
     covariance = np.diag([4.0, 9.0, 0.01])
     for stamp in (0.0, 10.0):
-        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, covariance), "odom")
+        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, covariance, frame_id="odom"))
     one.add_scan(ping(5.0), 0.0)
     one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
     by_bow, by_north = one.process(0.0)
@@ -308,7 +308,9 @@ def test_north_referenced_scans_do_not_turn_with_the_ship():
 def test_a_ship_without_a_heading_places_only_north_referenced_scans():
     one = moving()
     for stamp in (0.0, 10.0):
-        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6])), "odom")
+        one.add_own_ship(
+            PoseSample(stamp, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6]), frame_id="odom")
+        )
     one.add_scan(ping(5.0), 0.0)
     one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
     assert [result.stamp for result in one.process(0.0)] == [6.0]
@@ -435,8 +437,10 @@ BAD_SAMPLES = {
 def test_a_bad_own_ship_sample_is_dropped_and_the_others_are_used(fault):
     one = moving()
     sail(one, 0.0)
-    bad = dataclasses.replace(PoseSample(4.0, 8.0, 10.0, 0.5), **BAD_SAMPLES[fault])
-    one.add_own_ship(bad, "odom")
+    bad = dataclasses.replace(
+        PoseSample(4.0, 8.0, 10.0, 0.5, frame_id="odom"), **BAD_SAMPLES[fault]
+    )
+    one.add_own_ship(bad)
     sail(one, 10.0)
     one.add_scan(ping(4.5), 0.0)
     (result,) = one.process(0.0)
@@ -607,7 +611,7 @@ def test_a_restart_before_the_own_ship_follows_is_still_a_restart():
 def test_poses_of_the_run_before_a_restart_do_not_place_scans():
     one = moving()
     for stamp in range(0, 1100, 20):
-        one.add_own_ship(PoseSample(float(stamp), 5e5, 5e5, 0.0), "odom")
+        one.add_own_ship(PoseSample(float(stamp), 5e5, 5e5, 0.0, frame_id="odom"))
     play(one, [1000], now=0.0)
     one.add_scan(ping(50.0), 0.0)
     one.add_scan(ping(62.0), 0.0)

@@ -11,7 +11,6 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import (
-    OwnShipSample,
     make_header,
     odometry_message,
     seconds_to_ns,
@@ -20,6 +19,7 @@ from msg_adapters import (
     truth_tracks,
 )
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH
+from tsepm_ros.own_ship.pose_sample import PoseSample
 
 
 class DriverTopics:
@@ -75,19 +75,18 @@ class DriverTopics:
         roll, pitch : float, optional
             rad.
         """
-        (x, y, yaw), (vx, vy, yaw_rate) = pose, rates
-        sample = OwnShipSample(
-            stamp_ns=seconds_to_ns(stamp),
-            frame_id=self._frames[0],
-            child_frame_id=self._frames[1],
-            x=x,
-            y=y,
-            yaw=yaw or 0.0,
+        x, y, yaw = pose
+        frame_id, child_frame_id = self._frames
+        sample = PoseSample(
+            stamp,
+            x,
+            y,
+            yaw or 0.0,
+            rates=rates,
             roll=roll,
             pitch=pitch,
-            vx=vx,
-            vy=vy,
-            yaw_rate=yaw_rate,
+            frame_id=frame_id,
+            child_frame_id=child_frame_id,
         )
         self._own_ship.publish(odometry_message(sample, heading_known=yaw is not None))
 

@@ -88,8 +88,6 @@ class PlayedScenario:
         return write_detections(
             self._options.detections_type,
             header,
-            range=scan.range,
-            azimuth=scan.azimuth,
+            scan,
             sound_speed=self._scenario.sound_speed,
-            features=scan.features,
         )

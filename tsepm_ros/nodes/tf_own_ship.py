@@ -12,7 +12,7 @@ from rclpy.time import Time
 
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.own_ship.attitude import AXES, angles_of, rotation_of
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.session.session import Session
 
 CACHE_TIME = 120.0
@@ -69,13 +69,13 @@ class TfOwnShip:
             if not self._buffer.can_transform(self._fixed_frame, frame, at):
                 return
             transform = self._buffer.lookup_transform(self._fixed_frame, frame, at).transform
-            self._session.add_own_ship(_sample(stamp, transform, axes), self._fixed_frame)
+            self._session.add_own_ship(_sample(stamp, transform, axes, self._fixed_frame))
 
 
-def _sample(stamp: float, transform: Any, axes: str) -> PoseSample:
+def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
     q, at = transform.rotation, transform.translation
     try:
         yaw, pitch, roll = angles_of(rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
     except ValueError:  # no direction, or straight up or down: the session refuses and counts nan
         yaw = pitch = roll = math.nan
-    return PoseSample(stamp, at.x, at.y, yaw, roll=roll, pitch=pitch)
+    return PoseSample(stamp, at.x, at.y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)

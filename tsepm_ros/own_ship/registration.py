@@ -15,7 +15,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
 from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
-from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan
+from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan, wrap
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,7 @@ def to_fixed_frame(
         known = np.asarray((np.abs(velocity) <= LARGEST["sensor_velocity"]).all(axis=-1))
         velocity = np.where(known[..., None], velocity, 0.0)
         features = {**features, "range_rate": np.where(known, features["range_rate"], np.nan)}
-    found = dataclasses.replace(
-        scan,
+    placed = scan.replaced(
         features=features,
         sensor_pose=echo_poses(
             lambda times: _sensor_poses(times, poses, mounting),
@@ -108,8 +107,8 @@ def to_fixed_frame(
         sensor_velocity=velocity,
     )
     if heading or not sector:
-        return found
-    return _by_the_sensor(found, _received(arrived), poses, mounting)
+        return placed
+    return _by_the_sensor(placed, _received(arrived), poses, mounting)
 
 
 def echo_span(arrived: SensorScan) -> tuple[float, float]:
@@ -146,10 +145,10 @@ def _chosen(arrived: SensorScan, range: FloatArray, azimuth: FloatArray) -> Sens
         height = 0.0 if arrived.height is None else arrived.height
         slant = np.hypot(scan.range, height)
         features["range_rate"] = horizontal_range_rate(features["range_rate"], slant, range)
-    chosen = Scan(
+    chosen = Scan.trusted(
         stamp=scan.stamp,
         range=range[good],
-        azimuth=azimuth[good],
+        azimuth=wrap(azimuth[good]),
         range_std=of(scan.range_std),
         azimuth_std=of(scan.azimuth_std),
         time_offset=of(scan.time_offset),
@@ -174,7 +173,7 @@ def _by_the_sensor(
     times = np.array([scan.stamp]) if at_once else received
     yaw = _sensor_poses(times, poses, mounting)[:, 2]
     pose[..., 2] = yaw[0] if at_once else yaw
-    return dataclasses.replace(scan, azimuth=scan.azimuth - yaw, sensor_pose=pose)
+    return scan.replaced(azimuth=scan.azimuth - yaw, sensor_pose=pose)
 
 
 def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:

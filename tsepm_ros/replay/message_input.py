@@ -5,14 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from msg_adapters import (
-    MessageError,
-    pose_sample,
-    read_detections,
-    read_own_ship,
-    sensor_scan,
-    tracker_report,
-)
+from msg_adapters import MessageError, read_detections, read_own_ship, tracker_report
 from tsepm_ros.session.clocks import Now
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
@@ -53,7 +46,7 @@ class MessageInput:
     def take_detections(self, message: Any, now: Now) -> None:
         """Take a message of any type that `read_detections` reads, which arrived at `now`, s."""
         try:
-            detections = read_detections(
+            ping = read_detections(
                 message,
                 bearing_reference=self.options.bearing_reference,
                 sound_speed=self.options.sound_speed,
@@ -61,13 +54,13 @@ class MessageInput:
         except MessageError as error:
             self._session.drop(error.reason, f"detections dropped: {error}")
             return
-        for reason, number in detections.dropped.items():
+        for reason, number in ping.dropped.items():
             self._session.drop(reason, f"{number} detections dropped: {reason}", number)
-        for assumption in detections.assumptions:
+        for assumption in ping.assumptions:
             if assumption not in self.assumptions:
                 self.assumptions.add(assumption)
                 self._say(assumption)
-        self._session.add_scan(sensor_scan(detections), now)
+        self._session.add_scan(ping.sensor_scan, now)
 
     def take_own_ship(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
@@ -76,7 +69,7 @@ class MessageInput:
         except MessageError as error:
             self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
             return
-        self._session.add_own_ship(pose_sample(sample), sample.frame_id, sample.child_frame_id)
+        self._session.add_own_ship(sample)
 
     def take_tracked(self, message: Any) -> None:
         """Take what a downstream tracker says that it tracks, a cloud in the layout of tracks."""

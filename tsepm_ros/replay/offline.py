@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters import MessageError, sensor_scan, with_echo_times
-from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD, PoseSample, known_rates
+from msg_adapters import MessageError
+from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD
+from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.recorded_scan import read_recorded_scan
@@ -55,18 +56,18 @@ def recording_results(
     """Process the scans of a recording one by one, see `process_recording`."""
     motions = deque(recording.own_ship)
     for recorded in recording.scans:
-        detections = with_echo_times(
-            read_recorded_scan(recorded, FRAME, bearing_reference=bearing_reference), sound_speed
+        ping = read_recorded_scan(
+            recorded, FRAME, bearing_reference=bearing_reference, sound_speed=sound_speed
         )
         # As live: what the scan's echoes need has arrived, not what comes long after.
         # Samples that are not thinned out reach to the last echo.
-        until = recorded.time + _longest_echo(detections.time_offset) + SHORTEST_PERIOD
+        until = recorded.time + _longest_echo(ping.scan.time_offset) + SHORTEST_PERIOD
         last = session.own_ship_stamp
         while motions and (last is None or last < until):
             last = motions[0].time
-            session.add_own_ship(_pose(motions.popleft()), session.fixed_frame or FRAME)
-        session.dropped.update(detections.dropped)
-        session.add_scan(sensor_scan(detections), now=0.0)
+            session.add_own_ship(_pose(motions.popleft(), session.fixed_frame or FRAME))
+        session.dropped.update(ping.dropped)
+        session.add_scan(ping.sensor_scan, now=0.0)
         yield from session.process()
     yield from session.process(last=True)
 
@@ -118,12 +119,12 @@ def _longest_echo(time_offset: NDArray[np.float64] | None) -> float:
     return 0.0 if time_offset is None else 2.0 * float(time_offset.max(initial=0.0))
 
 
-def _pose(motion: RecordedMotion) -> PoseSample:
+def _pose(motion: RecordedMotion, frame_id: str) -> PoseSample:
     x, vx, y, vy = motion.state.tolist()
     yaw, covariance = motion.yaw, None
     if yaw is None:
         yaw, covariance = 0.0, np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
     rates = known_rates(vx, vy, 0.0)
     return PoseSample(
-        motion.time, x, y, yaw, covariance, rates, roll=motion.roll, pitch=motion.pitch
+        motion.time, x, y, yaw, covariance, rates, motion.roll, motion.pitch, frame_id
     )

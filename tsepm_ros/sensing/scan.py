@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,41 +79,34 @@ class Scan:
     sensor_velocity: FloatArray | tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        values: dict[str, object] = {"stamp": _stamp(self.stamp)}
-        range_ = _numbers("range", self.range)
-        n = range_.size
-        values["range"] = _positive("range", range_, n)
-        values["azimuth"] = wrap(_finite("azimuth", self.azimuth, (n,)))
-        for name in ("range_std", "azimuth_std"):
-            if getattr(self, name) is not None:
-                values[name] = _positive(name, getattr(self, name), n)
-        if self.time_offset is not None:
-            values["time_offset"] = _bounded("time_offset", self.time_offset, (n,))
-        if not isinstance(self.features, Mapping):
-            raise ValueError(
-                f"features must be a mapping of names to arrays; got {self.features!r}"
-            )
-        unknown = sorted(map(str, set(self.features) - set(FEATURES)))
-        if unknown:
-            raise ValueError(f"features: unknown name {unknown[0]!r}; known are {FEATURES}")
-        values["features"] = {
-            name: _array(f"features[{name!r}]", value, (n,))
-            for name, value in self.features.items()
-        }
-        pose = _numbers("sensor_pose", self.sensor_pose)
-        values["sensor_pose"] = _bounded(
-            "sensor_pose", pose, (3,) if pose.shape == (3,) else (n, 3)
-        )
-        if self.sensor_pose_covariance is not None:
-            values["sensor_pose_covariance"] = checked_covariance(
-                "sensor_pose_covariance", self.sensor_pose_covariance
-            )
-        velocity = _numbers("sensor_velocity", self.sensor_velocity)
-        values["sensor_velocity"] = _bounded(
-            "sensor_velocity", velocity, (2,) if velocity.shape == (2,) else (n, 2)
-        )
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        number = _numbers("range", self.range).size
+        for name, value in list(vars(self).items()):
+            object.__setattr__(self, name, _checked(name, value, number))
+
+    @classmethod
+    def trusted(cls, **fields: Any) -> Self:
+        """A scan of fields that are as this class keeps them: none is checked, copied or wrapped.
+
+        Parameters
+        ----------
+        **fields
+            Every field that is not at its default; arrays of float64 that nobody writes to.
+        """
+        scan = object.__new__(cls)
+        defaults = {"features": {}, "sensor_pose": np.zeros(3), "sensor_velocity": np.zeros(2)}
+        vars(scan).update(defaults | fields)
+        return scan
+
+    def replaced(self, **fields: Any) -> Self:
+        """As `dataclasses.replace` for the same detections; only the new fields are checked.
+
+        Raises
+        ------
+        ValueError
+            As from the constructor.
+        """
+        checked = {name: _checked(name, value, len(self)) for name, value in fields.items()}
+        return self.trusted(**(vars(self) | checked))
 
     def __len__(self) -> int:
         """Number of detections."""
@@ -128,6 +122,37 @@ def wrap(angle: ArrayLike) -> FloatArray:
     wrapped = np.where(inside, angle, np.remainder(angle + np.pi, 2 * np.pi) - np.pi)
     wrapped.flags.writeable = angle.flags.writeable
     return wrapped
+
+
+def _checked(name: str, value: Any, n: int) -> Any:
+    """A field of a scan of n detections as it is kept; raises ValueError if it is not allowed."""
+    match name:
+        case "stamp":
+            return _stamp(value)
+        case "range":
+            return _positive(name, value, n)
+        case "azimuth":
+            return wrap(_finite(name, value, (n,)))
+        case "features":
+            return _features(value, n)
+        case "sensor_pose" | "sensor_velocity":
+            numbers = _numbers(name, value)
+            width = 3 if name == "sensor_pose" else 2
+            return _bounded(name, numbers, (width,) if numbers.shape == (width,) else (n, width))
+    if value is None:
+        return None
+    if name == "sensor_pose_covariance":
+        return checked_covariance(name, value)
+    return _bounded(name, value, (n,)) if name == "time_offset" else _positive(name, value, n)
+
+
+def _features(value: Any, n: int) -> dict[str, FloatArray]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"features must be a mapping of names to arrays; got {value!r}")
+    unknown = sorted(map(str, set(value) - set(FEATURES)))
+    if unknown:
+        raise ValueError(f"features: unknown name {unknown[0]!r}; known are {FEATURES}")
+    return {name: _array(f"features[{name!r}]", values, (n,)) for name, values in value.items()}
 
 
 def _stamp(value: float) -> float:

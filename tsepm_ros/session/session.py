@@ -17,7 +17,8 @@ import numpy as np
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.maintenance.downstream_tracker import Tracker, TrackerReport, usable
 from tsepm_ros.own_ship import registration
-from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
+from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory
+from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.clocks import Now, waited
@@ -175,19 +176,20 @@ class Session:
         self.dropped[reason] += number
         self._report(reason, sentence)
 
-    def add_own_ship(self, sample: PoseSample, frame_id: str, child_frame_id: str = "") -> None:
-        """Take a pose of the sensor, or of a vessel whose frame is `child_frame_id`.
+    def add_own_ship(self, sample: PoseSample) -> None:
+        """Take a pose of the sensor, or of a vessel whose frame is its `child_frame_id`.
 
         The mounting says where on the vessel the sensor is. Where it says nothing and the frames
         have different names, the sensor is taken to be at the vessel's origin, and that is
-        reported. The pose is in `frame_id`, or, where that is empty, in the `fixed_frame` given.
+        reported. The pose is in its `frame_id`, or, where that is empty, in the `fixed_frame`
+        given.
         """
         try:
             sample.check()
         except ValueError as error:
             self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
             return
-        frame_id = frame_id or self._settings.session.fixed_frame
+        frame_id = sample.frame_id or self._settings.session.fixed_frame
         if not frame_id:
             self.drop("own_ship_empty_frame", "own-ship data names no frame, nor does fixed_frame")
             return
@@ -199,7 +201,7 @@ class Session:
                 f"own-ship data is in frame {frame_id!r}, the fixed frame is {self._fixed_frame!r}",
             )
             return
-        self._own_ship_frame = child_frame_id
+        self._own_ship_frame = sample.child_frame_id
         if self._poses_are_ahead(sample.stamp):
             self._restart_poses(sample.stamp)
         if self._poses.add(sample):

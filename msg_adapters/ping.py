@@ -1,0 +1,180 @@
+"""One message's good detections, with what was left out and assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.reading_options import ReadingOptions
+from msg_adapters.stamps import ns_to_seconds
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan, wrap
+
+
+@dataclass(frozen=True, eq=False)
+class Ping:
+    """The good detections of one message: what every adapter returns.
+
+    Attributes
+    ----------
+    sensor_scan : SensorScan
+        As a session takes it.
+    dropped : dict of str to int
+        How many detections of the message were left out, by reason.
+    index : (n,) ndarray of int
+        Index of each detection in the message.
+    assumptions : tuple of str
+        Sentences that say what was taken to be so because the message does not say it. The same
+        ones for every message of a driver.
+    """
+
+    sensor_scan: SensorScan
+    dropped: dict[str, int]
+    index: NDArray[np.int64]
+    assumptions: tuple[str, ...] = ()
+
+    @property
+    def scan(self) -> Scan:
+        """The detections in the sensor's own axes."""
+        return self.sensor_scan.scan
+
+    def __len__(self) -> int:
+        """Return the number of good detections."""
+        return len(self.index)
+
+
+def good_detections(
+    stamp_ns: int,
+    frame_id: str,
+    options: ReadingOptions,
+    *,
+    range: FloatArray,
+    azimuth: FloatArray,
+    height: FloatArray | None = None,
+    range_std: FloatArray | None = None,
+    azimuth_std: FloatArray | None = None,
+    time_offset: FloatArray | None = None,
+    transmit_offset: FloatArray | None = None,
+    features: Mapping[str, FloatArray] | None = None,
+    north_referenced: bool = False,
+    axes: str = "body",
+    faults: Mapping[str, BoolArray] | None = None,
+    nothing: BoolArray | None = None,
+    assumptions: tuple[str, ...] = (),
+) -> Ping:
+    """Leave out the bad detections of a message and count them: every adapter's last step.
+
+    The reasons are ``range_not_finite``, ``range_not_positive``, ``azimuth_not_finite``,
+    ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
+    ``time_offset_not_finite`` and ``transmit_offset_not_finite``, and ``<field>_too_large`` and
+    ``<field>_too_small`` for what is beyond `tsepm_ros.sensing.scan.LARGEST` or below
+    `tsepm_ros.sensing.scan.SMALLEST`. A detection counts once, under the first that applies.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Stamp of the message, ns.
+    frame_id : str
+        Its frame.
+    options : ReadingOptions
+        Where its sound speed is not 0 and there is no `time_offset`, the echoes are those of a ping
+        sent at the stamp.
+    range : (n,) ndarray
+        In the plane of the sensor's ahead and port, m: the slant range times the cosine of the
+        elevation. As all the others it may have any values.
+    azimuth : (n,) ndarray
+        In that plane, rad, counter-clockwise from ahead, or from east where `north_referenced`.
+    height : (n,) ndarray, optional
+        Above that plane, m: the slant range times the sine of the elevation. Where it is not finite
+        or too large, though the place in the plane is not, it counts as 0: as not measured.
+    range_std, azimuth_std : (n,) ndarray, optional
+        Standard deviations, m and rad.
+    time_offset : (n,) ndarray, optional
+        Time after the stamp for which each position is valid, s.
+    transmit_offset : (n,) ndarray, optional
+        Time after the stamp at which each detection's ping left, s; at the stamp if not given.
+    features : mapping of str to (n,) ndarray, optional
+        Further measurements by the names of `tsepm_ros.Scan`.
+    north_referenced, axes
+        As in `tsepm_ros.own_ship.registration.SensorScan`.
+    faults : mapping of str to (n,) ndarray of bool, optional
+        The adapter's own reasons and those they apply to; they come before the others.
+    nothing : (n,) ndarray of bool, optional
+        Places of the message that say that nothing was detected: left out without a count.
+    assumptions : tuple of str, optional
+        As in :class:`Ping`.
+
+    Returns
+    -------
+    Ping
+    """
+    if height is not None:
+        height = np.where(np.abs(height) <= LARGEST["range"], height, 0.0)
+    if time_offset is None and options.sound_speed > 0.0:
+        with np.errstate(over="ignore", invalid="ignore"):  # ends as range_not_finite
+            slant = range if height is None else np.hypot(range, height)
+            time_offset = slant / options.sound_speed
+    kept = np.ones(len(range), bool) if nothing is None else ~nothing
+    dropped: dict[str, int] = {}
+    common = _faults(range, azimuth, range_std, azimuth_std, time_offset, transmit_offset)
+    for reason, bad in chain((faults or {}).items(), common):
+        count = int(np.count_nonzero(bad & kept))
+        if count:
+            dropped[reason] = count
+            kept &= ~bad
+
+    def good(values: FloatArray) -> FloatArray:
+        return np.asarray(values, np.float64)[kept]  # always a copy: a message's buffer is its own
+
+    def good_or_none(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else good(values)
+
+    scan = Scan.trusted(
+        stamp=ns_to_seconds(stamp_ns),
+        range=good(range),
+        azimuth=wrap(good(azimuth)),
+        range_std=good_or_none(range_std),
+        azimuth_std=good_or_none(azimuth_std),
+        time_offset=good_or_none(time_offset),
+        features={name: good(values) for name, values in (features or {}).items()},
+    )
+    sensor_scan = SensorScan(
+        scan=scan,
+        frame_id=frame_id,
+        north_referenced=north_referenced,
+        stamp_ns=stamp_ns,
+        transmit_offset=good_or_none(transmit_offset),
+        height=good_or_none(height),
+        axes=axes,
+    )
+    return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
+
+
+def _faults(
+    range: FloatArray,
+    azimuth: FloatArray,
+    range_std: FloatArray | None,
+    azimuth_std: FloatArray | None,
+    time_offset: FloatArray | None,
+    transmit_offset: FloatArray | None,
+) -> Iterator[tuple[str, BoolArray]]:
+    """Yield each reason to leave detections out, with those that it applies to."""
+    yield "range_not_finite", ~np.isfinite(range)
+    yield "range_not_positive", range <= 0
+    yield "range_too_small", range < SMALLEST["range"]
+    yield "range_too_large", range > LARGEST["range"]
+    yield "azimuth_not_finite", ~np.isfinite(azimuth)
+    for name, deviation in (("range_std", range_std), ("azimuth_std", azimuth_std)):
+        if deviation is not None:
+            yield f"{name}_not_positive", ~(np.isfinite(deviation) & (deviation > 0))
+            yield f"{name}_too_small", deviation < SMALLEST[name]
+            yield f"{name}_too_large", deviation > LARGEST[name]
+    for name, offset in (("time_offset", time_offset), ("transmit_offset", transmit_offset)):
+        if offset is not None:
+            yield f"{name}_not_finite", ~np.isfinite(offset)
+            yield f"{name}_too_large", np.abs(offset) > LARGEST["time_offset"]
