@@ -26,7 +26,7 @@ def literals(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call):
             name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-            if name in ("drop", "MessageError") and node.args:
+            if name in ("drop", "MessageError", "Refusal") and node.args:
                 # Of a choice between two, both.
                 yield from (one.value for one in ast.walk(node.args[0]) if is_text(one))
             for keyword in node.keywords:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from support.sessions import NotedSession
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -22,17 +23,10 @@ from tsepm_ros.settings.settings import Settings
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 
 
-class Reports(list):
-    """Reasons that a session reported."""
-
-    def __call__(self, reason: str, sentence: str) -> None:
-        self.append(reason)
-
-
-def session(mounting: Mounting | None = None, **options) -> Session:
+def session(mounting: Mounting | None = None, **options) -> NotedSession:
     options = {"own_ship_source": "odometry", "own_ship_max_gap": 60.0, **options}
     settings = Settings(SessionOptions(**options), mounting=mounting or Mounting())
-    return Session(settings, Reports())
+    return NotedSession(settings)
 
 
 def place(one: Session, scan: Scan, frame_id: str = "sonar", **more) -> Scan:
@@ -153,7 +147,7 @@ def test_what_is_straight_above_a_tilted_sensor_is_dropped_and_the_others_keep_t
     )
     found = place(one, scan, height=np.array([0.0, 0.0, 1e300]), transmit_offset=values / 2.0)
     assert one.dropped == {"no_horizontal_range": 2}
-    assert one._report == ["no_horizontal_range"]
+    assert one.heard == ["no_horizontal_range"]
     assert len(found) == 1
     assert found.range[0] == pytest.approx(500.0)
     assert (found.range_std[0], found.azimuth_std[0], found.time_offset[0]) == (1.0, 0.1, 1.0)
@@ -182,7 +176,7 @@ def test_a_sonar_that_looks_to_port_from_the_bow(heading):
     ahead, port = np.array([east, north]), np.array([-north, east])
     expected = [100.0, 200.0] + 20.0 * ahead - 5.0 * port + 1000.0 * port
     np.testing.assert_allclose(places(found)[0], expected, atol=1e-9)
-    assert one._report == [], "the mounting says where the sensor is"
+    assert one.heard == [], "the mounting says where the sensor is"
     assert found.azimuth[0] == 0.0, "the sensor's coverage counts from its own x axis"
 
 
@@ -247,12 +241,12 @@ def test_without_a_mounting_a_vessel_s_frame_is_said_to_be_taken_for_the_sensor_
     for time in (4.0, 5.0):
         place(one, Scan(time, [1000.0], [0.0]))
         assert one.figures().mounting == "assumed"
-    assert one._report == ["mounting"], "once"
+    assert one.heard == ["mounting"], "once"
     one.reset()
     for time in (0.0, 10.0):
         one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="hull"))
     place(one, Scan(6.0, [1000.0], [0.0]))
-    assert one._report == ["mounting"] * 2, "once for each pair of frames"
+    assert one.heard == ["mounting"] * 2, "once for each pair of frames"
 
 
 def test_the_mounting_is_given_or_not_needed():
@@ -261,7 +255,7 @@ def test_the_mounting_is_given_or_not_needed():
     one = session()
     one.add_own_ship(PoseSample(5.0, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="sonar"))
     place(one, Scan(5.0, [1000.0], [0.0]))
-    assert (one.figures().mounting, one._report) == ("not needed", [])
+    assert (one.figures().mounting, one.heard) == ("not needed", [])
 
 
 @pytest.mark.parametrize("source", ["none", "tf"])
@@ -466,12 +460,12 @@ def test_range_rates_without_a_height_stay_to_the_bit_on_a_level_sensor():
 @pytest.mark.parametrize("used", [True, False], ids=["rates used", "rates not used"])
 def test_range_rates_measured_steeply_are_left_out_and_that_is_said_where_they_count(used):
     settings = Settings(sensor=SensorModel(range_rate_std=0.5 if used else 0.0))
-    one = Session(settings, Reports())
+    one = NotedSession(settings)
     height = 1000.0 * np.tan(np.radians([0.0, 24.0, 25.0, -25.0]))
     scan = Scan(
         3.0, np.full(4, 1000.0), np.zeros(4), features={"range_rate": [1.0, 1.0, 1.0, np.nan]}
     )
     rates = place(one, scan, height=height).features["range_rate"]
     np.testing.assert_array_equal(np.isfinite(rates), [True, True, False, False])
-    assert one._report == (["range_rate_unused"] if used else [])
+    assert one.heard == (["range_rate_unused"] if used else [])
     assert one.dropped == {}

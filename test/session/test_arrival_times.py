@@ -9,6 +9,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
+from support.sessions import NotedSession
 
 from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
@@ -35,20 +36,13 @@ def odometry(ship: OwnShipMotion, first: float, last: float, rate: float = RATE)
     return [PoseSample(float(time), *ship.pose(float(time)), **frames) for time in times]
 
 
-def moving(**options) -> Session:
+def moving(**options) -> NotedSession:
     settings = Settings(
         session=SessionOptions(method="tsepm", own_ship_source="odometry", **options),
         sensor=FIXED_RANGE_ERROR,
         methods={"tsepm": TsepmOptions(min_hits=3, window=4)},
     )
-    return Session(settings, Said())
-
-
-class Said(list):
-    """The reasons that a session reported."""
-
-    def __call__(self, reason: str, sentence: str) -> None:
-        self.append(reason)
+    return NotedSession(settings)
 
 
 def play(one: Session, events):
@@ -107,7 +101,7 @@ def test_after_a_short_restart_no_scan_is_placed_by_the_poses_before_it(rate, pe
     # Two scans show the restart; more are lost only until the odometry's next ones are there.
     lost = 2 + math.ceil(2.0 / rate / period)
     assert len(results) - restart >= restart - lost
-    assert one._report.count("restart") == 1
+    assert one.heard.count("restart") == 1
 
 
 def test_odometry_that_starts_over_alone_is_believed_after_the_timeout():
@@ -116,7 +110,7 @@ def test_odometry_that_starts_over_alone_is_believed_after_the_timeout():
     again = [(s.stamp + 20.0, s) for s in odometry(NORTH, 11.0, 40.0)]
     (*_, result) = play(one, [*first, *again, (50.0, ping(29.0))])
     np.testing.assert_allclose(result.scan.sensor_pose, NORTH.pose(29.0), atol=1e-6)
-    assert one._report.count("own_ship_restart") == 1
+    assert one.heard.count("own_ship_restart") == 1
     assert one.dropped == {"own_ship_late": 12}, "of 2.2 s"
 
 
@@ -126,7 +120,7 @@ def test_a_second_source_of_odometry_that_is_late_is_not_a_restart():
     late = [(s.stamp + 2.5, s) for s in odometry(NORTH, 0.0, 57.0, 20.0)]
     (result,) = play(one, [*good, *late, (50.5, ping(44.0))])
     np.testing.assert_allclose(result.scan.sensor_pose, EAST.pose(44.0), atol=1e-6)
-    assert set(one._report) == {"own_ship_late"}
+    assert set(one.heard) == {"own_ship_late"}
 
 
 def test_a_late_sample_of_the_run_before_does_not_place_the_scans_of_a_restart():

@@ -26,7 +26,8 @@ from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
 from tsepm_ros.nodes.track_outputs import TrackOutputs
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.session.session import FAILURES, Session
+from tsepm_ros.session.refusal import FAILURES
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, settings_from

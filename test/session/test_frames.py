@@ -1,0 +1,102 @@
+"""Frames that are given, that arrive first, and that do not fit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from support.sessions import (
+    moving,
+    ping,
+    play,
+    sail,
+    session,
+)
+
+from tsepm_ros.own_ship.pose_sample import PoseSample
+
+
+def test_without_own_ship_scans_are_processed_at_once_in_the_detections_frame():
+    results = play(session(), [0, 12, 24], now=0.0)
+    assert [result.frame_id for result in results] == ["sonar"] * 3
+    assert [len(result.new) for result in results] == [0, 0, 1]
+
+
+def test_own_ship_data_that_is_refused_does_not_change_the_mounting():
+    one = moving(fixed_frame="odom")
+    sail(one, 1.0, 100.0)
+    one.add_own_ship(PoseSample(101.0, 0.0, 0.0, 0.0, frame_id="map", child_frame_id="base_link"))
+    play(one, [12], now=0.0)
+    assert one.heard == ["own_ship_frame"]
+
+
+def test_own_ship_data_in_another_frame_is_dropped_and_counted():
+    one = moving(fixed_frame="map")
+    sail(one, 0.0, frame_id="odom")
+    assert one.dropped == {"own_ship_frame": 1}
+    assert one.own_ship_stamp is None
+    sail(one, 1.0, frame_id="map")
+    assert one.own_ship_stamp == 1.0
+
+
+def test_the_first_own_ship_frame_becomes_the_fixed_frame():
+    one = moving()
+    sail(one, 0.0, frame_id="odom")
+    sail(one, 1.0, frame_id="map")
+    assert one.dropped == {"own_ship_frame": 1}
+
+
+@pytest.mark.parametrize(
+    ("options", "first", "good", "bad"),
+    [
+        pytest.param({}, "sonar", "sonar", "radar", id="first frame"),
+        pytest.param({"sensor_frame": "sonar"}, "radar", "sonar", "radar", id="given frame"),
+        pytest.param(
+            {"fixed_frame": "sonar"}, "radar", "sonar", "radar", id="fixed frame, not moving"
+        ),
+        pytest.param(
+            {"own_ship_source": "odometry", "fixed_frame": "odom", "own_ship_max_gap": 3600.0},
+            "sonar",
+            "sonar",
+            "odom",
+            id="moving",
+        ),
+    ],
+)
+def test_detections_in_an_unknown_frame_are_dropped(options, first, good, bad):
+    one = session(**options)
+    if "own_ship_source" in options:
+        sail(one, 0.0, 100.0)
+    for stamp, frame_id in enumerate([first, good, bad, good]):
+        one.add_scan(dataclasses.replace(ping(float(stamp)), frame_id=frame_id), 0.0)
+    processed = len(list(one.process()))
+    expected = sum(frame_id == good for frame_id in [first, good, bad, good])
+    assert processed == expected
+    assert one.dropped["unknown_frame"] == 4 - expected
+
+
+@pytest.mark.parametrize(
+    ("options", "frame"),
+    [
+        pytest.param({}, None, id="nothing given"),
+        pytest.param({"sensor_frame": "sonar"}, "sonar", id="sensor"),
+        pytest.param({"fixed_frame": "map"}, "map", id="fixed"),
+        pytest.param({"own_ship_source": "odometry", "sensor_frame": "sonar"}, "odom", id="moving"),
+        pytest.param({"own_ship_source": "odometry", "fixed_frame": "odom"}, None, id="moves"),
+    ],
+)
+def test_a_scan_that_names_no_frame_needs_one_that_is_given(options, frame):
+    one = session(**options)
+    if "own_ship_source" in options:
+        sail(one, 0.0, 10.0)
+    one.add_scan(dataclasses.replace(ping(5.0), frame_id=""), 0.0)
+    assert [result.frame_id for result in one.process()] == ([] if frame is None else [frame])
+    assert one.dropped == ({"empty_frame": 1} if frame is None else {})
+
+
+@pytest.mark.parametrize("given", ["", "odom"])
+def test_own_ship_data_that_names_no_frame_needs_one_that_is_given(given):
+    one = moving(fixed_frame=given)
+    sail(one, 0.0, frame_id="")
+    assert one.dropped == ({} if given else {"own_ship_empty_frame": 1})
+    assert (one.fixed_frame, one.own_ship_stamp) == (given, 0.0 if given else None)

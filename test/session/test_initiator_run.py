@@ -1,0 +1,162 @@
+"""The initiator in a session: changed options and methods, failures, limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+from support.builders import assert_same_tracks
+from support.sessions import (
+    RULE,
+    NotedSession,
+    held,
+    play,
+    play_empty,
+    session,
+    settings,
+)
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.settings import Settings
+
+
+class FailingInitiator:
+    """An initiator that fails at the scan of a stamp (s)."""
+
+    def __init__(self, initiator, stamp: float) -> None:
+        self._initiator, self._fails_at = initiator, stamp
+
+    def __getattr__(self, name: str):
+        return getattr(self._initiator, name)
+
+    def process(self, scan: Scan) -> TrackArrays:
+        if scan.stamp == self._fails_at:
+            raise ZeroDivisionError
+        return self._initiator.process(scan)
+
+
+class FailingSettings(Settings):
+    """Settings whose initiator fails at the scan of 36 s."""
+
+    def make_initiator(self):
+        return FailingInitiator(super().make_initiator(), 36.0)
+
+
+def failing_settings(common: CommonOptions | None = None) -> FailingSettings:
+    return FailingSettings(**vars(settings(common)))
+
+
+def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():
+    one = NotedSession(failing_settings())
+    (track,) = play(one, [0, 12, 24])[2].new
+    assert play(one, [36]) == []
+    assert one.dropped == {"internal_error": 1}
+    results = play(one, [48, 60, 72])
+    assert (held(results[0]), results[0].ended) == ([], [track.track_id])
+    assert len(results[2].new) == 1
+
+
+def test_thresholds_changed_between_scans_keep_the_potential_tracks():
+    one = session()
+    play(one, [0, 12])
+    changed = dataclasses.replace(RULE, pruning_probability=0.999)
+    assert one.configure(settings(rule=changed))
+    (result,) = play(one, [24])
+    assert len(result.new) == 1
+
+
+def test_another_number_of_hits_starts_over():
+    one = session()
+    play(one, [0, 12])
+    assert not one.configure(settings(rule=TsepmOptions(min_hits=2, window=4)))
+    assert [len(result.new) for result in play(one, [24, 36])] == [0, 1]
+
+
+def test_a_shorter_window_ends_the_tracks_that_are_over_it():
+    one = session(rule=TsepmOptions(min_hits=3, window=8))
+    play(one, [0, 12])
+    play_empty(one, [24, 36])
+    assert one.configure(settings(rule=TsepmOptions(min_hits=3, window=4)))
+    assert [len(result.new) for result in play(one, [48, 60, 72])] == [0, 0, 1]
+
+
+def test_changed_times_and_limits_count_at_the_next_scan():
+    one = session(CommonOptions(hold_time=1000.0))
+    play(one, [0, 12, 24])
+    one.configure(settings(CommonOptions(hold_time=5.0), restart_jump=10.0, max_gap=20.0))
+    (result,) = play_empty(one, [36])
+    assert result.ended == [0]
+    assert [result.arrival for result in play(one, [57, 40, 41])] == [
+        Arrival.GAP,
+        Arrival.RESTART,
+        Arrival.NEXT,
+    ]
+
+
+def unusable_settings(**options) -> Settings:
+    """Settings that pass all checks, and of which no initiator can be made."""
+    sensor = SensorModel()
+    object.__setattr__(sensor, "max_range", 0.0)  # as if its bound had been forgotten
+    wanted = settings(CommonOptions(hold_time=1.0), TsepmOptions(min_hits=2, window=3), **options)
+    return dataclasses.replace(wanted, sensor=sensor)
+
+
+@pytest.mark.parametrize("method", ["tsepm", "score"])
+@pytest.mark.parametrize("change", [Session.configure, Session.rehearse])
+def test_a_change_that_fails_leaves_all_as_it_was(method, change):
+    one, other = session(), session()
+    play(one, [0, 12])
+    play(other, [0, 12])
+    before = one.settings
+    with pytest.raises(ZeroDivisionError):
+        change(one, unusable_settings(method=method, max_gap=5.0, restart_jump=1.0))
+    assert one.settings is before
+    found, expected = play(one, [24, 36, 22, 48]), play(other, [24, 36, 22, 48])
+    assert [len(result.new) for result in expected] == [1, 0, 0]
+    for a, b in zip(found, expected, strict=True):
+        assert_same_tracks(a.new, b.new)
+        assert_same_tracks(a.current, b.current)
+        assert (a.arrival, a.ended) == (b.arrival, b.ended)
+    assert one.dropped == other.dropped
+    assert one.totals == other.totals
+
+
+@pytest.mark.parametrize("method", ["tsepm", "score"])
+def test_a_rehearsal_changes_nothing(method):
+    one = session()
+    play(one, [0, 12])
+    one.rehearse(
+        settings(CommonOptions(hold_time=1.0), TsepmOptions(min_hits=2, window=3), method=method)
+    )
+    assert [len(result.new) for result in play(one, [24])] == [1]
+    (held,) = play_empty(one, [36])
+    assert len(held.current) == 1
+
+
+def test_figures_count_on_through_restarts_failures_and_another_method():
+    one = NotedSession(failing_settings())
+    play(one, [1000, 1012, 1024])
+    play(one, [0, 12, 24, 36, 48])
+    one.configure(settings(method="score"))
+    play(one, [60])
+    totals = one.figures().totals
+    assert (totals.scans, totals.detections, totals.confirmed) == (8, 8, 2)
+    one.reset()
+    assert one.figures().totals == ScanStatistics()
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_the_time_limit_holds_only_live(live):
+    one = Session(settings(max_scan_time=3.0), live=live)
+    play(one, [0])
+    assert one.initiator.max_scan_time == (3.0 if live else math.inf)
+    one.configure(settings(max_scan_time=4.0))
+    play(one, [12])
+    assert one.initiator.max_scan_time == (4.0 if live else math.inf)

@@ -1,0 +1,107 @@
+"""Scans put in the fixed frame, or lost alone."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from support.sessions import (
+    arrived,
+    held,
+    moving,
+    ping,
+    play,
+    sail,
+)
+
+from tsepm_ros import Scan
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.own_ship.pose_sample import PoseSample
+
+
+def test_scans_are_placed_where_the_ship_was_at_their_time():
+    one = moving()
+    sail(one, 0.0, 100.0)
+    one.add_scan(ping(30.0), 0.0)
+    (result,) = one.process(0.0)
+    np.testing.assert_allclose(result.scan.sensor_pose, [60.0, 10.0, 0.5])
+    assert result.frame_id == "odom"
+
+
+@pytest.mark.parametrize("offset", [None, [1.0, 5.0]], ids=["at once", "echoes"])
+def test_scans_with_range_rates_have_the_velocity_of_the_ship_at_their_times(offset):
+    one = moving()
+    sail(one, 0.0, 100.0)
+    rates = {"range_rate": [1.0, -1.0]}
+    scan = Scan(30.0, [1500.0, 7500.0], [-0.5, 0.5], time_offset=offset, features=rates)
+    one.add_scan(arrived(scan), 0.0)
+    (result,) = one.process(0.0)
+    expected = [2.0, 0.0] if offset is None else [[2.0, 0.0]] * 2
+    np.testing.assert_allclose(result.scan.sensor_velocity, expected, atol=1e-9)
+
+
+def test_echoes_are_placed_with_the_poses_of_their_sending_and_arrival():
+    one = moving()
+    sail(one, 0.0, 100.0)
+    scan = Scan(30.0, [1500.0, 7500.0], [-0.5, -0.5], time_offset=[1.0, 5.0])
+    one.add_scan(arrived(scan), 0.0)
+    (result,) = one.process(0.0)
+    # Looking along x: half of the way between sending and arrival.
+    expected = [[62.0, 10.0, 0.5], [70.0, 10.0, 0.5]]
+    np.testing.assert_allclose(result.scan.sensor_pose, expected, atol=1e-9)
+
+
+def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
+    one = moving(common=CommonOptions(hold_time=1e6), own_ship_max_extrapolation=12.0)
+    sail(one, 0.0, 30.0)
+    confirmed = play(one, [0, 12, 24])[2].new
+    # At the edge of what is taken, and beyond it where the newest velocity carries it.
+    for stamp in (31.0, 32.0):
+        one.add_own_ship(PoseSample(stamp, 1e9, 0.0, 0.0, rates=(10.0, 0.0, 0.0), frame_id="odom"))
+    assert play(one, [36]) == []
+    assert (one.dropped, one.waiting) == ({"internal_error": 1}, 0)
+    sail(one, 40.0, 60.0)
+    (result,) = play(one, [48])
+    assert held(result) == [track.track_id for track in confirmed]
+
+
+def test_the_pose_covariance_goes_with_the_scan():
+    one = moving()
+    covariance = np.diag([4.0, 9.0, 0.01])
+    for stamp in (0.0, 10.0):
+        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, covariance, frame_id="odom"))
+    one.add_scan(ping(5.0), 0.0)
+    one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
+    by_bow, by_north = one.process(0.0)
+    np.testing.assert_array_equal(by_bow.scan.sensor_pose_covariance, covariance)
+    np.testing.assert_array_equal(by_north.scan.sensor_pose_covariance, np.diag([4.0, 9.0, 0.0]))
+
+
+def test_north_referenced_scans_do_not_turn_with_the_ship():
+    one = moving()
+    sail(one, 0.0, 10.0)
+    one.add_scan(dataclasses.replace(ping(5.0), north_referenced=True), 0.0)
+    (result,) = one.process(0.0)
+    np.testing.assert_allclose(result.scan.sensor_pose, [10.0, 10.0, 0.0])
+
+
+def test_a_ship_without_a_heading_places_only_north_referenced_scans():
+    one = moving()
+    for stamp in (0.0, 10.0):
+        one.add_own_ship(
+            PoseSample(stamp, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6]), frame_id="odom")
+        )
+    one.add_scan(ping(5.0), 0.0)
+    one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
+    assert [result.stamp for result in one.process(0.0)] == [6.0]
+    assert one.dropped == {"heading_unknown": 1}
+
+
+def test_a_negative_time_offset_is_placed_where_poses_are_known():
+    one = moving()
+    sail(one, 0.0, 30.0)
+    scan = Scan(20.0, [1000.0], [-0.5], time_offset=[-3.0])
+    one.add_scan(arrived(scan), 0.0)
+    (result,) = one.process(0.0)
+    np.testing.assert_allclose(result.scan.sensor_pose, [[34.0, 10.0, 0.5]], atol=1e-9)

@@ -1,0 +1,105 @@
+"""Sessions that note what they report, and what arrives at them."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+
+from support.builders import FIXED_RANGE_ERROR, scan_at
+from tsepm_ros import Scan
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.simulation import Simulator, load_scenario
+
+BOX = dataclasses.replace(load_scenario("box"), scans=10)
+
+RULE = TsepmOptions(min_hits=3, window=4)
+
+
+def settings(common: CommonOptions | None = None, rule: TsepmOptions = RULE, **options) -> Settings:
+    return Settings(
+        session=SessionOptions(**{"method": "tsepm", **options}),
+        sensor=FIXED_RANGE_ERROR,
+        common=common or CommonOptions(),
+        methods={"tsepm": rule},
+    )
+
+
+class Reports(list):
+    """What a session reported."""
+
+    def __call__(self, reason: str, sentence: str) -> None:
+        assert sentence
+        self.append(reason)
+
+
+class NotedSession(Session):
+    """A session that notes in `heard` what it reports."""
+
+    def __init__(self, settings: Settings, **more) -> None:
+        self.heard = Reports()
+        super().__init__(settings, self.heard, **more)
+
+
+def session(*args, **options) -> NotedSession:
+    return NotedSession(settings(*args, **options))
+
+
+def moving_settings(**options) -> Settings:
+    return settings(own_ship_source="odometry", **{"own_ship_max_gap": 3600.0, **options})
+
+
+def moving(**options) -> NotedSession:
+    return NotedSession(moving_settings(**options))
+
+
+def arrived(scan: Scan, frame_id: str = "sonar", **more) -> SensorScan:
+    return SensorScan(scan, frame_id, **more)
+
+
+def ping(stamp: float, n: int = 1) -> SensorScan:
+    """A target that stands still, and more detections far off."""
+    return arrived(
+        scan_at(stamp, [(3000.0, 0.0)] + [(-2000.0 - 900 * k, 0.0) for k in range(n - 1)])
+    )
+
+
+def play(one: Session, stamps, now: float = math.inf):
+    """Results of scans at the stamps, each processed as it comes."""
+    results = []
+    for stamp in stamps:
+        one.add_scan(ping(float(stamp)), 0.0)
+        results += one.process(now)
+    return results
+
+
+def play_empty(one: Session, stamps):
+    """The same with scans that have no detections."""
+    results = []
+    for stamp in stamps:
+        one.add_scan(arrived(Scan(float(stamp), [], [])), 0.0)
+        results += one.process()
+    return results
+
+
+def sail(one: Session, *stamps: float, frame_id: str = "odom") -> None:
+    """Own-ship poses of a ship that runs along x at 2 m/s, at the stamps and every 20 s between."""
+    for begin, end in itertools.pairwise([*stamps, stamps[-1]]):
+        for stamp in [begin, *np.arange(begin + 20.0, end, 20.0)]:
+            one.add_own_ship(PoseSample(float(stamp), 2.0 * stamp, 10.0, 0.5, frame_id=frame_id))
+
+
+def simulated(seed: int = 1) -> list[Scan]:
+    return [simulated.scan for simulated in Simulator(BOX, seed)]
+
+
+def held(result) -> list[int]:
+    return [track.track_id for track in result.current]
