@@ -23,6 +23,7 @@ from support.bag_files import (
     storage_file,
     write_bag,
 )
+from support.sessions import failing_at
 
 from msg_adapters import MessageError
 from msg_adapters.track_cloud import track_points
@@ -317,19 +318,11 @@ def test_without_an_own_ship_the_detections_frame_is_fixed(tmp_path):
     assert {result.frame_id for result in results} == {"sonar"}
 
 
-def test_a_scan_at_which_the_algorithm_fails_is_lost_and_counted(tmp_path, monkeypatch):
+def test_a_scan_at_which_the_algorithm_fails_is_lost_and_counted(tmp_path):
     path = write_bag(tmp_path / "bag", simulated())
     values = {"own_ship_source": "odometry", **parse_values(PARAMETERS)}
     made = make_groups(TRACK_INITIATOR, values)
-    session = Session(settings_from(made))
-    process = session.initiator.process
-
-    def fail_once(scan):
-        if scan.stamp == 1012.0:
-            raise ArithmeticError("overflow")
-        return process(scan)
-
-    monkeypatch.setattr(session.initiator, "process", fail_once)
+    session = Session(failing_at(1012.0, settings_from(made)))
     with Bag(path) as bag:
         given = MessageInput(session, made[InitiatorNodeOptions])
         results = list(bag_results(bag, find_topics(bag.topics, {}), session, given))

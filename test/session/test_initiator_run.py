@@ -10,6 +10,7 @@ from support.builders import assert_same_tracks
 from support.sessions import (
     RULE,
     NotedSession,
+    failing_at,
     held,
     play,
     play_empty,
@@ -17,44 +18,17 @@ from support.sessions import (
     settings,
 )
 
-from tsepm_ros import Scan, SensorModel
+from tsepm_ros import SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.session.scan_order import Arrival
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 
 
-class FailingInitiator:
-    """An initiator that fails at the scan of a stamp (s)."""
-
-    def __init__(self, initiator, stamp: float) -> None:
-        self._initiator, self._fails_at = initiator, stamp
-
-    def __getattr__(self, name: str):
-        return getattr(self._initiator, name)
-
-    def process(self, scan: Scan) -> TrackArrays:
-        if scan.stamp == self._fails_at:
-            raise ZeroDivisionError
-        return self._initiator.process(scan)
-
-
-class FailingSettings(Settings):
-    """Settings whose initiator fails at the scan of 36 s."""
-
-    def make_initiator(self):
-        return FailingInitiator(super().make_initiator(), 36.0)
-
-
-def failing_settings(common: CommonOptions | None = None) -> FailingSettings:
-    return FailingSettings(**vars(settings(common)))
-
-
 def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():
-    one = NotedSession(failing_settings())
+    one = NotedSession(failing_at(36.0, settings()))
     (track,) = play(one, [0, 12, 24])[2].new
     assert play(one, [36]) == []
     assert one.dropped == {"internal_error": 1}
@@ -141,7 +115,7 @@ def test_a_rehearsal_changes_nothing(method):
 
 
 def test_figures_count_on_through_restarts_failures_and_another_method():
-    one = NotedSession(failing_settings())
+    one = NotedSession(failing_at(36.0, settings()))
     play(one, [1000, 1012, 1024])
     play(one, [0, 12, 24, 36, 48])
     one.configure(settings(method="score"))

@@ -11,6 +11,8 @@ import numpy as np
 from support.builders import FIXED_RANGE_ERROR, scan_at
 from tsepm_ros import Scan
 from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
@@ -103,3 +105,32 @@ def simulated(seed: int = 1) -> list[Scan]:
 
 def held(result) -> list[int]:
     return [track.track_id for track in result.current]
+
+
+class FailingInitiator:
+    """An initiator that fails at the scan of a stamp (s)."""
+
+    def __init__(self, initiator: Initiator, stamp: float) -> None:
+        self._initiator, self._fails_at = initiator, stamp
+
+    def __getattr__(self, name: str):
+        return getattr(self._initiator, name)
+
+    def process(self, scan: Scan) -> TrackArrays:
+        if scan.stamp == self._fails_at:
+            raise ZeroDivisionError
+        return self._initiator.process(scan)
+
+
+@dataclasses.dataclass(frozen=True)
+class FailingSettings(Settings):
+    """Settings whose initiator fails at the scan of a stamp (s)."""
+
+    fails_at: float = math.inf
+
+    def make_initiator(self):
+        return FailingInitiator(super().make_initiator(), self.fails_at)
+
+
+def failing_at(stamp: float, settings: Settings) -> FailingSettings:
+    return FailingSettings(**vars(settings), fails_at=stamp)
