@@ -524,3 +524,11 @@ def test_a_bad_two_way_travel_time_is_counted_as_a_time_offset(value, reason):
 def test_a_sound_speed_that_is_none_is_refused(speed):
     with pytest.raises(ValueError, match="sound_speed must be"):
         read_detections(raw_cloud([("range", "f"), ("azimuth", "f")], []), sound_speed=speed)
+
+
+def test_an_echo_time_from_the_sound_speed_is_checked_like_one_of_the_message():
+    fields = [(name, "d") for name in ("x", "y", "z")]
+    rows = [(3.0, 4.0, 0.0), (1e8, 0.0, 1e8)]
+    found = read_detections(raw_cloud(fields, rows), sound_speed=100.0)
+    assert found.dropped == {"time_offset_too_large": 1}
+    np.testing.assert_array_equal(found.scan.time_offset, [0.05])

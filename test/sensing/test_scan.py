@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -220,3 +221,35 @@ def test_the_largest_values_are_still_taken():
 @pytest.mark.parametrize("stamp", [0, -1.5, 1.7e9, np.float32(3.0)])
 def test_any_finite_stamp_is_taken(stamp):
     assert Scan(stamp, [], []).stamp == float(stamp)
+
+
+def test_replaced_checks_the_new_fields_alone_and_keeps_the_others():
+    scan = Scan(1.0, [100.0, 200.0], [0.1, 7.0], features={"intensity": [1.0, 2.0]})
+    moved = scan.replaced(sensor_pose=[1.0, 2.0, 3.0], azimuth=[0.2, 4.0])
+    expected = dataclasses.replace(scan, sensor_pose=[1.0, 2.0, 3.0], azimuth=[0.2, 4.0])
+    for field in dataclasses.fields(Scan):
+        if field.name != "features":
+            np.testing.assert_array_equal(
+                getattr(moved, field.name), getattr(expected, field.name), err_msg=field.name
+            )
+    assert moved.range is scan.range
+    assert moved.features is scan.features
+    for fields, sentence in [
+        ({"sensor_pose": [1e10, 0.0, 0.0]}, "sensor_pose must be at most"),
+        ({"azimuth": [0.0]}, "azimuth must have the shape"),
+        ({"sensor_pose_covariance": -np.eye(3)}, "sensor_pose_covariance must be symmetric"),
+    ]:
+        with pytest.raises(ValueError, match=f"^{sentence}"):
+            scan.replaced(**fields)
+
+
+def test_a_trusted_scan_has_the_defaults_of_a_checked_one():
+    range_, azimuth = np.array([100.0]), np.array([0.5])
+    trusted = Scan.trusted(stamp=1.0, range=range_, azimuth=azimuth)
+    checked = Scan(1.0, range_, azimuth)
+    assert trusted.range is range_
+    assert len(trusted) == 1
+    for field in dataclasses.fields(Scan):
+        np.testing.assert_array_equal(
+            getattr(trusted, field.name), getattr(checked, field.name), err_msg=field.name
+        )

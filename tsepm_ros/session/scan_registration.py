@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,25 +18,9 @@ MAX_YAW_VARIANCE = math.pi**2
 """Variance of the heading above which there is none, rad^2."""
 
 
-@dataclass(frozen=True)
-class RegisteredScan:
-    """What became of a scan.
-
-    Attributes
-    ----------
-    scan : Scan or None
-        In the fixed frame; None where it is refused.
-    remarks : tuple of Refusal or Notice
-        Of the scan, and of detections that are left out.
-    """
-
-    scan: Scan | None
-    remarks: tuple[Remark, ...]
-
-
 def register(
     arrived: SensorScan, own_ship: OwnShipInput, frames: Frames, settings: Settings
-) -> RegisteredScan:
+) -> tuple[Scan | None, list[Remark | None]]:
     """Put a scan in the fixed frame.
 
     Parameters
@@ -47,21 +30,30 @@ def register(
         It has the poses, where the sensor moves.
     frames : Frames
     settings : Settings
+
+    Returns
+    -------
+    scan : Scan or None
+        None where it is refused.
+    remarks : list of Refusal, Notice or None
+        Of the scan, and of detections that are left out.
     """
-    mounting, sector = settings.mounting, not settings.sensor.all_round
-    notice = frames.mounting_notice(arrived.frame_id, mounting) if own_ship.moves else None
+    mounting, sensor = settings.mounting, settings.sensor
+    remarks: list[Remark | None] = []
+    if own_ship.moves:
+        remarks.append(frames.mounting_notice(arrived.frame_id, mounting))
     refusal = _refuse_heading(arrived, own_ship, settings)
     if refusal is not None:
-        return RegisteredScan(None, _only(notice, refusal))
+        return None, [*remarks, refusal]
     if own_ship.moves:
+        sector = not sensor.all_round
         scan = registration.to_fixed_frame(arrived, own_ship.poses, mounting, sector=sector)
+        remarks.append(_refuse_vertical(arrived, scan))
     else:
         scan = registration.at_rest(arrived)
-    lost = _refuse_vertical(arrived, scan) if own_ship.moves else None
-    used = bool(settings.sensor.range_rate_std)
-    return RegisteredScan(
-        scan, _only(notice, lost, _rates_notice(arrived.scan, scan) if used else None)
-    )
+    if sensor.range_rate_std:
+        remarks.append(_rates_notice(arrived.scan, scan))
+    return scan, remarks
 
 
 def _refuse_heading(
@@ -107,7 +99,3 @@ def _rates_notice(before: Scan, after: Scan) -> Notice | None:
         f"{unused} range rates not used: measured too steeply above or below the horizontal, or "
         "the sensor's velocity is not known",
     )
-
-
-def _only(*remarks: Remark | None) -> tuple[Remark, ...]:
-    return tuple(remark for remark in remarks if remark is not None)

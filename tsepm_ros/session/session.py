@@ -304,14 +304,14 @@ class Session:
         )
         if self._refused(refusal):
             return None
-        registered = register(arrived, self._own_ship, self._frames, self._settings)
-        self._tell(*registered.remarks)
-        if registered.scan is None:
+        scan, remarks = register(arrived, self._own_ship, self._frames, self._settings)
+        self._tell(*remarks)
+        if scan is None:
             return None
         self._order.accept(stamp, first.arrival)
         self._own_ship.restarted = False
         self._start_over(first.arrival, stamp)
-        return self._run_on(registered.scan, first)
+        return self._run_on(scan, first)
 
     def _start_over(self, arrival: Arrival, stamp: float) -> None:
         """Drop what cannot continue across a restart or a long gap."""
