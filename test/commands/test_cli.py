@@ -224,17 +224,6 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path, monkeypatch):
     assert truth.tolist() == [[1000.0, -1000.0], [1010.0, -1010.0]]
 
 
-def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
-    arguments = ["study", "box", "--runs", "6", "--scans", "8", "--seed", "3", "--workers", "1"]
-    arguments += ["--method", "tsepm"]
-    assert main([*arguments, "-p", "min_hits:=4"]) == 0
-    out = capsys.readouterr().out
-    for part in ("tsepm", "min_hits:=4", "box", "8 scans", "6 runs", "seed 3", "95 %"):
-        assert part in out
-    assert "P_D" in out
-    assert "NEES" in out
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
@@ -248,8 +237,8 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
             ["run", "box", "-p", "bearing_reference:=north", "-p", "own_ship_source:=none"],
             "fixed_frame must be given",
         ),
-        (["study", "nowhere"], "nowhere"),
-        (["study", "box", "--method", "tsepm", "-p", "min_hats:=4"], "min_hats"),
+        (["study", "box", "--runs", "9"], "tsepm evaluate SCENARIO --method METHOD"),
+        (["study", "--help"], "tsepm evaluate SCENARIO --method METHOD"),
         (["evaluate", "nowhere"], "nowhere"),
         (["evaluate", "-p", "min_hats:=4"], "min_hats"),
         (["evaluate", "--method", "score", "-p", "min_hits:=4"], "min_hits"),
@@ -258,7 +247,7 @@ def test_a_study_states_method_scenario_runs_seed_and_intervals(capsys):
         (["evaluate", "--scene", "sensor.colour:=1.0"], "colour"),
         (["evaluate", "--scene", "sensor.azimuth_std:=wide"], "sensor.azimuth_std"),
         (["evaluate", "box", "box"], "box is there twice"),
-        (["study", "box", "-p", "min_hits=4"], "min_hits=4"),
+        (["evaluate", "box", "-p", "min_hits=4"], "min_hits=4"),
         (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "/nowhere is not there"),
     ],
 )

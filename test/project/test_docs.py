@@ -85,7 +85,7 @@ def test_parameters_named_in_text_exist(page):
 def test_parameters_given_in_commands_exist(page):
     for command in commands(page):
         options: frozenset[str] = frozenset()
-        if "tsepm study" in command or "tsepm evaluate" in command:
+        if "tsepm evaluate" in command:
             options = frozenset().union(*map(option_names, available_methods()))
         assert set(GIVEN.findall(command)) <= NAMES | options, command
         if "ros2 launch" in command:

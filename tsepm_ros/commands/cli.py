@@ -3,32 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import os
 import shlex
 import sys
 from collections.abc import Sequence
 
-from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.measures import HEADINGS, SPECS, Measures, measures_of
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.study import study
-from tsepm_ros.analysis.terminal_tables import text_table, with_progress
 from tsepm_ros.commands.design_command import add_design_arguments, run_design
-from tsepm_ros.commands.evaluate_command import (
-    add_evaluation_arguments,
-    add_run_arguments,
-    run_evaluation,
-    workers_of,
-)
+from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.commands.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.commands.run_command import add_recording_arguments, run_recording
-from tsepm_ros.methods.registry import METHODS, available_methods
+from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
-from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.tables import NODES
-from tsepm_ros.settings.value_text import parse_values
-from tsepm_ros.simulation import load_scenario, shipped_scenarios
 
 INTERRUPTED = 130
 """What a shell takes for ended by an interrupt."""
@@ -89,12 +75,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_parameters(one)
     one.set_defaults(command=run_design)
 
-    one = commands.add_parser("study", help="simulate a scenario many times and sum up")
-    scenarios = ", ".join(shipped_scenarios())
-    one.add_argument("scenario", help=f"{scenarios}, or a .yaml file")
-    one.add_argument("--method", default=SessionOptions().method, choices=available_methods())
-    add_run_arguments(one, runs=200)
-    _add_parameters(one, "option of the method, such as min_hits:=4")
+    # What was the command `study`; it names the new one until the next release.
+    one = commands.add_parser("study", prefix_chars="+", add_help=False)
+    one.add_argument("given", nargs="*")
     one.set_defaults(command=_study)
 
     one = commands.add_parser(
@@ -135,17 +118,10 @@ def _parameters(options: argparse.Namespace) -> None:
 
 
 def _study(options: argparse.Namespace) -> None:
-    changes = {"scans": options.scans} if options.scans else {}
-    scenario = load_scenario(options.scenario, changes)
-    point = OperatingPoint(options.method, options=parse_values(options.parameter))
-    records = study(scenario, point, range(options.runs), options.seed, workers_of(options))
-    figures = measures_of(scenario, with_progress(records, options.runs))
-    given = " ".join(options.parameter) or "defaults"
-    print(
-        f"method {options.method} ({given}), scenario {scenario.name}, {scenario.scans} scans, "
-        f"{figures.runs} runs, seed {options.seed}; 95 % intervals"
+    raise ValueError(
+        "tsepm study is now a point of tsepm evaluate: "
+        "tsepm evaluate SCENARIO --method METHOD -p OPTION:=VALUE"
     )
-    print(study_table(figures))
 
 
 def _evaluate(options: argparse.Namespace) -> None:
@@ -154,27 +130,6 @@ def _evaluate(options: argparse.Namespace) -> None:
 
 def _reproduce(options: argparse.Namespace) -> None:
     run_reproduction(options, options.line)
-
-
-STUDY_FIGURES = (
-    "detection",
-    "false_per_run",
-    "false_density",
-    "redundant_per_run",
-    "nees",
-    "position_error",
-    "velocity_error",
-    "confirmation_time",
-)
-
-
-def study_table(figures: Measures) -> str:
-    """The figures of a study as a table."""
-    rows = []
-    for name in STUDY_FIGURES:
-        one: Estimate = getattr(figures, name)
-        rows.append([HEADINGS[name], *(f"{v:{SPECS[name]}}" for v in dataclasses.astuple(one))])
-    return text_table(["figure", "value", "low", "high"], rows)
 
 
 if __name__ == "__main__":
