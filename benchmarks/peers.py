@@ -14,7 +14,7 @@ from contenders import Contender, RawScan, Sea
 from tsepm_ros import ConfirmedTrack, Scan
 from tsepm_ros.analysis.operating_points import OperatingPoint, digest
 from tsepm_ros.simulation import Scenario
-from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 
 RULES = ((8, 12), (6, 8), (5, 8), (4, 5), (3, 4))
 """min_hits and window of a peer's sweep, from few to many false tracks."""

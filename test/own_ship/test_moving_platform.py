@@ -12,7 +12,7 @@ from tsepm_ros.analysis.operating_points import OperatingPoint, make_method
 from tsepm_ros.analysis.study import study
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.simulation import load_scenario
-from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 
 RUNS = 40
 Z = 3.3

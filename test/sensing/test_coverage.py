@@ -19,7 +19,8 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator
-from tsepm_ros.simulation.scenario import OwnShipMotion, Scenario
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+from tsepm_ros.simulation.scenario import Scenario
 
 SECTOR = SensorModel(
     max_range=4000.0,

@@ -21,7 +21,8 @@ from tsepm_ros.numerics import gaussian
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
 from tsepm_ros.simulation import CLUTTER, Scenario, Simulator
-from tsepm_ros.simulation.scenario import OwnShipMotion, TargetArea
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+from tsepm_ros.simulation.scenario import TargetArea
 from tsepm_ros.stages.estimation import ESTIMATORS, fit
 
 SENSOR = SensorModel(

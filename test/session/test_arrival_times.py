@@ -20,7 +20,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 
 SHIP = OwnShipMotion(20.0, -30.0, 0.4, speed=4.0, turn_rate=math.radians(2.0))
 SEA = dataclasses.replace(

@@ -12,12 +12,8 @@ from scipy.optimize import brentq
 
 from tsepm_ros import SensorModel
 from tsepm_ros.simulation import CLUTTER, Scenario, Simulator, load_scenario
-from tsepm_ros.simulation.scenario import (
-    ClutterPatch,
-    OwnShipMotion,
-    TargetArea,
-    WaypointMotion,
-)
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion, WaypointMotion
+from tsepm_ros.simulation.scenario import ClutterPatch, TargetArea
 
 EXACT = SensorModel(
     range_std=1e-6,

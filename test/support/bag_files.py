@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros.simulation import Simulator
-from tsepm_ros.simulation.scenario import Scenario, scenario_from
+from tsepm_ros.simulation.scenario import Scenario
+from tsepm_ros.simulation.scenario_files import scenario_from
 
 pytest.importorskip("rosbags", reason="bags need the library rosbags")
 

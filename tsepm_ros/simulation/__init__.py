@@ -1,6 +1,7 @@
 """Simulated scans with known truth."""
 
-from tsepm_ros.simulation.scenario import Scenario, load_scenario, shipped_scenarios
+from tsepm_ros.simulation.scenario import Scenario
+from tsepm_ros.simulation.scenario_files import load_scenario, shipped_scenarios
 from tsepm_ros.simulation.simulator import CLUTTER, SimulatedScan, Simulator
 
 __all__ = [
