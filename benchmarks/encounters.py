@@ -36,8 +36,8 @@ import numpy as np
 
 from tsepm_ros import make_initiator
 from tsepm_ros.analysis.intervals import mean, mean_count, proportion
-from tsepm_ros.analysis.pool import mapped
-from tsepm_ros.analysis.terminal_tables import text_table, with_progress
+from tsepm_ros.analysis.text_tables import text_table
+from tsepm_ros.analysis.workers import Workers, with_progress
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.simulation.scenario import Scenario
@@ -175,7 +175,7 @@ def report(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 def results(function: Callable[[Job], Any], work: list[Job], processes: int) -> list[Any]:
     """What each run gave."""
-    return list(with_progress(mapped(function, work, processes), len(work)))
+    return list(with_progress(Workers(processes=processes).mapped(function, work), len(work)))
 
 
 def encounter_table(runs: int, processes: int) -> None:

@@ -45,10 +45,10 @@ from nearest_neighbour import GATE, NearestNeighbourTracker, Target
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.analysis.intervals import Estimate, mean, proportion, rms_ratio, root_mean_square
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.pool import mapped
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
-from tsepm_ros.analysis.terminal_tables import text_table, with_progress
+from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
+from tsepm_ros.analysis.workers import Workers, with_progress
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.simulation import load_scenario
 
@@ -335,9 +335,10 @@ def main(arguments: Iterable[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     seeds = [(options.seed, run) for run in range(options.runs)]
     results = {}
+    workers = Workers(processes=options.processes)
     for method in METHODS:
         job = partial(follow, method=method, noise=options.noise)
-        parts = with_progress(mapped(job, seeds, options.processes, chunk=4), len(seeds))
+        parts = with_progress(workers.mapped(job, seeds, chunk=4), len(seeds))
         results[method] = Followed.of(list(parts))
         print(
             f"method {method} (defaults), scenario {SCENARIO}, {options.runs} runs, seed "

@@ -30,8 +30,7 @@ from tsepm_ros import SensorModel
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_points import OperatingPoint, package_version
 from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
-from tsepm_ros.analysis.study import Workers
-from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.analysis.workers import Workers, with_progress
 from tsepm_ros.design import search
 from tsepm_ros.design.prediction import Case, false_tracks_per_hour, targets_found
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -56,7 +55,7 @@ def score_at(wish: float) -> OperatingPoint:
     return OperatingPoint("score", f"{wish:g}/h", options, version=package_version())
 
 
-def wish_kept(density: float, wish: float, hours: float, seed: int, workers: int) -> Estimate:
+def wish_kept(density: float, wish: float, hours: float, seed: int, workers: Workers) -> Estimate:
     """False tracks over the wish."""
     case = clutter_alone(density)
     rate = false_tracks_per_hour(
@@ -122,7 +121,7 @@ def evaluated(
 ) -> list[Evaluated]:
     """A scene's runs, those done that are not there yet, after each horizon and after all."""
     plan = Plan(scenarios=[one], points=points, runs=runs, seed=options.seed, horizons=horizons)
-    return evaluate(plan, options.out / "runs", Workers(processes=options.workers), with_progress)
+    return evaluate(plan, options.out / "runs", options.workers, with_progress)
 
 
 RATES = (1, 10, 100, 1000, 10000)
@@ -222,6 +221,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         command.add_argument("--out", type=Path, default=BUILD, help="folder of the runs done")
     options = parser.parse_args(arguments)
+    options.workers = Workers(processes=options.workers)
     for index, cells in enumerate(COMMANDS[options.command][0](options)):
         print(f"| {' | '.join(cells)} |", flush=True)
         if not index:

@@ -37,7 +37,7 @@ from msg_adapters import (
 )
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.intervals import mean
-from tsepm_ros.analysis.terminal_tables import text_table
+from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.numerics.arrays import FloatArray
@@ -46,7 +46,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 
 SOUND_SPEED = 1500.0
 ODOMETRY_RATE = 5.0

@@ -38,14 +38,14 @@ def point(method: str) -> OperatingPoint:
 @pytest.mark.parametrize("method", available_methods())
 def test_a_prefix_of_a_run_is_the_run_with_fewer_scans(method):
     for seed in range(3):
-        long = run(load_scenario("box", {"scans": 12}), [3, seed], point(method))
-        short = run(load_scenario("box", {"scans": 7}), [3, seed], point(method))
+        long = run((load_scenario("box", {"scans": 12}), [3, seed], point(method)))
+        short = run((load_scenario("box", {"scans": 7}), [3, seed], point(method)))
         assert long.first(7).as_json() == short.as_json()
         assert long.count(*Outcome) > short.count(*Outcome) > 0
 
 
 def test_a_record_comes_back_from_json_to_the_bit():
-    kept = run(MOVING, [3, 1], point("tsepm"))
+    kept = run((MOVING, [3, 1], point("tsepm")))
     assert any(not one.pure for one in kept.starts)  # these have nan
     text = json.dumps(kept.as_json(), allow_nan=False)
     again = RunSummary.from_json(json.loads(text))
@@ -93,7 +93,7 @@ def held_at(*held) -> RunSummary:
     sensor = {"sensor.clutter_density": 1e-20, "scans": 1}
     scene = load_scenario("box", sensor)
     seen = OperatingPoint("seer", options={}, factory=lambda one, *_: Seer(one, list(held)))
-    return run(scene, [1, 1], seen)
+    return run((scene, [1, 1], seen))
 
 
 def test_what_is_held_is_compared_with_the_truth():
@@ -141,6 +141,6 @@ def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
 
 def test_a_scene_without_targets_is_recorded_too():
     scene = Scenario("empty", scans=3, clutter_box=(0.0, 1000.0, 0.0, 1000.0))
-    kept = run(scene, [1, 1], point("tsepm"))
+    kept = run((scene, [1, 1], point("tsepm")))
     assert kept.targets == 0
     assert kept.starts == ()

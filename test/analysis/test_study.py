@@ -13,10 +13,11 @@ from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.simulated_run import placed
-from tsepm_ros.analysis.study import Workers, run, study
+from tsepm_ros.analysis.study import run, study
 from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.scenario import OwnShipMotion
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 
 BOX = load_scenario("box", {"scans": 8})
 RUNS = 150
@@ -47,7 +48,7 @@ def test_false_tracks_in_the_box_scene_are_the_design_s(box):
 
 
 def test_run_i_has_its_own_seed_and_does_not_depend_on_the_others(box):
-    assert as_json([run(BOX, [2018, 3], TSEPM)]) == as_json(box[3:4]) != as_json(box[4:5])
+    assert as_json([run((BOX, [2018, 3], TSEPM))]) == as_json(box[3:4]) != as_json(box[4:5])
     some = study(BOX, TSEPM, [0, 5, 2], 2018)
     assert as_json(some) == as_json([box[0], box[5], box[2]])
     assert as_json(study(BOX, TSEPM, range(3), 2019)) != as_json(box[:3])
@@ -59,10 +60,10 @@ def test_two_workers_give_the_same_numbers_as_one(box):
 
 
 def test_options_reach_the_method(box):
-    squared = run(BOX, [2018, 0], OperatingPoint("tsepm", options={"pruning_reading": "squared"}))
+    squared = run((BOX, [2018, 0], OperatingPoint("tsepm", options={"pruning_reading": "squared"})))
     assert squared.count(*Outcome) > box[0].count(*Outcome)
     with pytest.raises(ValueError, match="colour is not an option"):
-        run(BOX, [1, 1], OperatingPoint("tsepm", options={"colour": "red"}))
+        run((BOX, [1, 1], OperatingPoint("tsepm", options={"colour": "red"})))
 
 
 def test_simulated_echoes_are_placed_on_their_targets_whatever_the_ship_does():

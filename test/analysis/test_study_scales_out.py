@@ -10,7 +10,8 @@ import pytest
 from support.run_summaries import as_json
 
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.study import Workers, study
+from tsepm_ros.analysis.study import study
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.simulation import load_scenario
 
 RUNS = range(48)
@@ -50,9 +51,9 @@ def test_a_dead_worker_costs_nothing_but_time(scenario, expected):
     assert as_json(found) == expected
 
 
-def test_a_scheduler_that_nobody_runs_is_said(scenario, monkeypatch):
+def test_a_scheduler_that_nobody_runs_is_said(scenario):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("tsepm_ros.analysis.study.CONNECT_TIME", 0.5)
-    results = study(scenario, TSEPM, range(4), SEED, Workers(scheduler="tcp://127.0.0.1:1"))
+    workers = Workers(scheduler="tcp://127.0.0.1:1", connect_time=0.5)
+    results = study(scenario, TSEPM, range(4), SEED, workers)
     with pytest.raises(ValueError, match=r"127\.0\.0\.1:1 cannot be reached"):
         next(results)

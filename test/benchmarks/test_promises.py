@@ -18,6 +18,7 @@ from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_curve import compare
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.performance import Evaluated
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.simulation import load_scenario
 
 SCENE = replace(load_scenario("box"), scans=4)
@@ -26,7 +27,7 @@ SWEEP = {"1/h": (2, 1), "10/h": (4, 4)}
 
 
 def options(folder: Path, runs: int) -> argparse.Namespace:
-    return argparse.Namespace(runs=runs, seed=1, workers=1, out=folder, scene=None)
+    return argparse.Namespace(runs=runs, seed=1, workers=Workers(), out=folder, scene=None)
 
 
 def beside(found: int, false: int) -> list[str]:
@@ -93,7 +94,7 @@ def test_a_difference_of_shares_is_close_far_or_open():
 
 
 def test_the_wish_is_kept_about():
-    kept = promises.wish_kept(density=3e-7, wish=100.0, hours=0.1, seed=1, workers=1)
+    kept = promises.wish_kept(density=3e-7, wish=100.0, hours=0.1, seed=1, workers=Workers())
     assert 0.3 < kept.value < 2.0
     assert kept.low < kept.value < kept.high
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tsepm_ros.analysis.terminal_tables import text_table
+from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.commands.cli import main
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.rendering import as_page

@@ -15,14 +15,10 @@ from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.study import study
 from tsepm_ros.commands.cli import main
 from tsepm_ros.design import search
+from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating
-from tsepm_ros.design.prediction import (
-    Case,
-    clutter_pass_share,
-    false_tracks_per_hour,
-    target_pass_share,
-    targets_found,
-)
+from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
+from tsepm_ros.design.prediction import false_tracks_per_hour, targets_found
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from

@@ -13,7 +13,7 @@ import pytest
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_summary import record
-from tsepm_ros.analysis.simulated_run import simulate
+from tsepm_ros.analysis.simulated_run import SimulatedScene, simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.commands.cli import main
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -30,8 +30,8 @@ from tsepm_ros.reproduction import (
 from tsepm_ros.reproduction import published_tsepm_2018 as published
 from tsepm_ros.reproduction.document import Column, Picture, Table, write
 from tsepm_ros.reproduction.runs import Setting
-from tsepm_ros.reproduction.scene import Scene
 from tsepm_ros.reproduction.sources import SOURCES, Source
+from tsepm_ros.reproduction.started_tracks import Started
 from tsepm_ros.simulation import load_scenario
 
 ROWS = {row.name: row for row in published.TABLE_1}
@@ -98,7 +98,7 @@ def test_the_fixed_margin_gates_as_errors_of_that_size_would():
     """Where all errors are the same, Eq. 4's margin is the fixed one, so that nothing differs."""
     same = list(monte_carlo.table_1_cases().values())[-1]
     fixed = dataclasses.replace(same, fixed_margin=True)
-    scene = Scene.drawn(same.scenario, [1, 0])
+    scene = SimulatedScene.drawn(same.scenario, [1, 0])
     row = ROWS["3/4"]
     counts = [
         monte_carlo._table_1_counts(scene, row, "squared", case.fixed_margin)
@@ -200,16 +200,16 @@ def test_counts_are_those_of_an_evaluation(seed):
     scenario = load_scenario("box", {"scans": 8, "sensor.clutter_density": 2.0e-6})
     point = OperatingPoint("tsepm", options={"min_hits": 4, "window": 6})
     kept = record(simulate(scenario, [seed, 0], point))
-    counts = Scene.drawn(scenario, [seed, 0]).started(point.make(scenario), 8).counts()
+    counts = Started.on(SimulatedScene.drawn(scenario, [seed, 0]), point.make(scenario), 8).counts()
     assert kept.wrong > 0
     assert counts == (kept.count(Outcome.TRUE), kept.wrong)
 
 
 def test_split_only_puts_out_every_raw_confirmation():
     scenario = load_scenario("four_targets", {"scans": 8})
-    counts = monte_carlo.run_four_targets(monte_carlo.FourTargets(scenario), [1, 0])
+    counts = monte_carlo.run_four_targets(scenario, [1, 0])
     starter = Initiator(SplitMerge(scenario.sensor, CommonOptions(), SplitMergeOptions()))
-    merged = Scene.drawn(scenario, [1, 0]).started(starter, 8)
+    merged = Started.on(SimulatedScene.drawn(scenario, [1, 0]), starter, 8)
     assert counts["merged"][0] == len(merged.tracks)
     assert counts["split"][0] == starter.totals.raw_confirmations > len(merged.tracks)
     assert sum(counts["split areas"]) < counts["split"][0]

@@ -24,7 +24,7 @@ def test_the_scene_is_the_published_one():
     np.testing.assert_allclose(np.hypot(*place.T), 6000.0)
     np.testing.assert_allclose(np.hypot(*(place - np.roll(place, 1, axis=0)).T), 6000.0)
     np.testing.assert_allclose(np.hypot(*targets[:, 1::2].T), 5.0)
-    scenario = hexagon.case(12.0, 0.9).scenario
+    scenario = hexagon.case(12.0, 0.9)
     assert scenario.duration == 120.0
     assert scenario.sensor.clutter_density * scenario.area == pytest.approx(30.0)
     assert scenario.own_ship.pose(50.0)[:2].tolist() == pytest.approx([0.0, -200.0])
@@ -34,11 +34,9 @@ def test_the_scene_is_the_published_one():
 def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan():
     one = hexagon.case(12.0, 1.0)
     exact = dataclasses.replace(
-        one.scenario.sensor, range_std_fraction=1e-6, azimuth_std=1e-6, clutter_density=1e-12
+        one.sensor, range_std_fraction=1e-6, azimuth_std=1e-6, clutter_density=1e-12
     )
-    counts = hexagon.run_hexagon(
-        hexagon.Case(dataclasses.replace(one.scenario, sensor=exact)), [1, 0]
-    )
+    counts = hexagon.run_hexagon(dataclasses.replace(one, sensor=exact), [1, 0])
     for gate, matching in hexagon.READINGS:
         for kind in ("true", "near", "all"):
             assert counts[f"{gate}, {matching}: {kind}"] == [0.0] * 5 + [6.0] * 6

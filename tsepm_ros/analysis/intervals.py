@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaincinv
+from scipy.stats import binomtest
+
+from tsepm_ros.numerics.arrays import FloatArray
 
 Z_95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
@@ -38,16 +41,23 @@ class Estimate:
         """Format as ``value (low to high)``, each with `spec`."""
         return f"{self.value:{spec}} ({self.low:{spec}} to {self.high:{spec}})"
 
+    def text(self, spec: str) -> str:
+        """The same, a dash where there is no figure."""
+        return "-" if math.isnan(self.value) else f"{self:{spec}}"
+
+
+def error_bars(values: ArrayLike, estimates: Sequence[Estimate]) -> FloatArray:
+    """Lengths of the bars below and above some values, (2, n); 0 where an interval has no end."""
+    low, high = np.array([(estimate.low, estimate.high) for estimate in estimates]).T
+    return np.maximum(np.nan_to_num([values - low, high - values]), 0.0)
+
 
 def proportion(successes: int, trials: int) -> Estimate:
     """Share of successes with Wilson's interval."""
     if trials == 0:
         return Estimate(math.nan, 0.0, 1.0)
-    share = successes / trials
-    z2 = Z_95**2 / trials
-    centre = (share + z2 / 2) / (1 + z2)
-    half = Z_95 * math.sqrt(share * (1 - share) / trials + z2 / (4 * trials)) / (1 + z2)
-    return Estimate(share, max(centre - half, 0.0), min(centre + half, 1.0))
+    interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
+    return Estimate(successes / trials, float(interval.low), float(interval.high))
 
 
 def mean(values: ArrayLike) -> Estimate:

@@ -94,11 +94,8 @@ class Measures:
 
     def text(self, name: str, *, interval: bool = True) -> str:
         """A figure as a text in its format, a dash where there is none."""
-        figure: Estimate = getattr(self, name)
-        spec = SPECS[name]
-        if math.isnan(figure.value):
-            return "-"
-        return f"{figure:{spec}}" if interval else f"{figure.value:{spec}}"
+        text = getattr(self, name).text(SPECS[name])
+        return text if interval else text.partition(" ")[0]
 
 
 HEADINGS = {

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import dataclasses
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tsepm_ros.analysis.measures import Measures, measures_of
 from tsepm_ros.analysis.operating_curve import Comparison, compare
-from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.operating_points import OperatingPoint, digest
+from tsepm_ros.analysis.run_files import RunFile, complete
 from tsepm_ros.analysis.run_summary import RunSummary
-from tsepm_ros.analysis.study import Workers, study
-from tsepm_ros.analysis.summary_files import SummaryFile
+from tsepm_ros.analysis.study import runs_of
+from tsepm_ros.analysis.workers import Progress, Workers, silent
 from tsepm_ros.simulation import Scenario
 
-Progress = Callable[[Iterable[None], int], Iterable[Any]]
-"""Passes an iterable through, given its length, and shows how far it is."""
+JUDGES = ("bounds", "gospa", "run_summary", "simulated_run", "truth")
+"""Modules here that decide what is recorded of a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +89,7 @@ def evaluate(
     plan: Plan,
     folder: Path,
     workers: Workers | None = None,
-    progress: Progress = lambda runs, total: runs,
+    progress: Progress = silent,
 ) -> list[Evaluated]:
     """Do the runs that are not in the folder's files yet, and sum up.
 
@@ -115,58 +117,52 @@ def evaluate(
     for scenario in plan.scenarios:
         for point in plan.points:
             point.make(scenario)
-    tasks = [
-        _Task(scenario, point, SummaryFile(folder, scenario, point, plan.seed), plan)
-        for scenario in plan.scenarios
-        for point in plan.points
+    tasks = [(scenario, point) for scenario in plan.scenarios for point in plan.points]
+    files = [run_file(folder, *task, plan.seed) for task in tasks]
+
+    def results_of(missing: list[tuple[int, int]]) -> Iterator[dict[str, Any]]:
+        jobs = [(tasks[k][0], [plan.seed, index], tasks[k][1]) for k, index in missing]
+        return (summary.as_json() for summary in runs_of(jobs, workers))
+
+    complete(files, plan.runs, results_of, progress)
+    runs = [
+        [RunSummary.from_json(file.results[index]) for index in range(plan.runs)] for file in files
     ]
-    missing = sum(len(task.missing) for task in tasks)
-    for _ in progress(_do(tasks, workers), missing):
-        pass
+    count = len(plan.points)
     return [
-        _evaluated(scenario, scans, [task for task in tasks if task.scenario is scenario])
-        for scenario in plan.scenarios
+        _evaluated(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
+        for place, scenario in enumerate(plan.scenarios)
         for scans in plan.horizons_of(scenario)
     ]
 
 
-@dataclass(frozen=True)
-class _Task:
-    """A point on a scenario."""
-
-    scenario: Scenario
-    point: OperatingPoint
-    file: SummaryFile
-    plan: Plan
-
-    @property
-    def missing(self) -> list[int]:
-        """Runs that the file does not have."""
-        return [index for index in range(self.plan.runs) if index not in self.file.records]
-
-    def after(self, scans: int) -> list[RunSummary]:
-        """The runs, had they ended after so many scans."""
-        return [self.file.records[index].first(scans) for index in range(self.plan.runs)]
+def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int) -> RunFile:
+    """The file of an operating point's runs on a scenario."""
+    here = Path(__file__).parent
+    code = [*(here / f"{name}.py" for name in JUDGES), *(here.parent / "simulation").glob("*.py")]
+    header = {
+        "version": point.version,
+        "simulated_and_judged_by": digest(code),
+        "method": point.method,
+        "options": dict(point.options),
+        "scenario": dataclasses.asdict(scenario),
+        "seed": seed,
+    }
+    return RunFile(folder, (scenario.name, point.method, point.label), header)
 
 
-def _do(tasks: Iterable[_Task], workers: Workers | None) -> Iterator[None]:
-    for task in tasks:
-        missing = task.missing
-        records = study(task.scenario, task.point, missing, task.plan.seed, workers)
-        with task.file:
-            for index, record in zip(missing, records, strict=True):
-                task.file.append(index, record)
-                yield
-
-
-def _evaluated(scenario: Scenario, scans: int, tasks: Sequence[_Task]) -> Evaluated:
-    records = [task.after(scans) for task in tasks]
-    points = [task.point for task in tasks]
+def _evaluated(
+    scenario: Scenario,
+    scans: int,
+    points: Sequence[OperatingPoint],
+    runs: Sequence[Sequence[RunSummary]],
+) -> Evaluated:
+    runs = [[summary.first(scans) for summary in summaries] for summaries in runs]
     names = [(point.method, point.label) for point in points]
     return Evaluated(
         scenario,
         scans,
         points,
-        [measures_of(scenario, runs, scans) for runs in records],
-        compare(dict(zip(names, records, strict=True))),
+        [measures_of(scenario, summaries, scans) for summaries in runs],
+        compare(dict(zip(names, runs, strict=True))),
     )

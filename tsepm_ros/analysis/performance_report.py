@@ -12,7 +12,7 @@ from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.measures import HEADINGS, Measures
 from tsepm_ros.analysis.operating_curve import Comparison
 from tsepm_ros.analysis.performance import Evaluated, Plan
-from tsepm_ros.analysis.terminal_tables import text_table
+from tsepm_ros.analysis.text_tables import markdown_table, text_table
 from tsepm_ros.simulation import Scenario
 
 TABLES = {
@@ -112,7 +112,7 @@ def _points_table(plan: Plan) -> str:
     rows = [
         [point.method, point.label, _given(point.options), point.version] for point in plan.points
     ]
-    return "## Points\n\n" + _table(["method", "point", "options", "version"], rows)
+    return "## Points\n\n" + markdown_table(["method", "point", "options", "version"], rows) + "\n"
 
 
 def _given(options: Mapping[str, Any]) -> str:
@@ -128,7 +128,7 @@ def _section(one: Evaluated) -> str:
             [point.method, point.label, *(figures.text(name) for name in names)]
             for point, figures in zip(one.points, one.figures, strict=True)
         ]
-        parts.append(f"### {title}, {after}\n\n" + _table(header, rows))
+        parts.append(f"### {title}, {after}\n\n{markdown_table(header, rows)}\n")
     if one.comparisons:
         parts.append(f"### At equal footing, {after}\n\n{FOOTING_NOTE}\n" + _footing(one))
     return "\n".join(parts)
@@ -148,7 +148,7 @@ def _footing(one: Evaluated) -> str:
         "its rate at that P_D",
         "times as many",
     ]
-    return _table(header, [_footing_row(row, unit) for row in one.comparisons])
+    return markdown_table(header, [_footing_row(row, unit) for row in one.comparisons]) + "\n"
 
 
 def _footing_row(row: Comparison, unit: float) -> list[str]:
@@ -159,20 +159,11 @@ def _footing_row(row: Comparison, unit: float) -> list[str]:
         f"{row.false / unit:.3g}",
         f"{row.detection:.4f}",
         row.other,
-        _text(row.other_detection, ".4f"),
-        _text(row.gain, "+.4f"),
-        _text(rate, ".3g"),
-        _text(row.ratio, ".3g"),
+        row.other_detection.text(".4f"),
+        row.gain.text("+.4f"),
+        rate.text(".3g"),
+        row.ratio.text(".3g"),
     ]
-
-
-def _text(estimate: Estimate, spec: str) -> str:
-    return "-" if math.isnan(estimate.value) else f"{estimate:{spec}}"
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:

@@ -1,26 +1,27 @@
-"""One simulated run: the scans, the tracks that are started, and those that are held."""
+"""One simulated run: its scans, the tracks started on them, and those that are held."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.analysis.operating_points import OperatingPoint, TrackStarter
 from tsepm_ros.analysis.truth import Judged, judge
 from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.own_ship.pose_history import echo_poses
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.scenario import Motion
+from tsepm_ros.simulation.own_ship_motion import Motion
 
 
 @dataclass
-class SimulatedRun:
-    """What happened in one run.
+class SimulatedScene:
+    """The scans of a simulated run, and where their detections come from.
 
     Attributes
     ----------
@@ -29,20 +30,20 @@ class SimulatedRun:
     scans : list of Scan
         Placed by the exact own-ship motion.
     origins : list of (n,) ndarray of int
-        Target of each scan's detections.
-    starts : list of ConfirmedTrack
-    start_scans : list of int
-        Index of the scan that confirmed each start.
-    held : list of (n, 2) ndarray or None
-        Positions held after each scan; None where nothing is held at all.
+        Target of each scan's detections, negative for clutter.
     """
 
     simulator: Simulator
-    scans: list[Scan] = field(default_factory=list)
-    origins: list[NDArray[np.int64]] = field(default_factory=list)
-    starts: list[ConfirmedTrack] = field(default_factory=list)
-    start_scans: list[int] = field(default_factory=list)
-    held: list[FloatArray | None] = field(default_factory=list)
+    scans: list[Scan]
+    origins: list[IntArray]
+
+    @classmethod
+    def drawn(cls, scenario: Scenario, seed: list[int]) -> Self:
+        """Simulate the scans of a run."""
+        simulator = Simulator(scenario, seed)
+        simulated = list(simulator)
+        scans = [placed(one.scan, scenario.own_ship) for one in simulated]
+        return cls(simulator, scans, [one.origin for one in simulated])
 
     @property
     def scenario(self) -> Scenario:
@@ -53,10 +54,10 @@ class SimulatedRun:
         """Where the sensor was at a time (s), (2,)."""
         return self.scenario.own_ship.pose(stamp)[:2]
 
-    def judged(self) -> list[Judged]:
-        """What each start is, see `tsepm_ros.analysis.truth.judge`."""
+    def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
+        """What tracks that were started on the scans are, see `tsepm_ros.analysis.truth.judge`."""
         return judge(
-            self.starts,
+            tracks,
             self.origins,
             self.simulator.truth,
             self.scenario.sensor,
@@ -64,15 +65,34 @@ class SimulatedRun:
         )
 
 
+@dataclass
+class SimulatedRun(SimulatedScene):
+    """What happened in one run.
+
+    Attributes
+    ----------
+    starts : list of ConfirmedTrack
+    start_scans : list of int
+        Index of the scan that confirmed each start.
+    held : list of (n, 2) ndarray or None
+        Positions held after each scan; None where nothing is held at all.
+    """
+
+    starts: list[ConfirmedTrack] = field(default_factory=list)
+    start_scans: list[int] = field(default_factory=list)
+    held: list[FloatArray | None] = field(default_factory=list)
+
+    def judged(self) -> list[Judged]:
+        """What each start is."""
+        return self.judge(self.starts)
+
+
 def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> SimulatedRun:
     """Simulate a run and start tracks on it."""
-    run = SimulatedRun(Simulator(scenario, seed))
+    run = SimulatedRun.drawn(scenario, seed)
     starter = point.make(scenario)
-    for index, simulated in enumerate(run.simulator):
-        scan = placed(simulated.scan, scenario.own_ship)
+    for index, scan in enumerate(run.scans):
         started = list(starter.process(scan))
-        run.scans.append(scan)
-        run.origins.append(simulated.origin)
         run.starts += started
         run.start_scans += [index] * len(started)
         run.held.append(_held_positions(starter))

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.analysis.workers import Workers, with_progress
 from tsepm_ros.commands.evaluate_command import positive
 from tsepm_ros.design import search
+from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.design_report import (
     candidate_table,
     case_lines,
@@ -20,7 +21,6 @@ from tsepm_ros.design.design_report import (
     verdict,
     worth_line,
 )
-from tsepm_ros.design.prediction import Case
 from tsepm_ros.design.search import Candidate
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -82,7 +82,7 @@ def run_design(options: argparse.Namespace) -> None:
     simulation = {
         "runs": options.runs,
         "seed": options.seed,
-        "workers": options.workers,
+        "workers": Workers(processes=options.workers),
         "progress": with_progress,
     }
     found = list(search.candidates(case, score, tsepm, rules, **simulation))

@@ -10,8 +10,7 @@ from pathlib import Path
 from tsepm_ros.analysis.operating_points import OperatingPoint, operating_points
 from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
 from tsepm_ros.analysis.performance_report import markdown, short_text, write_csv
-from tsepm_ros.analysis.study import Workers
-from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.analysis.workers import Workers, with_progress
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import load_scenario, shipped_scenarios

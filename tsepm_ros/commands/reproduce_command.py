@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from tsepm_ros.analysis.operating_points import package_version
-from tsepm_ros.analysis.terminal_tables import with_progress
+from tsepm_ros.analysis.workers import Workers, with_progress
 from tsepm_ros.commands.evaluate_command import positive
 from tsepm_ros.reproduction.document import Part, write
 from tsepm_ros.reproduction.runs import Setting
@@ -57,7 +57,7 @@ def run_reproduction(options: argparse.Namespace, command: str) -> None:
         folder=options.out / "runs",
         runs=options.runs,
         seed=options.seed,
-        processes=options.workers,
+        workers=Workers(processes=options.workers),
         progress=with_progress,
     )
     parts: list[Part] = [

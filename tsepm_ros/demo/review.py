@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from msg_adapters import time_to_ns, track_states
-from tsepm_ros.analysis.terminal_tables import counts_line, target_table, text_table
+from tsepm_ros.analysis.text_tables import counts_line, target_table, text_table
 from tsepm_ros.analysis.truth import Outcome, judge, origins_of
 from tsepm_ros.demo.topic_collector import TopicCollector
 from tsepm_ros.kinematics.track import ConfirmedTrack

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.terminal_tables import text_table
-from tsepm_ros.design.prediction import Case
+from tsepm_ros.analysis.text_tables import text_table
+from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.search import WINDOWS, Candidate, Rule, Worth
 from tsepm_ros.methods.score.score_options import MIN_HITS
 

@@ -12,16 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.mn_rules import confirmed_by, rule_detection_probability
-from tsepm_ros.design.prediction import (
-    Case,
-    Found,
-    clutter_pass_share,
-    false_tracks_per_hour,
-    target_pass_share,
-    targets_found,
-)
+from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
+from tsepm_ros.design.prediction import Found, false_tracks_per_hour, targets_found
 from tsepm_ros.methods.score import threshold_plan
 from tsepm_ros.methods.score.likelihood_ratio import MAX_DETECTION_PROBABILITY, miss_increment
 from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.text_tables import markdown_table
 
 Cell = str | int | float | Estimate
 DOTS_PER_INCH = 100
@@ -33,8 +34,9 @@ class Column:
         """A cell as it is shown, a dash where there is no figure."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
-        value = cell.value if isinstance(cell, Estimate) else cell
-        return "-" if math.isnan(value) else format(cell, self.spec)
+        if isinstance(cell, Estimate):
+            return cell.text(self.spec)
+        return "-" if math.isnan(cell) else format(cell, self.spec)
 
 
 @dataclass(frozen=True)
@@ -55,15 +57,11 @@ class Table:
 
     def markdown(self) -> str:
         """The table in Markdown."""
-        lines = [
-            [column.heading for column in self.columns],
-            ["---"] * len(self.columns),
-            *(
-                [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
-                for row in self.rows
-            ),
+        rows = [
+            [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
+            for row in self.rows
         ]
-        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        return markdown_table([column.heading for column in self.columns], rows)
 
     def write_csv(self, path: Path) -> None:
         """Write the numbers, those with an interval as three columns."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from tsepm_ros.analysis.bounds import cramer_rao
+from tsepm_ros.analysis.simulated_run import SimulatedScene
 from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.initiation import initial_state
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -19,11 +19,11 @@ from tsepm_ros.methods.sequential import Sequential, SequentialOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.reproduction import published_2014 as published
 from tsepm_ros.reproduction.runs import Result
-from tsepm_ros.reproduction.scene import Scene, Started
+from tsepm_ros.reproduction.started_tracks import Started
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario
-from tsepm_ros.simulation.scenario import WaypointMotion
+from tsepm_ros.simulation.own_ship_motion import WaypointMotion
 
 DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
 ASSUMED = 0.9
@@ -45,20 +45,8 @@ PLAIN = (GATES[0], "oldest track first")
 """The reading that is the default of the method."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """What a run depends on; the targets' headings are drawn in the run.
-
-    Attributes
-    ----------
-    scenario : Scenario
-    """
-
-    scenario: Scenario
-
-
-def case(period: float, detection_probability: float) -> Case:
-    """The scene of Section 5, from time 0 to two minutes.
+def case(period: float, detection_probability: float) -> Scenario:
+    """The scene of Section 5, from time 0 to two minutes; every run draws the targets' headings.
 
     Parameters
     ----------
@@ -75,16 +63,14 @@ def case(period: float, detection_probability: float) -> Case:
         detection_probability=detection_probability,
         clutter_density=published.CLUTTER / (math.pi * published.MAX_RANGE**2),
     )
-    return Case(
-        Scenario(
-            "sequential_2014",
-            scans=1 + int(published.DURATION // period),
-            period=period,
-            sensor=sensor,
-            own_ship=WaypointMotion(
-                corners, published.PLATFORM_SPEED, published.PLATFORM_SPEED / TURN_RADIUS, True
-            ),
-        )
+    return Scenario(
+        "sequential_2014",
+        scans=1 + int(published.DURATION // period),
+        period=period,
+        sensor=sensor,
+        own_ship=WaypointMotion(
+            corners, published.PLATFORM_SPEED, published.PLATFORM_SPEED / TURN_RADIUS, True
+        ),
     )
 
 
@@ -97,14 +83,14 @@ def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
     return tuple(np.stack([x, vx, y, vy], axis=1))
 
 
-def cases() -> dict[tuple[float, float], Case]:
+def cases() -> dict[tuple[float, float], Scenario]:
     """Scenes by interval (s) and p_d, neither of which is certain."""
     first, other = published.PERIODS
     likely = [(first, p_d) for p_d in DETECTION_PROBABILITIES]
     return {key: case(*key) for key in (*likely, (other, ASSUMED))}
 
 
-def run_hexagon(what: Case, seed: list[int]) -> Result:
+def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every reading.
 
     Gives per reading and scan: targets with a true track so far, targets with a track of which they
@@ -112,15 +98,15 @@ def run_hexagon(what: Case, seed: list[int]) -> Result:
     kind the errors by each estimator, and the bounds.
     """
     targets = hexagon(np.random.default_rng([*seed, 1]))
-    scene = Scene.drawn(dataclasses.replace(what.scenario, targets=targets), seed)
+    scene = SimulatedScene.drawn(dataclasses.replace(scenario, targets=targets), seed)
     results: Result = {}
     for gate, matching in READINGS:
         starter = Sequential(
-            what.scenario.sensor,
+            scenario.sensor,
             CommonOptions(max_speed=published.MAX_SPEED),
             SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
         )
-        started = scene.started(Initiator(starter), what.scenario.scans)
+        started = Started.on(scene, Initiator(starter), scenario.scans)
         judged = started.judged()
         true = [one for one in judged if one.outcome is Outcome.TRUE]
         for name, stamps in (
@@ -128,8 +114,8 @@ def run_hexagon(what: Case, seed: list[int]) -> Result:
             ("near", [one.track.stamp for one in _first_of_each(judged)]),
             ("all", started.tracks.stamp.tolist()),
         ):
-            scan = np.round(np.array(stamps) / what.scenario.period)
-            counts = np.histogram(scan, np.arange(what.scenario.scans + 1) - 0.5)[0]
+            scan = np.round(np.array(stamps) / scenario.period)
+            counts = np.histogram(scan, np.arange(scenario.scans + 1) - 0.5)[0]
             results[f"{gate}, {matching}: {name}"] = np.cumsum(counts).astype(float).tolist()
         if (gate, matching) == PLAIN:
             results |= errors(started, _first_of_each(judged))
@@ -164,8 +150,8 @@ def errors(started: Started, judged: list[Judged]) -> Result:
     return results
 
 
-def _estimated(scene: Scene, track: ConfirmedTrack, estimator: str) -> FloatArray:
-    sensor = scene.simulator.scenario.sensor
+def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
+    sensor = scene.scenario.sensor
     hits = np.array([convert(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits])
     noise = SequentialOptions().process_noise
     return initial_state.estimate(hits[None], track.stamp, sensor, estimator, noise).state[0]
@@ -182,10 +168,10 @@ def _errors(error: FloatArray, truth: FloatArray) -> list[float]:
     ]
 
 
-def _bound(scene: Scene, one: Judged) -> list[float]:
+def _bound(scene: SimulatedScene, one: Judged) -> list[float]:
     """Bounds of the mean square errors from the hits' times, as if all were the target's."""
     stamps = np.array([scene.scans[scan].stamp for scan, _ in one.track.hits])
-    scenario = scene.simulator.scenario
+    scenario = scene.scenario
     positions = np.array([scene.simulator.truth(t)[one.target, 0::2] for t in stamps])
     own_ship = np.array([scenario.own_ship.pose(t)[:2] for t in stamps])
     bound = cramer_rao(positions, stamps, own_ship, scenario.sensor, one.track.stamp)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.analysis.simulated_run import SimulatedScene
 from tsepm_ros.analysis.truth import measurement_sigma
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
@@ -36,10 +37,9 @@ from tsepm_ros.reproduction.published_tsepm_2018 import (
     Table1Row,
 )
 from tsepm_ros.reproduction.runs import Result
-from tsepm_ros.reproduction.scene import Scene, Started
+from tsepm_ros.reproduction.started_tracks import Started
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.simulation import Scenario, load_scenario
-from tsepm_ros.simulation.simulator import CLUTTER
+from tsepm_ros.simulation import CLUTTER, Scenario, load_scenario
 from tsepm_ros.stages.pruning import READINGS
 from tsepm_ros.stages.splitting import Gated, gate_within
 
@@ -143,7 +143,7 @@ class Counted(IntEnum):
 
 def run_table_1(what: Table1Case, seed: list[int]) -> Result:
     """Start tracks by every rule and reading on one scene, and count as in `Counted`."""
-    scene = Scene.drawn(what.scenario, seed)
+    scene = SimulatedScene.drawn(what.scenario, seed)
     return {
         f"{row.name} {reading}": _table_1_counts(scene, row, reading, what.fixed_margin)
         for row in TABLE_1
@@ -151,7 +151,9 @@ def run_table_1(what: Table1Case, seed: list[int]) -> Result:
     }
 
 
-def _table_1_counts(scene: Scene, row: Table1Row, reading: str, fixed_margin: bool) -> list[float]:
+def _table_1_counts(
+    scene: SimulatedScene, row: Table1Row, reading: str, fixed_margin: bool
+) -> list[float]:
     min_hits, window = row.rule
     options = TsepmOptions(
         min_hits=min_hits,
@@ -160,9 +162,9 @@ def _table_1_counts(scene: Scene, row: Table1Row, reading: str, fixed_margin: bo
         pruning_reading=reading,
     )
     kind = FixedMargin if fixed_margin else Tsepm
-    method = kind(scene.simulator.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
+    method = kind(scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
     starter = Initiator(method)
-    started = scene.started(starter, window)
+    started = Started.on(scene, starter, window)
     found, wrong = started.counts()
     first = _of_first_scan(started)
     counts: dict[Counted, float] = {
@@ -230,13 +232,13 @@ def error_points() -> list[Point]:
 
 def run_comparison(point: Point, seed: list[int]) -> Result:
     """Start tracks by every curve's method: target found, false and misplaced, starts."""
-    scene = Scene.drawn(point.scenario, seed)
+    scene = SimulatedScene.drawn(point.scenario, seed)
     results = {}
     for name, (method, options) in CURVES.items():
         starter = make_initiator(
             method, sensor=point.scenario.sensor, max_speed=MAX_SPEED, **OWN, **options
         )
-        found, wrong = scene.started(starter, RULE[1]).counts()
+        found, wrong = Started.on(scene, starter, RULE[1]).counts()
         results[name] = [float(found), float(wrong), float(starter.totals.started)]
     return results
 
@@ -249,26 +251,19 @@ class SplitOnly(SplitMerge):
         return self.tracks(candidates)
 
 
-@dataclass(frozen=True)
-class FourTargets:
-    """What a simulated run of the scene depends on."""
-
-    scenario: Scenario
-
-
-def run_four_targets(what: FourTargets, seed: list[int]) -> Result:
+def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     """Count tracks after splitting and after merging.
 
     Gives for the coverage: tracks after each, and targets found; and for the area of interest round
     each target: all tracks after each, and of these those of which the target gave more than half
     of the hits.
     """
-    scene = Scene.drawn(what.scenario, seed)
+    scene = SimulatedScene.drawn(scenario, seed)
     options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
     results: Result = {}
     for name, kind in (("split", SplitOnly), ("merged", SplitMerge)):
-        starter = Initiator(kind(what.scenario.sensor, CommonOptions(), options))
-        started = scene.started(starter, what.scenario.scans)
+        starter = Initiator(kind(scenario.sensor, CommonOptions(), options))
+        started = Started.on(scene, starter, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = np.zeros(len(started.tracks), bool)
         near[started.from_targets()] = True
@@ -281,7 +276,7 @@ def run_four_targets(what: FourTargets, seed: list[int]) -> Result:
 def _inside(started: Started, target: int) -> NDArray[np.bool_]:
     """Tracks all of whose hits lie in the area of interest round a target in mid run."""
     scene = started.scene
-    centre = scene.simulator.truth(0.5 * scene.simulator.scenario.duration)[target, 0::2]
+    centre = scene.simulator.truth(0.5 * scene.scenario.duration)[target, 0::2]
     inside = [
         (np.abs(x - centre[0]) <= 0.5 * AREA_SIDE) & (np.abs(y - centre[1]) <= 0.5 * AREA_SIDE)
         for x, y in (

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
+import dataclasses
 import inspect
-import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tsepm_ros.analysis.operating_points import digest, package_version
-from tsepm_ros.analysis.pool import mapped
+from tsepm_ros.analysis.run_files import RunFile, complete
+from tsepm_ros.analysis.workers import Progress, Workers, silent
 
-Progress = Callable[[Iterable[Any], int], Iterable[Any]]
-"""Passes an iterable through, given its length, and shows how far it is."""
 Result = dict[str, list[float]]
 """What a run gave: some numbers by name."""
 RunFunction = Callable[[Any, list[int]], Result]
@@ -25,8 +23,9 @@ RunFunction = Callable[[Any, list[int]], Result]
 JUDGES = tuple(
     Path(__file__).parents[1] / name
     for name in (
+        "analysis/simulated_run.py",
         "analysis/truth.py",
-        "reproduction/scene.py",
+        "reproduction/started_tracks.py",
         "reproduction/published_tsepm_2018.py",
         "reproduction/published_split_merge_2016.py",
     )
@@ -44,7 +43,7 @@ class Setting:
         Where the runs are kept.
     runs, seed : int
         Run i is seeded with (seed, i), whoever does it.
-    processes : int
+    workers : Workers
     progress : callable
         Shows how many of the missing runs are done.
     """
@@ -52,8 +51,8 @@ class Setting:
     folder: Path
     runs: int
     seed: int = 1
-    processes: int = 1
-    progress: Progress = lambda runs, total: runs
+    workers: Workers = field(default_factory=Workers)
+    progress: Progress = silent
 
     def results(self, function: RunFunction, cases: Sequence[Any]) -> list[list[Result]]:
         """Do the runs of some cases that are not in the folder yet.
@@ -62,63 +61,36 @@ class Setting:
         ----------
         function : callable
         cases : sequence
-            Dataclasses whose text says all that a run depends on.
+            Dataclasses whose values are all that a run depends on.
 
         Returns
         -------
         list of list of dict
             Per case its runs, in order.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        paths = [self._path(function, case) for case in cases]
-        kept = [_read(path) for path in paths]
-        missing = [
-            (place, _Job(function, cases[place], self.seed, index))
-            for place in range(len(cases))
-            for index in range(self.runs)
-            if index not in kept[place]
-        ]
-        done = mapped(_do, [job for _, job in missing], self.processes)
-        for (place, job), result in zip(missing, self.progress(done, len(missing)), strict=True):
-            kept[place][job.index] = result
-            with paths[place].open("a", encoding="utf-8") as file:
-                file.write(json.dumps([job.index, result]) + "\n")
-        return [[runs[index] for index in range(self.runs)] for runs in kept]
+        files = [self._file(function, case) for case in cases]
 
-    def _path(self, function: RunFunction, case: Any) -> Path:
-        """File of a case's runs: another case, seed or version has another one."""
-        code = digest([*JUDGES, Path(inspect.getfile(function))])
-        with np.printoptions(threshold=10**6, precision=17):
-            content = [package_version(), code, function.__name__, repr(case), self.seed]
-        name = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:12]
-        return self.folder / f"{function.__name__}-{name}.jsonl"
+        def results_of(missing: list[tuple[int, int]]) -> Iterator[Result]:
+            jobs = [(function, cases[place], [self.seed, index]) for place, index in missing]
+            return self.workers.mapped(_run, jobs)
+
+        complete(files, self.runs, results_of, self.progress)
+        return [[file.results[index] for index in range(self.runs)] for file in files]
+
+    def _file(self, function: RunFunction, case: Any) -> RunFile:
+        header = {
+            "version": package_version(),
+            "counted_by": digest([*JUDGES, Path(inspect.getfile(function))]),
+            "function": function.__name__,
+            "case": dataclasses.asdict(case),
+            "seed": self.seed,
+        }
+        return RunFile(self.folder, [function.__name__], header)
 
 
-@dataclass(frozen=True)
-class _Job:
-    function: RunFunction
-    case: Any
-    seed: int
-    index: int
-
-
-def _do(job: _Job) -> Result:
-    return job.function(job.case, [job.seed, job.index])
-
-
-def _read(path: Path) -> dict[int, Result]:
-    return dict(_whole_lines(path)) if path.exists() else {}
-
-
-def _whole_lines(path: Path) -> Iterator[tuple[int, Result]]:
-    """The runs of a file; a last line that was cut off is removed from it."""
-    content = path.read_bytes()
-    whole = content[: content.rfind(b"\n") + 1]
-    if len(whole) < len(content):
-        path.write_bytes(whole)
-    for line in whole.splitlines():
-        index, result = json.loads(line)
-        yield index, result
+def _run(job: tuple[RunFunction, Any, list[int]]) -> Result:
+    function, case, seed = job
+    return function(case, seed)
 
 
 def column(runs: Sequence[Result], name: str, place: int) -> np.ndarray:

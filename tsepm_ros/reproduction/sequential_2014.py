@@ -266,7 +266,7 @@ def least_speed_error(hits: int, period: float) -> float:
     """
     positions = np.tile([published.DISTANCE, 0.0], (hits, 1))
     times = np.arange(hits) * period
-    sensor = case(period, ASSUMED).scenario.sensor
+    sensor = case(period, ASSUMED).sensor
     bound = cramer_rao(positions, times, np.zeros(2), sensor, times[-1])
     return float(np.sqrt(2.0 / np.pi * min(bound[1, 1], bound[3, 3])))
 

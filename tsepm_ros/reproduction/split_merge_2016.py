@@ -11,7 +11,7 @@ from tsepm_ros.analysis.intervals import mean_count, proportion
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.reproduction.monte_carlo import FourTargets, run_four_targets
+from tsepm_ros.reproduction.monte_carlo import run_four_targets
 from tsepm_ros.reproduction.published_split_merge_2016 import (
     AFTER_MERGING,
     AFTER_SPLITTING,
@@ -90,7 +90,7 @@ def chained() -> int:
 def reproduce(setting: Setting) -> list[Part]:
     """The parts of its chapter."""
     scenario = load_scenario("four_targets", {"scans": TABLE_I_RULE[1]})
-    [runs] = setting.results(run_four_targets, [FourTargets(scenario)])
+    [runs] = setting.results(run_four_targets, [scenario])
     return [*_table_i_parts(), *_scene_parts(runs)]
 
 

@@ -1,4 +1,4 @@
-"""The scene of TSEPM 2018, Section 5.1, and starting tracks in it."""
+"""All the tracks that a method starts in the scans of a scene, thousands of them, as arrays."""
 
 from __future__ import annotations
 
@@ -6,58 +6,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.analysis.simulated_run import placed
-from tsepm_ros.analysis.truth import Judged, Outcome, judge
+from tsepm_ros.analysis.simulated_run import SimulatedScene
+from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import IntArray
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.simulator import CLUTTER
-
-
-@dataclass(frozen=True)
-class Scene:
-    """The scans of a simulated run and where their detections come from.
-
-    Attributes
-    ----------
-    simulator : Simulator
-    scans : list of Scan
-    origins : list of (n,) ndarray of int
-        Target of each scan's detections, negative for clutter.
-    """
-
-    simulator: Simulator
-    scans: list[Scan]
-    origins: list[IntArray]
-
-    @classmethod
-    def drawn(cls, scenario: Scenario, seed: list[int]) -> Scene:
-        """Simulate a run."""
-        simulator = Simulator(scenario, seed)
-        simulated = list(simulator)
-        scans = [placed(one.scan, scenario.own_ship) for one in simulated]
-        return cls(simulator, scans, [one.origin for one in simulated])
-
-    def started(self, starter: Initiator, scans: int) -> Started:
-        """The tracks that a method starts in the first scans."""
-        parts = [starter.process(scan) for scan in self.scans[:scans]]
-        return Started(self, TrackArrays.of([]).joined(*map(TrackArrays.of, parts)))
+from tsepm_ros.simulation import CLUTTER
 
 
 @dataclass(frozen=True)
 class Started:
-    """Tracks started in a scene.
+    """Tracks started in a scene, of equally many hits each.
 
     Attributes
     ----------
-    scene : Scene
+    scene : SimulatedScene
     tracks : TrackArrays
     """
 
-    scene: Scene
+    scene: SimulatedScene
     tracks: TrackArrays
+
+    @classmethod
+    def on(cls, scene: SimulatedScene, starter: Initiator, scans: int) -> Started:
+        """The tracks that a method starts in the first scans."""
+        parts = [starter.process(scan) for scan in scene.scans[:scans]]
+        return cls(scene, TrackArrays.of([]).joined(*map(TrackArrays.of, parts)))
 
     @property
     def hits(self) -> IntArray:
@@ -81,14 +55,7 @@ class Started:
 
     def judged(self) -> list[Judged]:
         """What the tracks from targets are; all others are false."""
-        simulator = self.scene.simulator
-        return judge(
-            [self.tracks[int(row)] for row in self.from_targets()],
-            self.scene.origins,
-            simulator.truth,
-            simulator.scenario.sensor,
-            lambda stamp: simulator.scenario.own_ship.pose(stamp)[:2],
-        )
+        return self.scene.judge([self.tracks[int(row)] for row in self.from_targets()])
 
     def counts(self) -> tuple[int, int]:
         """Targets found, and false and misplaced tracks."""

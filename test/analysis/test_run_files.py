@@ -9,25 +9,29 @@ import pytest
 from support.run_summaries import run_of, start
 
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.summary_files import SummaryFile
+from tsepm_ros.analysis.performance import run_file
+from tsepm_ros.analysis.run_files import RunFile
+from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.simulation import load_scenario
 
 BOX = load_scenario("box")
 POINT = OperatingPoint("score", "1/h", {"false_tracks_per_hour": 1.0}, version="1")
-RECORDS = {0: run_of(), 1: run_of(start(2), false=(0, 1, 0, 2)), 4: run_of(start(1))}
+SUMMARIES = {0: run_of(), 1: run_of(start(2), false=(0, 1, 0, 2)), 4: run_of(start(1))}
+RECORDS = {index: summary.as_json() for index, summary in SUMMARIES.items()}
 
 
 @pytest.fixture
-def file(tmp_path) -> SummaryFile:
-    made = SummaryFile(tmp_path, BOX, POINT, 1)
-    with made:
-        for index, record in RECORDS.items():
-            made.append(index, record)
+def file(tmp_path) -> RunFile:
+    made = run_file(tmp_path, BOX, POINT, 1)
+    for index, record in RECORDS.items():
+        made.append(index, record)
     return made
 
 
 def test_runs_are_found_again(file, tmp_path):
-    assert SummaryFile(tmp_path, BOX, POINT, 1).records == RECORDS == file.records
+    assert run_file(tmp_path, BOX, POINT, 1).results == RECORDS == file.results
+    again = run_file(tmp_path, BOX, POINT, 1).results
+    assert {index: RunSummary.from_json(one) for index, one in again.items()} == SUMMARIES
 
 
 def test_a_header_says_what_the_runs_depend_on(file):
@@ -50,39 +54,38 @@ def test_a_header_says_what_the_runs_depend_on(file):
     ids=["seed", "options", "version", "sensor", "scans"],
 )
 def test_anything_else_has_a_file_of_its_own(file, tmp_path, other):
-    found = SummaryFile(tmp_path, **{"scenario": BOX, "point": POINT, "seed": 1, **other})
+    found = run_file(tmp_path, **{"scenario": BOX, "point": POINT, "seed": 1, **other})
     assert found.path != file.path
-    assert found.records == {}
-    assert SummaryFile(tmp_path, BOX, POINT, 1).records == RECORDS
+    assert found.results == {}
+    assert run_file(tmp_path, BOX, POINT, 1).results == RECORDS
 
 
 def test_a_file_under_another_s_name_is_refused(file, tmp_path):
-    other = SummaryFile(tmp_path, BOX, POINT, 2)
+    other = run_file(tmp_path, BOX, POINT, 2)
     file.path.replace(other.path)
     with pytest.raises(ValueError, match="was made by another version"):
-        SummaryFile(tmp_path, BOX, POINT, 2)
+        run_file(tmp_path, BOX, POINT, 2)
 
 
 @pytest.mark.parametrize("lost", [1, 5, 40])
 def test_a_run_whose_line_was_cut_off_is_not_there(file, tmp_path, lost):
     content = file.path.read_bytes()
     file.path.write_bytes(content[:-lost])
-    again = SummaryFile(tmp_path, BOX, POINT, 1)
-    assert again.records == {index: RECORDS[index] for index in (0, 1)}
-    with again:
-        again.append(4, RECORDS[4])
+    again = run_file(tmp_path, BOX, POINT, 1)
+    assert again.results == {index: RECORDS[index] for index in (0, 1)}
+    again.append(4, RECORDS[4])
     assert file.path.read_bytes() == content
 
 
 def test_a_header_that_was_cut_off_is_written_again(file, tmp_path):
     content = file.path.read_bytes()
     file.path.write_bytes(content[:20])
-    assert SummaryFile(tmp_path, BOX, POINT, 1).records == {}
+    assert run_file(tmp_path, BOX, POINT, 1).results == {}
     assert file.path.read_bytes() == content.splitlines(keepends=True)[0]
 
 
 def test_a_line_damaged_in_the_middle_is_refused(file, tmp_path):
     lines = file.path.read_bytes().splitlines(keepends=True)
-    file.path.write_bytes(b"".join([*lines[:2], b'{"run": 1, "tar\n', *lines[3:]]))
+    file.path.write_bytes(b"".join([*lines[:2], b'[1, {"tar\n', *lines[3:]]))
     with pytest.raises(ValueError, match="is damaged"):
-        SummaryFile(tmp_path, BOX, POINT, 1)
+        run_file(tmp_path, BOX, POINT, 1)

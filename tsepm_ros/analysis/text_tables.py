@@ -1,9 +1,8 @@
-"""Telling in a terminal what a run gave."""
+"""Tables as texts, for the terminal and in Markdown, and what a run gave in them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -24,13 +23,10 @@ def text_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join([texts[0], "-" * len(texts[0]), *texts[1:]])
 
 
-def with_progress(results: Iterable[Any], total: int) -> Iterable[Any]:
-    """Show a progress bar where tqdm is installed and somebody is looking."""
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        return results
-    return tqdm(results, total=total, unit="run", disable=None)
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Lay out a table in Markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def target_table(judged: Sequence[Judged], truths: Sequence[np.ndarray], scan_of: dict) -> str:

@@ -1,0 +1,108 @@
+"""Files of runs, to which an interrupted study comes back.
+
+A file is JSON lines: a header that says what its runs depend on, then a line per run. Its name has
+a digest of the header, so that other options, another seed or another version have other files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tsepm_ros.analysis.workers import Progress, silent
+
+
+class RunFile:
+    """The runs of a study that are done.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the file is, or will be.
+    names : sequence of str
+        What the file is called after.
+    header : mapping
+        What the runs depend on; numbers, texts, arrays, lists and mappings of these.
+
+    Attributes
+    ----------
+    path : Path
+    results : dict of int to what JSON has
+        What each run gave, by its index.
+
+    Raises
+    ------
+    ValueError
+        If the file there has another header or is damaged in the middle.
+    """
+
+    def __init__(self, folder: Path, names: Sequence[str], header: Mapping[str, Any]) -> None:
+        text = json.dumps(header, default=np.ndarray.tolist)
+        code = hashlib.sha256(text.encode()).hexdigest()[:8]
+        name = "-".join(re.sub(r"\W+", "_", part) for part in names)
+        self.path = folder / f"{name}-{code}.jsonl"
+        folder.mkdir(parents=True, exist_ok=True)
+        lines = self._whole_lines()
+        if not lines:
+            self.path.write_text(text + "\n", encoding="utf-8")
+        elif self._parsed(lines[0]) != json.loads(text):
+            raise ValueError(
+                f"{self.path} was made by another version, method, options, scenario or seed"
+            )
+        self.results: dict[int, Any] = dict(map(self._parsed, lines[1:]))
+
+    def append(self, index: int, result: Any) -> None:
+        """Add a run; a killed process does not lose it."""
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps([index, result]) + "\n")
+        self.results[index] = result
+
+    def _whole_lines(self) -> list[bytes]:
+        """The file's lines; a last one that was cut off is removed from it."""
+        if not self.path.exists():
+            return []
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) < len(content):
+            self.path.write_bytes(whole)
+        return whole.splitlines()
+
+    def _parsed(self, line: bytes) -> Any:
+        try:
+            return json.loads(line)
+        except ValueError:
+            raise ValueError(f"{self.path} is damaged: {line[:40]!r} is not a run") from None
+
+
+def complete(
+    files: Sequence[RunFile],
+    runs: int,
+    results_of: Callable[[list[tuple[int, int]]], Iterable[Any]],
+    progress: Progress = silent,
+) -> None:
+    """Do the first runs of each file that it does not have yet.
+
+    Parameters
+    ----------
+    files : sequence of RunFile
+    runs : int
+    results_of : callable
+        Results of runs, in their order, from the places of their files and their indices.
+    progress : callable, optional
+        Shows how many of the missing runs are done.
+    """
+    missing = [
+        (place, index)
+        for place, file in enumerate(files)
+        for index in range(runs)
+        if index not in file.results
+    ]
+    done = progress(results_of(missing), len(missing))
+    for (place, index), result in zip(missing, done, strict=True):
+        files[place].append(index, result)

@@ -1,0 +1,88 @@
+"""What a design is for: a sonar, its clutter and the targets that it is to find."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from tsepm_ros.analysis.measures import SECONDS_PER_HOUR
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.sensing.sensor import SensorModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A sonar, its clutter and the targets it is to find.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+    common : CommonOptions
+        With v_max.
+    interval : float
+        Time between pings, s.
+    scans : int
+        Pings within which a target should be found.
+    target_speed : float
+        m/s.
+    target_range : float, optional
+        Distance of the targets half-way, m; if not given they are spread over the coverage.
+
+    Raises
+    ------
+    ValueError
+        Naming what is not allowed.
+    """
+
+    sensor: SensorModel
+    common: CommonOptions = field(default_factory=CommonOptions)
+    interval: float = 12.0
+    scans: int = 16
+    target_speed: float = 5.0
+    target_range: float | None = None
+
+    def __post_init__(self) -> None:
+        sensor, speed = self.sensor, self.target_speed
+        if not (math.isfinite(self.interval) and self.interval > 0.0):
+            raise ValueError(f"interval must be finite and above 0; got {self.interval!r}")
+        if not 0.0 <= speed <= self.max_speed:
+            raise ValueError(
+                f"speed must be from 0 to max_speed = {self.max_speed:g}; got {speed!r}"
+            )
+        if self.scans < 3:
+            raise ValueError(f"scans must be at least 3; got {self.scans}")
+        nearest, farthest = sensor.min_range, sensor.max_range
+        if self.target_range is not None and not (
+            nearest <= self.target_range <= farthest and self.target_range > 0.0
+        ):
+            raise ValueError(
+                f"range must be above 0 and within the coverage, {nearest:g} to {farthest:g} m; "
+                f"got {self.target_range!r}"
+            )
+
+    @property
+    def max_speed(self) -> float:
+        """v_max, m/s."""
+        return self.common.max_speed
+
+    @property
+    def typical_range(self) -> float:
+        """The targets' distance, or the one beyond which half of the coverage lies, m."""
+        if self.target_range is not None:
+            return self.target_range
+        return math.sqrt(0.5 * (self.sensor.min_range**2 + self.sensor.max_range**2))
+
+    @property
+    def scans_per_hour(self) -> float:
+        """Pings per hour."""
+        return SECONDS_PER_HOUR / self.interval
+
+    @property
+    def detections_per_scan(self) -> float:
+        """Expected false detections per ping."""
+        return self.sensor.clutter_density * self.sensor.coverage_area
+
+    @property
+    def starts_per_hour(self) -> float:
+        """False detections per hour: the starts from clutter, if each starts."""
+        return self.detections_per_scan * self.scans_per_hour

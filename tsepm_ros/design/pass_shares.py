@@ -1,0 +1,136 @@
+"""Shares of what an M/N rule confirms, of a target and of clutter, that pass the evaluation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tsepm_ros.design.expected_counts import Gating, error_radius, gate_areas
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages import pruning
+from tsepm_ros.stages.estimation import fit
+from tsepm_ros.stages.evaluation import clutter_statistic, normalized_distance
+
+PATHS = 10_000
+FEWEST_PASSES = 3.0
+"""Passes of the simulated paths below which a share is not trusted."""
+
+
+def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
+    """Share of the raw confirmations from clutter that pass the method's evaluation (Step 6).
+
+    Paths are drawn with their hits spread evenly over the gates, their scans with the weights
+    ``prod a_k exp(-lambda a_j)`` of the gates hit and left empty on the way.
+
+    Parameters
+    ----------
+    gating : Gating
+    options : TsepmOptions
+
+    Returns
+    -------
+    float
+        Where next to none passes, what three that pass would make.
+    """
+    rng = np.random.default_rng(1)
+    ranges, scans = _drawn_paths(rng, gating.sensor, options)
+    gaps = np.diff(scans, axis=1)
+    areas = gate_areas(gating, ranges, options.window)
+    taken = np.take_along_axis(areas, gaps - 1, axis=1)
+    before = np.cumsum(areas, axis=1) - areas
+    empty = np.take_along_axis(before, gaps - 1, axis=1)
+    weight = (np.log(taken) - gating.sensor.clutter_density * empty).sum(axis=1)
+    weight = np.exp(weight - weight.max())
+    radius = gating.max_speed * gating.interval * gaps + error_radius(gating, ranges)[:, None]
+    step = radius * np.sqrt(rng.random(radius.shape))
+    turn = rng.uniform(-math.pi, math.pi, radius.shape)
+    x = np.cumsum(np.column_stack([ranges, step * np.cos(turn)]), axis=1)
+    y = np.cumsum(np.column_stack([np.zeros(PATHS), step * np.sin(turn)]), axis=1)
+    kept = _passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
+    independent = weight.sum() ** 2 / np.square(weight).sum()
+    return float(max(np.average(kept, weights=weight), FEWEST_PASSES / independent))
+
+
+def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> float:
+    """Share of a target's tracks, all hits its own, that pass the method's evaluation (Step 6).
+
+    Of targets that are detected with p_d in each scan, those whose detections fall into the gates
+    of the ones before and that have M hits within N scans.
+
+    Parameters
+    ----------
+    gating : Gating
+    options : TsepmOptions
+    speed : float
+        The target's, m/s.
+    """
+    rng = np.random.default_rng(2)
+    sensor, shape = gating.sensor, (PATHS, options.window)
+    ranges = np.sqrt(rng.uniform(sensor.min_range**2, sensor.max_range**2, PATHS))
+    heading = rng.uniform(-math.pi, math.pi, (PATHS, 1))
+    way = speed * gating.interval * np.arange(options.window)
+    x, y = ranges[:, None] + way * np.cos(heading), way * np.sin(heading)
+    true_range = np.hypot(x, y)
+    range_ = true_range + rng.standard_normal(shape) * np.sqrt(sensor.range_variance(true_range))
+    range_ = np.abs(range_)
+    azimuth = np.arctan2(y, x) + rng.standard_normal(shape) * sensor.azimuth_std
+    hit = rng.random(shape) < sensor.detection_probability
+    hit[:, 0] = True
+    _gate(hit, range_, azimuth, gating)
+    count = np.cumsum(hit, axis=1)
+    hit &= count <= options.min_hits
+    reached = count[:, -1] >= options.min_hits
+    if not reached.any():
+        return 0.0
+    scans = np.nonzero(hit[reached])[1].reshape(-1, options.min_hits)
+    taken = [np.take_along_axis(part[reached], scans, axis=1) for part in (range_, azimuth)]
+    return float(_passing(gating, options, scans, *taken).mean())
+
+
+def _gate(hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: Gating) -> None:
+    """Leave out, in place, the hits (n, N) beyond the gate of the hit before (Eq. 4)."""
+    x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
+    rows = np.arange(len(hit))
+    last = np.zeros(len(hit), np.int64)
+    for scan in range(1, hit.shape[1]):
+        distance = np.hypot(x[:, scan] - x[rows, last], y[:, scan] - y[rows, last])
+        reach = gating.max_speed * gating.interval * (scan - last)
+        hit[:, scan] &= distance <= reach + error_radius(gating, range_[rows, last])
+        last[hit[:, scan]] = scan
+
+
+def _drawn_paths(
+    rng: np.random.Generator, sensor: SensorModel, options: TsepmOptions
+) -> tuple[FloatArray, IntArray]:
+    """First ranges (n,) over the coverage, and scans (n, M) of the hits, the first in scan 0."""
+    ranges = np.sqrt(rng.uniform(sensor.min_range**2, sensor.max_range**2, PATHS))
+    later = rng.permuted(np.tile(np.arange(1, options.window), (PATHS, 1)), axis=1)
+    later = np.sort(later[:, : options.min_hits - 1], axis=1)
+    return ranges, np.concatenate([np.zeros((PATHS, 1), np.int64), later], axis=1)
+
+
+def _passing(
+    gating: Gating,
+    options: TsepmOptions,
+    scans: IntArray,
+    range_: FloatArray,
+    azimuth: FloatArray,
+) -> BoolArray:
+    """Which paths (n, M) of hits pass the evaluation, (n,)."""
+    sensor = gating.sensor
+    flat = Scan(stamp=0.0, range=range_.ravel(), azimuth=azimuth.ravel())
+    hits = convert(flat, sensor, 0).reshape(scans.shape)
+    hits["time"] = scans * gating.interval
+    if options.evaluation == "clutter_statistic":
+        figure = clutter_statistic(hits["position"], sensor.clutter_density)
+        threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
+    else:
+        stamp = options.window * gating.interval
+        figure = normalized_distance(hits, fit(hits, stamp, sensor, options.estimator))
+        threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
+    return pruning.keep(figure, threshold)
