@@ -40,9 +40,9 @@ def main() -> int:
     add_evaluation_arguments(parser)
     parser.add_argument("--peer", action="append", choices=PEERS, help="default: every peer")
     options = parser.parse_args()
-    command = shlex.join(["python", "benchmarks/evaluate_peers.py", *sys.argv[1:]])
+    options.line = shlex.join(["python", "benchmarks/evaluate_peers.py", *sys.argv[1:]])
     try:
-        run_evaluation(options, command, installed(options.peer or list(PEERS)))
+        run_evaluation(options, installed(options.peer or list(PEERS)))
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2

@@ -159,21 +159,25 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
     assert animation.stat().st_size < 3e6
 
 
-def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path, monkeypatch):
+def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
     pytest.importorskip("matplotlib")
+    from PIL import Image
+
     from tsepm_ros.kinematics.track import TrackArrays
-    from tsepm_ros.pictures import plan_animation
+    from tsepm_ros.pictures.plan_animation import LAST, animate, shown_scans
     from tsepm_ros.pictures.run_scene import RunScene, ScanView
 
+    assert list(shown_scans(8, 3)) == [1, 4, 7]
+    assert list(shown_scans(8, 8)) == list(range(8))
     nothing = TrackArrays.of([])
     views = [ScanView(float(k), np.zeros((0, 2)), None, nothing, nothing) for k in range(8)]
-    shown = []
-    monkeypatch.setattr(plan_animation, "MOST_FRAMES", 3)
-    monkeypatch.setattr(
-        plan_animation, "_draw", lambda axes, scene, index, *_, **__: shown.append(index)
-    )
-    assert plan_animation.animate(RunScene("run", views), tmp_path / "run.gif") == 3
-    assert shown == [1, 4, 7]
+    assert animate(RunScene("run", views), tmp_path / "run.gif", most_frames=3) == 3
+    with Image.open(tmp_path / "run.gif") as frames:
+        shown = 0
+        for number in range(frames.n_frames):
+            frames.seek(number)
+            shown += frames.info["duration"]
+    assert shown == 500 * (2 + LAST)
 
 
 def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
@@ -204,11 +208,12 @@ def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
     assert len(outs[0].splitlines()) > 2
 
 
-def test_the_truth_of_a_bag_is_drawn(tmp_path, monkeypatch):
+def test_the_truth_of_a_bag_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")
     bag_files = pytest.importorskip("support.bag_files")
     from msg_adapters.track_cloud import TRACK_DTYPE
-    from tsepm_ros.pictures import plan_position
+    from tsepm_ros.replay.bag import Bag, find_topics
+    from tsepm_ros.replay.offline import bag_truth
 
     entries = bag_files.simulated()
     for stamp in (1000.0, 1010.0):
@@ -217,11 +222,11 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path, monkeypatch):
         message = bag_files.cloud(stamp, "odom", **values)
         entries.append(bag_files.Entry(stamp, "/ground_truth", bag_files.POINTS, message))
     path = bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time))
-    drawn = []
-    monkeypatch.setattr(plan_position, "save", lambda picture, *_: drawn.append(picture))
+    with Bag(path) as bag:
+        (truth,) = bag_truth(bag, find_topics(bag.topics, {}))
+    assert truth == pytest.approx(np.array([[1000.0, 1000.0, -1000.0], [1010.0, 1010.0, -1010.0]]))
     assert main(["run", str(path), "--picture", str(tmp_path / "a.png")]) == 0
-    (truth,) = drawn[0].truth
-    assert truth.tolist() == [[1000.0, -1000.0], [1010.0, -1010.0]]
+    assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(

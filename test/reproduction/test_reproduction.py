@@ -20,6 +20,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.reproduction import (
+    figure_curves,
     figures_5_to_8,
     monte_carlo,
     paired,
@@ -119,23 +120,23 @@ def curves_of(shares):
     """Curves over the errors of the marks' figure, with these P_D in 400 runs."""
     found = np.arange(400)[:, None] < 400 * np.array(shares)
     runs = [[{"model": [float(one), 0.0, 1.0]} for one in column] for column in found.T]
-    return figures_5_to_8.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
+    return figure_curves.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
 
 
 def test_a_curve_falls_only_if_it_falls_at_every_step():
     falling, rising_first = (0.9, 0.8, 0.7, 0.5, 0.3), (0.7, 0.9, 0.8, 0.5, 0.2)
-    assert figures_5_to_8._falls(curves_of(falling), "model") == paired.HOLDS
-    assert figures_5_to_8._falls(curves_of(rising_first), "model").startswith(paired.FAILS)
+    assert figures_5_to_8.falls(curves_of(falling), "model") == paired.HOLDS
+    assert figures_5_to_8.falls(curves_of(rising_first), "model").startswith(paired.FAILS)
     flat = (0.9, 0.9, 0.8, 0.5, 0.2)
-    assert figures_5_to_8._falls(curves_of(flat), "model").startswith(paired.OPEN)
+    assert figures_5_to_8.falls(curves_of(flat), "model").startswith(paired.OPEN)
 
 
 def test_a_curve_falls_faster_only_if_each_step_does():
-    assert figures_5_to_8._falls_faster(curves_of((0.9, 0.85, 0.8, 0.5, 0.2)), "model") == (
+    assert figures_5_to_8.falls_faster(curves_of((0.9, 0.85, 0.8, 0.5, 0.2)), "model") == (
         paired.HOLDS
     )
     slow_at_last = curves_of((0.99, 0.8, 0.7, 0.5, 0.49))
-    assert figures_5_to_8._falls_faster(slow_at_last, "model").startswith(paired.FAILS)
+    assert figures_5_to_8.falls_faster(slow_at_last, "model").startswith(paired.FAILS)
 
 
 def test_the_gate_is_hit_as_often_as_by_simulation():
@@ -331,13 +332,16 @@ def test_another_source_is_refused(capsys):
     assert "tsepm_2018, split_merge_2016" in capsys.readouterr().err
 
 
-def test_the_command_writes_tables_and_pictures(tmp_path, monkeypatch):
+def test_tables_and_pictures_are_written(tmp_path):
     pytest.importorskip("matplotlib")
-    some_errors = [p for p in monte_carlo.error_points() if p.value in (15.0, 75.0, 120.0)]
-    monkeypatch.setattr(figures_5_to_8, "error_points", lambda: some_errors)
-    monkeypatch.setattr(figures_5_to_8, "density_points", lambda: monte_carlo.density_points()[:2])
-    one = ["reproduce", "--runs", "1", "--workers", "1", "--out", str(tmp_path)]
-    assert main(one) == 0
+    setting = Setting(folder=tmp_path / "runs", runs=1)
+    errors = [point for point in monte_carlo.ERRORS if point.value in (15.0, 75.0, 120.0)]
+    parts = [
+        *table_1.parts(setting),
+        *figures_5_to_8.parts(setting, monte_carlo.DENSITIES[:2], errors),
+        *split_merge_2016.reproduce(setting),
+    ]
+    write(parts, tmp_path / "report.md")
     text = (tmp_path / "report.md").read_text()
     for name in ("table_1", "figures_5_6", "figures_7_8"):
         assert f"(tsepm_2018_{name}.png)" in text

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tsepm_ros.commands.cli import main
 from tsepm_ros.methods.sequential import SequentialOptions
 from tsepm_ros.reproduction import hexagon, sequential_2014
 from tsepm_ros.reproduction import published_2014 as published
+from tsepm_ros.reproduction.document import write
 from tsepm_ros.reproduction.runs import Setting
 from tsepm_ros.reproduction.sequential_2014 import MAIN, Counts
 
@@ -88,11 +88,11 @@ def test_no_unbiased_estimate_has_the_published_speed_error():
     assert closed > published.TABLE_1["least_squares"][1]
 
 
-def test_the_command_writes_the_chapter(tmp_path, monkeypatch):
+def test_the_chapter_is_written(tmp_path):
     pytest.importorskip("matplotlib")
-    monkeypatch.setattr(sequential_2014, "cases", lambda: {MAIN: hexagon.case(*MAIN)})
-    arguments = ["reproduce", "sequential_2014", "--runs", "3", "--workers", "1"]
-    assert main([*arguments, "--out", str(tmp_path)]) == 0
+    setting = Setting(folder=tmp_path / "runs", runs=3)
+    parts = sequential_2014.reproduce(setting, {MAIN: hexagon.case(*MAIN)})
+    write(parts, tmp_path / "report.md")
     rows = list(csv.reader((tmp_path / "sequential_2014_starts.csv").open()))
     assert rows[1][:4] == ["published", "-", "-", "-"]
     assert {(row[2], row[3]) for row in rows[2:]} == set(hexagon.READINGS)

@@ -37,6 +37,10 @@ class Estimate:
         """An increasing function of the figure."""
         return Estimate(function(self.value), function(self.low), function(self.high))
 
+    def __truediv__(self, unit: float) -> Estimate:
+        """The figure in a unit above 0."""
+        return self.mapped(lambda value: value / unit)
+
     def __format__(self, spec: str) -> str:
         """Format as ``value (low to high)``, each with `spec`."""
         return f"{self.value:{spec}} ({self.low:{spec}} to {self.high:{spec}})"

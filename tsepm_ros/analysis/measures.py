@@ -139,7 +139,7 @@ def _counts(scenario: Scenario, records: Sequence[RunSummary], scans: int) -> di
     return {
         "detection": proportion(sum(record.count(Outcome.TRUE) for record in records), targets),
         "false_per_run": false,
-        "false_density": false.mapped(lambda v: v / (scans * scenario.area / 1e6)),
+        "false_density": false / (scans * scenario.area / 1e6),
         "false_per_hour": false.mapped(lambda v: v * SECONDS_PER_HOUR / (scans * scenario.period)),
         "redundant_per_run": mean_count([record.count(Outcome.REDUNDANT) for record in records]),
         "held": proportion(sum(held), targets) if min(held) >= 0 else Estimate.unknown(),

@@ -152,7 +152,6 @@ def _footing(one: Evaluated) -> str:
 
 
 def _footing_row(row: Comparison, unit: float) -> list[str]:
-    rate = row.other_false.mapped(lambda value: value / unit)
     return [
         row.method,
         row.label,
@@ -161,7 +160,7 @@ def _footing_row(row: Comparison, unit: float) -> list[str]:
         row.other,
         row.other_detection.text(".4f"),
         row.gain.text("+.4f"),
-        rate.text(".3g"),
+        (row.other_false / unit).text(".3g"),
         row.ratio.text(".3g"),
     ]
 

@@ -6,7 +6,7 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from tsepm_ros.commands.design_command import add_design_arguments, run_design
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
@@ -15,6 +15,9 @@ from tsepm_ros.commands.run_command import add_recording_arguments, run_recordin
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
 from tsepm_ros.settings.tables import NODES
+
+AddArguments = Callable[[argparse.ArgumentParser], None]
+Command = Callable[[argparse.Namespace], None]
 
 INTERRUPTED = 130
 """What a shell takes for ended by an interrupt."""
@@ -51,70 +54,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="tsepm", description="Track initiation without ROS.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    one = commands.add_parser("methods", help="list the methods")
-    one.set_defaults(command=_methods)
-
-    one = commands.add_parser("parameters", help="print the parameters of a node, with defaults")
-    one.add_argument("node", nargs="?", choices=[*sorted(NODES), "all"], default="track_initiator")
-    one.add_argument("--markdown", action="store_true", help="tables instead of YAML")
-    one.set_defaults(command=_parameters)
-
-    one = commands.add_parser(
-        "run",
-        help="start tracks on a recording, a bag or a simulated scenario; as CSV, or a picture",
-    )
-    add_recording_arguments(one)
-    _add_parameters(one)
-    one.set_defaults(command=run_recording)
-
-    one = commands.add_parser(
-        "design", help="what a sonar and a wish lead to: thresholds, rules, what is found and when"
-    )
-    add_design_arguments(one)
-    _add_parameters(one)
-    one.set_defaults(command=run_design)
-
+    for name, (text, add_arguments, function) in COMMANDS.items():
+        command = commands.add_parser(name, help=text)
+        add_arguments(command)
+        command.set_defaults(command=function)
     # What was the command `study`; it names the new one until the next release.
-    one = commands.add_parser("study", prefix_chars="+", add_help=False)
-    one.add_argument("given", nargs="*")
-    one.set_defaults(command=_study)
-
-    one = commands.add_parser(
-        "evaluate", help="operating curves of the methods: tables and pictures from many runs"
-    )
-    add_evaluation_arguments(one)
-    one.set_defaults(command=_evaluate)
-
-    one = commands.add_parser(
-        "reproduce", help="what the sources publish, regenerated beside the published values"
-    )
-    add_reproduction_arguments(one)
-    one.set_defaults(command=_reproduce)
+    study = commands.add_parser("study", prefix_chars="+", add_help=False)
+    study.add_argument("given", nargs="*")
+    study.set_defaults(command=_study)
     return parser
 
 
-def _add_parameters(
-    parser: argparse.ArgumentParser, text: str = "parameter as of the node track_initiator"
-) -> None:
-    parser.add_argument(
-        "-p", "--parameter", action="append", default=[], metavar="NAME:=VALUE", help=text
-    )
-
-
 def _methods(options: argparse.Namespace) -> None:
-    rows = [[name, str(kind.__doc__).splitlines()[0].strip()] for name, kind in METHODS.items()]
-    for name, text in rows:
-        print(f"{name}: {text}")
+    for name, kind in METHODS.items():
+        print(f"{name}: {str(kind.__doc__).splitlines()[0].strip()}")
+
+
+def _add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
+    nodes = [*sorted(NODES), "all"]
+    parser.add_argument("node", nargs="?", choices=nodes, default="track_initiator")
+    parser.add_argument("--markdown", action="store_true", help="tables instead of YAML")
 
 
 def _parameters(options: argparse.Namespace) -> None:
-    if options.node == "all":
-        every = "\n".join(as_yaml(node, groups) for node, groups in NODES.items())
-        print(as_page(NODES) if options.markdown else every, end="")
-        return
-    groups = NODES[options.node]
-    print(as_markdown(groups) if options.markdown else as_yaml(options.node, groups), end="")
+    nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
+    if not options.markdown:
+        print("\n".join(as_yaml(node, groups) for node, groups in nodes.items()), end="")
+    elif options.node == "all":
+        print(as_page(NODES), end="")
+    else:
+        print(as_markdown(NODES[options.node]), end="")
 
 
 def _study(options: argparse.Namespace) -> None:
@@ -124,12 +93,35 @@ def _study(options: argparse.Namespace) -> None:
     )
 
 
-def _evaluate(options: argparse.Namespace) -> None:
-    run_evaluation(options, options.line)
-
-
-def _reproduce(options: argparse.Namespace) -> None:
-    run_reproduction(options, options.line)
+COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
+    "methods": ("list the methods", lambda parser: None, _methods),
+    "parameters": (
+        "print the parameters of a node, with defaults",
+        _add_parameters_arguments,
+        _parameters,
+    ),
+    "run": (
+        "start tracks on a recording, a bag or a simulated scenario; as CSV, or a picture",
+        add_recording_arguments,
+        run_recording,
+    ),
+    "design": (
+        "what a sonar and a wish lead to: thresholds, rules, what is found and when",
+        add_design_arguments,
+        run_design,
+    ),
+    "evaluate": (
+        "operating curves of the methods: tables and pictures from many runs",
+        add_evaluation_arguments,
+        run_evaluation,
+    ),
+    "reproduce": (
+        "what the sources publish, regenerated beside the published values",
+        add_reproduction_arguments,
+        run_reproduction,
+    ),
+}
+"""What each command does, its arguments, and its function."""
 
 
 if __name__ == "__main__":

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import os
 from pathlib import Path
 
 import yaml
 
-from tsepm_ros.analysis.workers import Workers, with_progress
-from tsepm_ros.commands.evaluate_command import positive
+from tsepm_ros.analysis.workers import with_progress
+from tsepm_ros.commands.arguments import add_runs, add_values, positive, workers_of
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.design_report import (
@@ -35,7 +34,7 @@ REMEDY_RUNS = 100
 
 
 def add_design_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of a design, but for the parameters."""
+    """Add the arguments of a design."""
     parser.add_argument("--interval", type=float, default=12.0, help="time between pings, s")
     parser.add_argument("--scans", type=positive, default=16, help="pings to find a target in")
     parser.add_argument("--speed", type=float, help="of the targets, m/s; default half max_speed")
@@ -45,10 +44,9 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wanted", type=float, default=0.9, help="share of the targets to be found"
     )
-    parser.add_argument("--runs", type=positive, default=400, help="targets simulated")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1)
+    add_runs(parser, 400, "targets simulated")
     parser.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
+    add_values(parser)
 
 
 def run_design(options: argparse.Namespace) -> None:
@@ -57,7 +55,7 @@ def run_design(options: argparse.Namespace) -> None:
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_design_arguments`, and `parameter`.
+        From `add_design_arguments`, and `line`, the command as it was given.
 
     Raises
     ------
@@ -82,7 +80,7 @@ def run_design(options: argparse.Namespace) -> None:
     simulation = {
         "runs": options.runs,
         "seed": options.seed,
-        "workers": Workers(processes=options.workers),
+        "workers": workers_of(options),
         "progress": with_progress,
     }
     found = list(search.candidates(case, score, tsepm, rules, **simulation))

@@ -3,51 +3,37 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from tsepm_ros.analysis.operating_points import OperatingPoint, operating_points
 from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
 from tsepm_ros.analysis.performance_report import markdown, short_text, write_csv
-from tsepm_ros.analysis.workers import Workers, with_progress
+from tsepm_ros.analysis.workers import with_progress
+from tsepm_ros.commands.arguments import (
+    add_out,
+    add_runs,
+    add_values,
+    positive,
+    scenario_names,
+    workers_of,
+)
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.value_text import parse_values
-from tsepm_ros.simulation import load_scenario, shipped_scenarios
-
-
-def positive(text: str) -> int:
-    """An integer above 0, from the command line."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return value
-
-
-def add_run_arguments(parser: argparse.ArgumentParser, *, runs: int) -> None:
-    """Add what every command needs that does many runs."""
-    parser.add_argument("--runs", type=positive, default=runs, help=f"default {runs}")
-    parser.add_argument("--scans", type=positive, help="scans of a run, if not the scenario's")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1)
-    parser.add_argument("--scheduler", help="address of a dask.distributed scheduler to run on")
-
-
-def workers_of(options: argparse.Namespace) -> Workers:
-    """Who does the runs, from `add_run_arguments`."""
-    return Workers(processes=options.workers, scheduler=options.scheduler)
+from tsepm_ros.simulation import load_scenario
 
 
 def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of an evaluation."""
-    scenarios = ", ".join(shipped_scenarios())
     parser.add_argument(
-        "scenario", nargs="*", default=["box"], help=f"{scenarios}, or a .yaml file; default box"
+        "scenario", nargs="*", default=["box"], help=f"{scenario_names()}; default box"
     )
     parser.add_argument(
         "--method", action="append", choices=available_methods(), help="default: every method"
     )
-    add_run_arguments(parser, runs=500)
+    add_runs(parser, 500)
+    parser.add_argument("--scans", type=positive, help="scans of a run, if not the scenario's")
+    parser.add_argument("--scheduler", help="address of a dask.distributed scheduler to run on")
     parser.add_argument(
         "--horizon",
         type=positive,
@@ -55,40 +41,24 @@ def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="figures after the first so many scans as well as after all",
     )
-    parser.add_argument(
+    add_values(
+        parser,
         "--scene",
-        action="append",
-        default=[],
-        metavar="NAME:=VALUE",
         help="value in place of the scenario's, such as sensor.clutter_density:=2.0e-6",
     )
-    parser.add_argument(
-        "-p",
-        "--parameter",
-        action="append",
-        default=[],
-        metavar="NAME:=VALUE",
-        help="option for the methods that have it; it replaces a sweep that varies it",
+    add_values(
+        parser, help="option for the methods that have it; it replaces a sweep that varies it"
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("build/evaluation"),
-        help="folder of the runs done so far and of what is written; default build/evaluation",
-    )
+    add_out(parser, "build/evaluation")
 
 
-def run_evaluation(
-    options: argparse.Namespace, command: str, more: Sequence[OperatingPoint] = ()
-) -> None:
+def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] = ()) -> None:
     """Evaluate, print a short table, and write tables and pictures.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_evaluation_arguments`.
-    command : str
-        The command as it was given, for the report.
+        From `add_evaluation_arguments`, and `line`, the command as it was given.
     more : sequence of OperatingPoint, optional
         What is evaluated beside the package's own methods.
 
@@ -111,7 +81,7 @@ def run_evaluation(
     evaluated = evaluate(plan, options.out / "runs", workers_of(options), with_progress)
     for one in evaluated:
         print(short_text(plan, one) + "\n")
-    _write(plan, evaluated, options.out, command)
+    _write(plan, evaluated, options.out, options.line)
 
 
 def _write(plan: Plan, evaluated: Sequence[Evaluated], folder: Path, command: str) -> None:

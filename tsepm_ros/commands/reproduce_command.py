@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import os
-from pathlib import Path
 
 from tsepm_ros.analysis.operating_points import package_version
-from tsepm_ros.analysis.workers import Workers, with_progress
-from tsepm_ros.commands.evaluate_command import positive
+from tsepm_ros.analysis.workers import with_progress
+from tsepm_ros.commands.arguments import add_out, add_runs, workers_of
 from tsepm_ros.reproduction.document import Part, write
 from tsepm_ros.reproduction.runs import Setting
 from tsepm_ros.reproduction.sources import SOURCES
@@ -21,26 +19,17 @@ def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", nargs="*", metavar="SOURCE", help=f"{', '.join(SOURCES)}; default all"
     )
-    parser.add_argument("--runs", type=positive, default=RUNS, help=f"default {RUNS}")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1)
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("build/reproduction"),
-        help="folder of the runs done so far and of what is written; default build/reproduction",
-    )
+    add_runs(parser, RUNS)
+    add_out(parser, "build/reproduction")
 
 
-def run_reproduction(options: argparse.Namespace, command: str) -> None:
+def run_reproduction(options: argparse.Namespace) -> None:
     """Regenerate what the sources publish and write the report.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_reproduction_arguments`.
-    command : str
-        The command as it was given, for the report.
+        From `add_reproduction_arguments`, and `line`, the command as it was given.
 
     Raises
     ------
@@ -57,12 +46,12 @@ def run_reproduction(options: argparse.Namespace, command: str) -> None:
         folder=options.out / "runs",
         runs=options.runs,
         seed=options.seed,
-        workers=Workers(processes=options.workers),
+        workers=workers_of(options),
         progress=with_progress,
     )
     parts: list[Part] = [
         "# Reproduction of the published results",
-        f"`{command}`\n\n{options.runs} runs, seed {options.seed}, 95 % intervals, "
+        f"`{options.line}`\n\n{options.runs} runs, seed {options.seed}, 95 % intervals, "
         f"tsepm_ros {package_version()}.",
     ]
     for name in names:

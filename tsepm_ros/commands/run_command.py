@@ -11,16 +11,14 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from msg_adapters import MessageError, read_track_cloud, time_to_ns
 from tsepm_ros.analysis.truth import judge, origins_of
+from tsepm_ros.commands.arguments import add_values, scenario_names
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
 from tsepm_ros.pictures.run_scene import RunScene, ScanView, truth_paths
 from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
 from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.replay.offline import bag_results, recording_results
+from tsepm_ros.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.replay.recording import read_recording
 from tsepm_ros.replay.simulated_recording import simulated_recording
 from tsepm_ros.replay.track_files import TrackBag, TrackTable
@@ -42,11 +40,10 @@ TOPIC_OPTIONS = {
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm run`."""
-    scenarios = ", ".join(shipped_scenarios())
     parser.add_argument(
         "recording",
         help="folder with detections.csv; bag: folder with metadata.yaml, .mcap or .db3 file; "
-        f"or scenario to simulate: {scenarios} or a .yaml file",
+        f"or scenario to simulate: {scenario_names()}",
     )
     parser.add_argument(
         "--out", type=Path, help="folder for tracks.csv, tracks.mcap and picture.png"
@@ -62,6 +59,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
             metavar="TOPIC",
             help=f"topic of a bag to read as {role}",
         )
+    add_values(parser)
 
 
 @dataclass
@@ -192,7 +190,7 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         title=_title(options, session),
         session=session,
         results=_with_assumptions(bag, topics, session, node, notes),
-        truth=_bag_truth(bag, topics) if _wants_scene(options) else [],
+        truth=bag_truth(bag, topics) if _wants_scene(options) else [],
         notes=notes,
         duration=bag.duration,
         mounting_yaw=_mounting_yaw(session, node),
@@ -209,22 +207,6 @@ def _with_assumptions(
     given = MessageInput(session, node)
     yield from bag_results(bag, topics, session, given)
     notes.update({sentence: sentence for sentence in sorted(given.assumptions)})
-
-
-def _bag_truth(bag: Bag, topics: dict[str, str]) -> list[FloatArray]:
-    """The paths of the targets that a topic of the bag tells, by track id."""
-    paths: dict[int, list[tuple[float, float, float]]] = {}
-    for message in bag.messages([topics[TRUTH]] if TRUTH in topics else []):
-        try:
-            cloud = bag.read(message)
-            points = read_track_cloud(cloud)
-        except MessageError:
-            continue  # of no use for the picture, and nothing else needs it
-        stamp = 1e-9 * time_to_ns(cloud.header.stamp)
-        for point in points:
-            place = (stamp, float(point["state_x"]), float(point["state_y"]))
-            paths.setdefault(int(point["track_id"]), []).append(place)
-    return [np.array(path) for path in paths.values()]
 
 
 def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.intervals import Estimate, error_bars
 from tsepm_ros.analysis.measures import SECONDS_PER_HOUR
 from tsepm_ros.analysis.operating_curve import LEAST_FALSE, Curve
 from tsepm_ros.analysis.performance import Evaluated
@@ -113,7 +113,7 @@ def _operating_curve(axis: Axes, one: Evaluated) -> None:
     x, y = _places(one)
     false = [figures.false_density for figures in one.figures]
     detection = [figures.detection for figures in one.figures]
-    x_bars, y_bars = _bars(x, false), _bars(y, detection)
+    x_bars, y_bars = error_bars(x, false), error_bars(y, detection)
     methods = np.array([point.method for point in one.points])
     for method, (colour, marker) in _looks(one).items():
         rows = methods == method
@@ -169,13 +169,6 @@ def _hours(axis: Axes, one: Evaluated) -> None:
     above.set_xlabel("per hour")
 
 
-def _bars(values: FloatArray, estimates: Sequence[Estimate]) -> FloatArray:
-    """Lengths of the error bars below and above, (2, n)."""
-    low = np.array([estimate.low for estimate in estimates])
-    high = np.array([estimate.high for estimate in estimates])
-    return np.maximum(np.nan_to_num([values - low, high - values]), 0.0)
-
-
 def _time_to_confirm(axis: Axes, one: Evaluated) -> None:
     _rows(axis, one, "confirmation_median", "confirmation_95")
     axis.set_xlabel("s after the first scan")
@@ -205,7 +198,7 @@ def _rows(axis: Axes, one: Evaluated, full: str, hollow: str) -> None:
             axis.errorbar(
                 value,
                 [row + shift],
-                xerr=_bars(value, [estimate]),
+                xerr=error_bars(value, [estimate]),
                 fmt=marker,
                 color=colour,
                 markerfacecolor=face,

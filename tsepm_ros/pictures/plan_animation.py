@@ -42,7 +42,7 @@ MOST_FRAMES = 400
 _FIRST_DATE = 1e8  # a stamp above is a date, s since 1970
 
 
-def animate(scene: RunScene, path: Path) -> int:
+def animate(scene: RunScene, path: Path, most_frames: int = MOST_FRAMES) -> int:
     """Write the animation as a GIF.
 
     Parameters
@@ -50,11 +50,12 @@ def animate(scene: RunScene, path: Path) -> int:
     scene : RunScene
     path : path
         Of the file.
+    most_frames : int, optional
 
     Returns
     -------
     int
-        Scans from one frame to the next: 1 unless the run is longer than MOST_FRAMES.
+        Scans from one frame to the next: 1 unless the run has more than most_frames.
 
     Raises
     ------
@@ -64,20 +65,24 @@ def animate(scene: RunScene, path: Path) -> int:
     if not scene.scans:
         raise ValueError("there is no scan to animate")
     path.parent.mkdir(parents=True, exist_ok=True)
-    step = -(-len(scene.scans) // MOST_FRAMES)
-    # The last scan is always among them.
-    shown = list(range((len(scene.scans) - 1) % step, len(scene.scans), step))
+    shown = shown_scans(len(scene.scans), most_frames)
     seconds, limits = velocity_seconds(scene), _limits(scene)
     figure, axes = plt.subplots(figsize=(9.5, 10.0), layout="constrained")
     figure.legend(handles=_legend(scene, seconds), loc="outside lower center", ncols=3, fontsize=9)
     writer = PillowWriter(fps=FRAMES_PER_SECOND)
     with writer.saving(figure, str(path), dpi=80):
         for index in shown:
-            _draw(axes, scene, index, seconds, limits, confirmed_since=index - step + 1)
+            _draw(axes, scene, index, seconds, limits, confirmed_since=index - shown.step + 1)
             for _ in range(LAST if index == shown[-1] else 1):
                 writer.grab_frame()
     plt.close(figure)
-    return step
+    return shown.step
+
+
+def shown_scans(scans: int, most_frames: int) -> range:
+    """The scans of an animation: evenly spaced, no more than most_frames, the last one included."""
+    step = -(-scans // most_frames)
+    return range((scans - 1) % step, scans, step)
 
 
 def _draw(

@@ -6,12 +6,12 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from msg_adapters import MessageError
+from msg_adapters import MessageError, read_track_cloud, time_to_ns
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
-from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, Bag
+from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.recorded_scan import read_recorded_scan
 from tsepm_ros.replay.recording import RecordedMotion, Recording
@@ -114,7 +114,23 @@ def bag_results(
     yield from session.process(last=True)
 
 
-def _longest_echo(time_offset: NDArray[np.float64] | None) -> float:
+def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
+    """Time (s), x and y (m) of the targets that a topic of a bag tells, (m, 3) each."""
+    paths: dict[int, list[tuple[float, float, float]]] = {}
+    for message in bag.messages([topics[TRUTH]] if TRUTH in topics else []):
+        try:
+            cloud = bag.read(message)
+            points = read_track_cloud(cloud)
+        except MessageError:
+            continue  # of no use for a picture, and nothing else needs it
+        stamp = 1e-9 * time_to_ns(cloud.header.stamp)
+        for point in points:
+            place = (stamp, float(point["state_x"]), float(point["state_y"]))
+            paths.setdefault(int(point["track_id"]), []).append(place)
+    return [np.array(path) for path in paths.values()]
+
+
+def _longest_echo(time_offset: FloatArray | None) -> float:
     """Time from the transmit to the arrival of the last echo, s."""
     return 0.0 if time_offset is None else 2.0 * float(time_offset.max(initial=0.0))
 

@@ -1,28 +1,25 @@
-"""TSEPM 2018, Figs. 5-8: three methods over the clutter density and the measurement error."""
+"""TSEPM 2018, Figs. 5-8: what the text says of the curves, and whether it holds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 from scipy.special import ndtr
 
-from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
+from tsepm_ros.analysis.intervals import mean
 from tsepm_ros.design.mn_rules import rule_detection_probability
-from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.reproduction import paired
-from tsepm_ros.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.reproduction.document import Column, Part, Table
+from tsepm_ros.reproduction.figure_curves import Curves
 from tsepm_ros.reproduction.monte_carlo import (
-    CURVES,
+    DENSITIES,
     ERRORS,
     RULE,
     TARGET,
     Point,
-    density_points,
-    error_points,
     run_comparison,
     sensor_at,
 )
@@ -33,7 +30,7 @@ from tsepm_ros.reproduction.published_tsepm_2018 import (
     MAX_SPEED,
     PERIOD,
 )
-from tsepm_ros.reproduction.runs import Result, Setting, column
+from tsepm_ros.reproduction.runs import Setting
 from tsepm_ros.sensing.conversion import position_covariance
 
 EQUAL = 0.05
@@ -79,9 +76,15 @@ def gate_hit_probability(error: float, k: int) -> float:
     return float(((values[1:] + values[:-1]) / 2 * np.diff(x)).sum())
 
 
-def parts(setting: Setting) -> list[Part]:
+def one_start(error: float) -> float:
+    """P_D of one start without clutter or pruning at a measurement error, with its gate's size."""
+    return rule_detection_probability(*RULE, 0.9, gate_hit_probability(error, 1))
+
+
+def parts(
+    setting: Setting, by_density: Sequence[Point] = DENSITIES, by_error: Sequence[Point] = ERRORS
+) -> list[Part]:
     """The curves, and what the text says of them."""
-    by_density, by_error = density_points(), error_points()
     results = setting.results(run_comparison, [*by_density, *by_error])
     densities = Curves(by_density, results[: len(by_density)])
     errors = Curves(by_error, results[len(by_density) :])
@@ -118,150 +121,24 @@ def parts(setting: Setting) -> list[Part]:
             "tsepm_2018_figures_7_8",
             "Figs. 7 and 8",
             f"measurement error [m], at {FIGURE_7_DENSITY:g} per m²",
-            theory=True,
+            one_start,
+            FIGURE_7_MARKS,
         ),
         *_gate_parts(),
     ]
 
 
-@dataclass(frozen=True)
-class Curves:
-    """The runs of two figures.
-
-    Attributes
-    ----------
-    points : sequence of Point
-    runs : sequence of sequence of dict
-        Per point.
-    """
-
-    points: Sequence[Point]
-    runs: Sequence[Sequence[Result]]
-
-    def found(self, name: str, place: int) -> FloatArray:
-        """Whether the target was found, per run."""
-        return column(self.runs[place], name, 0)
-
-    def wrong(self, name: str, place: int) -> FloatArray:
-        """False and misplaced tracks, per run."""
-        return column(self.runs[place], name, 1)
-
-    def starts(self, name: str, place: int) -> FloatArray:
-        """Potential tracks started, per run."""
-        return column(self.runs[place], name, 2)
-
-    @property
-    def places(self) -> range:
-        """Places of the points."""
-        return range(len(self.points))
-
-    def place(self, value: float) -> int:
-        """Place of the point at a value."""
-        return [point.value for point in self.points].index(value)
-
-    def detection(self, name: str) -> list[Estimate]:
-        """P_D along the curve."""
-        found = [self.found(name, place) for place in self.places]
-        return [proportion(int(one.sum()), len(one)) for one in found]
-
-    def per_start(self, name: str) -> list[Estimate]:
-        """False and misplaced tracks per start along the curve."""
-        return [
-            paired.ratio(self.wrong(name, place), self.starts(name, place)) for place in self.places
-        ]
-
-    def density(self, name: str) -> list[Estimate]:
-        """False and misplaced tracks per scan and km^2 along the curve."""
-        estimates = []
-        for place, point in enumerate(self.points):
-            unit = point.scenario.scans * point.scenario.area / 1e6
-            one = mean_count(self.wrong(name, place))
-            estimates.append(Estimate(one.value / unit, one.low / unit, one.high / unit))
-        return estimates
-
-    def rise(self, name: str, first: int = 0, last: int = -1) -> Estimate:
-        """Difference of P_D from one point to a later one."""
-        places = list(self.places)
-        return paired.share_difference(
-            self.found(name, places[last]), self.found(name, places[first])
-        )
-
-    def table(self, name: str, heading: str, spec: str) -> Table:
-        """The curves as a table."""
-        columns = [
-            Column(heading, spec),
-            Column("curve"),
-            Column("P_D", ".3f"),
-            Column("P_F per start", ".4f"),
-            Column("false per scan and km²", ".4f"),
-        ]
-        per_curve = {
-            curve: list(
-                zip(self.detection(curve), self.per_start(curve), self.density(curve), strict=True)
-            )
-            for curve in CURVES
-        }
-        rows = [
-            [point.value, curve, *per_curve[curve][place]]
-            for place, point in enumerate(self.points)
-            for curve in CURVES
-        ]
-        return Table(name, columns, rows)
-
-    def picture(self, name: str, title: str, label: str, theory: bool = False) -> Picture:
-        """P_D, P_F per start, and false tracks per scan and km^2, side by side."""
-
-        def draw(figure: Any) -> None:
-            axes = figure.subplots(1, 3, sharex=True)
-            x = np.array([point.value for point in self.points])
-            panels: list[tuple[str, Callable[[str], list[Estimate]]]] = [
-                ("P_D", self.detection),
-                ("P_F per start", self.per_start),
-                ("false + misplaced per scan and km²", self.density),
-            ]
-            for axis, (heading, values_of) in zip(axes, panels, strict=True):
-                for k, curve in enumerate(CURVES):
-                    _draw_curve(axis, x, values_of(curve), curve, k)
-                axis.set_title(heading, loc="left", fontsize=10)
-                axis.set_xlabel(label)
-                axis.grid(alpha=0.3)
-            for axis, (_, values_of) in zip(axes[1:], panels[1:], strict=True):
-                values = [one.value for curve in CURVES for one in values_of(curve)]
-                axis.set_yscale("log")
-                axis.set_ylim(bottom=0.5 * min((v for v in values if v > 0.0), default=1.0))
-            if theory:
-                axes[0].plot(x, [one_start(e) for e in x], "k:", label="one start, no clutter")
-                for axis in axes:
-                    for mark in FIGURE_7_MARKS:
-                        axis.axvline(mark, color="grey", lw=0.8, ls="--")
-            axes[0].set_ylim(0.0, 1.04)
-            axes[0].legend(fontsize=7)
-            axes[0].get_figure().suptitle(
-                f"{title} of TSEPM 2018 ({len(self.runs[0])} runs; 95 % intervals)"
-            )
-
-        return Picture(name, f"{title} of TSEPM 2018, regenerated", draw, (14.0, 5.0))
-
-
-def _draw_curve(axis: Any, x: FloatArray, estimates: Sequence[Estimate], name: str, k: int) -> None:
-    value = np.array([one.value for one in estimates])
-    low = np.array([one.low for one in estimates])
-    high = np.array([one.high for one in estimates])
-    bars = np.maximum(np.nan_to_num([value - low, high - value]), 0.0)
-    style = {"clutter": "--", "multiple": "-."}.get(name.split()[0], "-")
-    axis.errorbar(
-        x, value, yerr=bars, fmt="osD^vPX"[k], ls=style, color=f"C{k}", ms=4, lw=1, label=name
-    )
-
-
 Judge = Callable[[str, str], str]
 """Verdict on a claim, for the curves that stand for TSEPM and for the clutter test."""
+UNITS = ("per start", "per run")
+"""Readings of what P_F is a share of."""
 
 
 def claims(densities: Curves, errors: Curves) -> list[list[str]]:
     """What the text says of the figures, and whether it holds under each reading."""
+    mark = errors.place(FIGURE_7_MARKS[1])
     listed: list[tuple[str, str, Judge]] = [
-        ("5", "P_D of TSEPM and of the test approximately equal", _equal(densities)),
+        ("5", "P_D of TSEPM and of the test approximately equal", partial(equal, densities)),
         (
             "5",
             "TSEPM's P_D does not decrease with density",
@@ -275,31 +152,31 @@ def claims(densities: Curves, errors: Curves) -> list[list[str]]:
         (
             "5",
             "the multiple model's P_D decreases with density, step by step",
-            lambda a, b: _falls(densities, MODEL),
+            lambda a, b: falls(densities, MODEL),
         ),
         *_false_claims("6", densities),
-        ("7", "P_D of TSEPM and of the test approximately equal", _equal(errors)),
+        ("7", "P_D of TSEPM and of the test approximately equal", partial(equal, errors)),
         (
             "7",
             "the multiple model's P_D decreases, step by step",
-            lambda a, b: _falls(errors, MODEL),
+            lambda a, b: falls(errors, MODEL),
         ),
         (
             "7",
             "TSEPM's P_D falls at each step from 75 to 120 m, faster than at any below 75 m",
-            lambda a, b: _falls_faster(errors, a),
+            lambda a, b: falls_faster(errors, a),
         ),
         (
             "7",
             "TSEPM's P_D does not vary beyond 120 m",
-            lambda a, b: paired.is_within(errors.rise(a, errors.place(FIGURE_7_MARKS[1])), EQUAL),
+            lambda a, b: paired.is_within(errors.rise(a, mark), EQUAL),
         ),
         *_false_claims("8", errors),
         *(
             (
                 "8",
                 f"P_F of {who} rises with the error, {unit}",
-                lambda a, b, place=place, unit=unit: _rises(errors, (a, b, MODEL)[place], unit),
+                lambda a, b, place=place, unit=unit: rises(errors, (a, b, MODEL)[place], unit),
             )
             for place, who in enumerate(("TSEPM", "the test", "the multiple model"))
             for unit in UNITS
@@ -310,87 +187,65 @@ def claims(densities: Curves, errors: Curves) -> list[list[str]]:
     ]
 
 
-UNITS = ("per start", "per run")
-"""Readings of what P_F is a share of."""
-
-
 def _false_claims(figure: str, curves: Curves) -> list[tuple[str, str, Judge]]:
-    made: list[tuple[str, str, Judge]] = []
-    for unit in UNITS:
-
-        def first(a: str, b: str, unit: str = unit) -> str:
-            return _fewer(curves, a, b, unit)
-
-        def second(a: str, b: str, unit: str = unit) -> str:
-            return _fewer(curves, b, MODEL, unit)
-
-        made.append((figure, f"P_F of TSEPM below the test's, {unit}", first))
-        made.append((figure, f"P_F of the test below the multiple model's, {unit}", second))
-    return made
-
-
-def _equal(curves: Curves) -> Judge:
-    def judge(one: str, other: str) -> str:
-        differences = [
-            paired.share_difference(curves.found(one, place), curves.found(other, place))
-            for place in curves.places
-        ]
-        return paired.everywhere([paired.is_within(d, EQUAL) for d in differences])
-
-    return judge
+    return [
+        (figure, f"P_F of {text}, {unit}", partial(judge, unit))
+        for unit in UNITS
+        for text, judge in (
+            ("TSEPM below the test's", lambda unit, a, b: fewer(curves, a, b, unit)),
+            (
+                "the test below the multiple model's",
+                lambda unit, a, b: fewer(curves, b, MODEL, unit),
+            ),
+        )
+    ]
 
 
-def _fewer(curves: Curves, one: str, other: str, unit: str) -> str:
-    verdicts = []
-    for place in curves.places:
-        wrong = curves.wrong(one, place), curves.wrong(other, place)
-        difference = paired.mean_difference(*wrong)
-        if unit == "per start":
-            starts = curves.starts(one, place), curves.starts(other, place)
-            difference = paired.ratio_difference((wrong[0], starts[0]), (wrong[1], starts[1]))
-        verdicts.append(paired.is_below(difference))
-    return paired.everywhere(verdicts)
+def equal(curves: Curves, one: str, other: str) -> str:
+    """Whether P_D of two curves is about the same at each point."""
+    differences = [
+        paired.share_difference(curves.found(one, place), curves.found(other, place))
+        for place in curves.places
+    ]
+    return paired.everywhere([paired.is_within(d, EQUAL) for d in differences])
 
 
-def _rises(curves: Curves, name: str, unit: str) -> str:
+def fewer(curves: Curves, one: str, other: str, unit: str) -> str:
+    """Whether P_F of a curve is below another's at each point."""
+    pairs = [((other, place), (one, place)) for place in curves.places]
+    return _all_fall(curves, pairs, unit)
+
+
+def rises(curves: Curves, name: str, unit: str) -> str:
     """Whether P_F rises from each point to the next."""
-    verdicts = []
-    for place in list(curves.places)[1:]:
-        before, after = curves.wrong(name, place - 1), curves.wrong(name, place)
-        difference = paired.mean_difference(before, after)
-        if unit == "per start":
-            difference = paired.ratio_difference(
-                (before, curves.starts(name, place - 1)), (after, curves.starts(name, place))
-            )
-        verdicts.append(paired.is_below(difference))
-    return paired.everywhere(verdicts)
+    pairs = [((name, place), (name, place - 1)) for place in curves.places[1:]]
+    return _all_fall(curves, pairs, unit)
 
 
-def _falls(curves: Curves, name: str) -> str:
+def _all_fall(
+    curves: Curves, pairs: Sequence[tuple[tuple[str, int], tuple[str, int]]], unit: str
+) -> str:
+    """Whether P_F of the second of each pair of points is below that of the first."""
+    differences = [curves.rise_of_false(*pair, unit == "per start") for pair in pairs]
+    return paired.everywhere([paired.is_below(one) for one in differences])
+
+
+def falls(curves: Curves, name: str) -> str:
     """Whether P_D falls from each point to the next."""
-    steps = [curves.rise(name, place - 1, place) for place in list(curves.places)[1:]]
+    steps = [curves.rise(name, place - 1, place) for place in curves.places[1:]]
     return paired.everywhere([paired.is_below(step) for step in steps])
 
 
-def _falls_faster(curves: Curves, name: str) -> str:
+def falls_faster(curves: Curves, name: str) -> str:
     """Whether P_D falls at each step between the marks, faster than at each step below them."""
     first, last = map(curves.place, FIGURE_7_MARKS)
-    slopes = [_slope(curves, name, place) for place in range(last)]
+    found = np.array([curves.found(name, place) for place in curves.places])
+    values = np.array([point.value for point in curves.points])
+    slopes = (np.diff(found, axis=0) / np.diff(values)[:, None])[:last]
     between, below = slopes[first:], slopes[:first]
     verdicts = [paired.is_below(mean(one)) for one in between]
     verdicts += [paired.is_below(mean(one - other)) for one in between for other in below]
     return paired.everywhere(verdicts)
-
-
-def _slope(curves: Curves, name: str, place: int) -> FloatArray:
-    """Rise of P_D from a point to the next, per unit and run."""
-    step = curves.points[place + 1].value - curves.points[place].value
-    return (curves.found(name, place + 1) - curves.found(name, place)) / step
-
-
-def one_start(error: float) -> float:
-    """P_D of one start without clutter or pruning at a measurement error, with its gate's size."""
-    return rule_detection_probability(*RULE, 0.9, gate_hit_probability(error, 1))
 
 
 def _gate_parts() -> list[Part]:
@@ -402,7 +257,7 @@ def _gate_parts() -> list[Part]:
     ]
     rows = [
         [error, gate_hit_probability(error, 1), gate_hit_probability(error, 2), one_start(error)]
-        for error in (*ERRORS, 300.0, 1000.0)
+        for error in (*(point.value for point in ERRORS), 300.0, 1000.0)
     ]
     return [
         "**The gate.** The text explains Fig. 7 by the probability that a detected target falls "

@@ -44,8 +44,6 @@ from tsepm_ros.stages.pruning import READINGS
 from tsepm_ros.stages.splitting import Gated, gate_within
 
 RULE = (5, 8)
-DENSITIES = (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
-ERRORS = (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
 TARGET = np.array([COORDINATE, COORDINATE])
 OWN = {"min_hits": RULE[0], "window": RULE[1], "gate_probability": GATE_PROBABILITY}
 STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
@@ -220,14 +218,16 @@ def _scenario(sensor: SensorModel, density: float) -> Scenario:
     return dataclasses.replace(box, sensor=largest)
 
 
-def density_points() -> list[Point]:
-    """Scenes of Figs. 5 and 6."""
-    return [Point(density, _scenario(SensorModel(), density)) for density in DENSITIES]
-
-
-def error_points() -> list[Point]:
-    """Scenes of Figs. 7 and 8."""
-    return [Point(error, _scenario(sensor_at(error), FIGURE_7_DENSITY)) for error in ERRORS]
+DENSITIES = tuple(
+    Point(density, _scenario(SensorModel(), density))
+    for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
+)
+"""Scenes of Figs. 5 and 6."""
+ERRORS = tuple(
+    Point(error, _scenario(sensor_at(error), FIGURE_7_DENSITY))
+    for error in (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
+)
+"""Scenes of Figs. 7 and 8."""
 
 
 def run_comparison(point: Point, seed: list[int]) -> Result:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,9 +24,12 @@ from tsepm_ros.reproduction.hexagon import (
     run_hexagon,
 )
 from tsepm_ros.reproduction.runs import Result, Setting
+from tsepm_ros.simulation import Scenario
 
 TIMES = np.array(list(published.FORMED))
 FORMED = np.array(list(published.FORMED.values()))
+Scenes = Mapping[tuple[float, float], Scenario]
+"""Scenes by interval (s) and p_d."""
 MAIN = (published.PERIODS[0], ASSUMED)
 """The scene of Table 1's errors and of the pictures."""
 ESTIMATORS = {
@@ -97,9 +100,9 @@ def _share_of_at_least(counts: FloatArray, number: int) -> Estimate:
     return proportion(int(np.count_nonzero(counts >= number)), len(counts))
 
 
-def reproduce(setting: Setting) -> list[Part]:
-    """The parts of its chapter."""
-    scenes = cases()
+def reproduce(setting: Setting, scenes: Scenes | None = None) -> list[Part]:
+    """The parts of its chapter, by default of all scenes."""
+    scenes = cases() if scenes is None else scenes
     results = dict(zip(scenes, setting.results(run_hexagon, list(scenes.values())), strict=True))
     counts = [
         Counts.of(key, reading, runs) for key, runs in results.items() for reading in READINGS

@@ -204,7 +204,7 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
     ):
         low, high = np.quantile(counts, (0.05, 0.95))
         # The areas of one run are not independent.
-        average = mean_count(counts.mean(axis=1) * targets).mapped(lambda v: v / targets)
+        average = mean_count(counts.mean(axis=1) * targets) / targets
         rows.append([what, published, average, f"{low:.0f} to {high:.0f}"])
     disc = [
         [f"whole coverage, {text}", "-", mean_count(column(runs, name, 0)), "-"]

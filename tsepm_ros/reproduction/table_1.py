@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.analysis.intervals import Estimate, proportion
+from tsepm_ros.analysis.intervals import Estimate, error_bars, proportion
 from tsepm_ros.analysis.truth import measurement_sigma
 from tsepm_ros.design.mn_rules import (
     false_start_probability,
@@ -367,9 +367,9 @@ def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
         axes[0].set_title("P_F(1)", loc="left")
         axes[1].plot(names, [row.false_after for row in TABLE_1], "kx", label="published")
         for name, values in shown.items():
-            low, value, high = np.array([(e.low, e.value, e.high) for e in values]).T
-            bars = np.nan_to_num([value - low, high - value])
-            axes[1].errorbar(names, value, yerr=np.maximum(bars, 0.0), fmt="o", ms=4, label=name)
+            shares = np.array([one.value for one in values])
+            bars = error_bars(shares, values)
+            axes[1].errorbar(names, shares, yerr=bars, fmt="o", ms=4, label=name)
         axes[1].set_title("P_F(2)", loc="left")
         for axis in axes:
             axis.set_yscale("log")
