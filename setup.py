@@ -75,7 +75,7 @@ setup(
             "track_initiator = tsepm_ros.nodes.track_initiator:main",
             "sonar_simulator = tsepm_ros.nodes.sonar_simulator:main",
             "scan_player = tsepm_ros.nodes.scan_player:main",
-            "tsepm_demo = tsepm_ros.demo.demo:main",
+            "tsepm_demo = tsepm_ros.demo.two_processes:main",
             "tsepm = tsepm_ros.commands.cli:main",
         ],
     },

@@ -7,13 +7,13 @@ import sys
 
 from support.patience import WAIT, patient
 
-from tsepm_ros.demo.demo import main
+from tsepm_ros.demo.two_processes import main
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def demo(*arguments):
-    command = [sys.executable, "-m", "tsepm_ros.demo.demo", *arguments]
+    command = [sys.executable, "-m", "tsepm_ros.demo.two_processes", *arguments]
     return subprocess.run(
         command, capture_output=True, text=True, timeout=patient(10.0), check=False
     )

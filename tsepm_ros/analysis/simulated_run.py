@@ -19,6 +19,23 @@ from tsepm_ros.simulation import Scenario, Simulator
 from tsepm_ros.simulation.own_ship_motion import Motion
 
 
+def judge_starts(
+    simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
+) -> list[Judged]:
+    """Judge tracks that were started on a simulator's scans, see `tsepm_ros.analysis.truth.judge`.
+
+    `origins` are those of the scans that were processed, which the tracks' hits count.
+    """
+    scenario = simulator.scenario
+    return judge(
+        tracks,
+        origins,
+        simulator.truth,
+        scenario.sensor,
+        lambda stamp: scenario.own_ship.pose(stamp)[:2],
+    )
+
+
 @dataclass
 class SimulatedScene:
     """The scans of a simulated run, and where their detections come from.
@@ -56,13 +73,7 @@ class SimulatedScene:
 
     def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
         """What tracks that were started on the scans are, see `tsepm_ros.analysis.truth.judge`."""
-        return judge(
-            tracks,
-            self.origins,
-            self.simulator.truth,
-            self.scenario.sensor,
-            self.sensor_position,
-        )
+        return judge_starts(self.simulator, tracks, self.origins)
 
 
 @dataclass

@@ -11,7 +11,8 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tsepm_ros.analysis.truth import judge, origins_of
+from tsepm_ros.analysis.simulated_run import judge_starts
+from tsepm_ros.analysis.truth import origins_of
 from tsepm_ros.commands.arguments import add_values, scenario_names
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
@@ -217,25 +218,17 @@ def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
     }
     session, node, notes = _session(options, {"own_ship_source": "odometry", **sensor})
 
-    def judge_starts(scene: RunScene) -> None:
-        scene.judged = judge(
-            scene.starts,
-            origins_of(
-                [view.stamp for view in scene.scans],
-                [scan.time for scan in recording.scans],
-                origins,
-            ),
-            simulator.truth,
-            scenario.sensor,
-            lambda stamp: scenario.own_ship.pose(stamp)[:2],
-        )
+    def judge(scene: RunScene) -> None:
+        processed = [view.stamp for view in scene.scans]
+        stamps = [scan.time for scan in recording.scans]
+        scene.judged = judge_starts(simulator, scene.starts, origins_of(processed, stamps, origins))
 
     return Run(
         title=f"{scenario.name}, seed {options.seed}, method {session.settings.session.method}",
         session=session,
         results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
         truth=truth_paths(recording.targets),
-        judge=judge_starts,
+        judge=judge,
         notes=notes,
         duration=scenario.duration,
     )

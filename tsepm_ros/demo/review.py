@@ -13,14 +13,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from msg_adapters import time_to_ns, track_states
-from tsepm_ros.analysis.text_tables import counts_line, target_table, text_table
-from tsepm_ros.analysis.truth import Outcome, judge, origins_of
+from tsepm_ros.analysis.simulated_run import judge_starts
+from tsepm_ros.analysis.text_tables import text_table
+from tsepm_ros.analysis.truth import Judged, Outcome, origins_of
 from tsepm_ros.demo.topic_collector import TopicCollector
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.pictures.plan_position import Picture
+from tsepm_ros.pictures.run_scene import position_at, truth_paths
 from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.replay.recording import RecordedMotion, Recording
+from tsepm_ros.replay.recording import Recording
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
@@ -81,29 +83,17 @@ def review_simulation(
     simulator = Simulator(scenario, seed)
     scans = list(simulator)
     tracks = [track for result in results for track in result.new]
-    judged = judge(
-        tracks,
-        origins_of(
-            [result.stamp for result in results],
-            [simulated.scan.stamp for simulated in scans],
-            [simulated.origin for simulated in scans],
-        ),
-        simulator.truth,
-        scenario.sensor,
-        lambda stamp: scenario.own_ship.pose(stamp)[:2],
-    )
+    processed = [result.stamp for result in results]
+    stamps = [simulated.scan.stamp for simulated in scans]
+    origins = origins_of(processed, stamps, [simulated.origin for simulated in scans])
+    judged = judge_starts(simulator, tracks, origins)
     starts = {one.target: one.track for one in judged if one.outcome is Outcome.TRUE}
-    nowhere = np.full(4, np.nan)
     number = len(simulator.targets)
-    truths = [
-        simulator.truth(starts[target].stamp)[target] if target in starts else nowhere
-        for target in range(number)
-    ]
     scan_of = {result.stamp: index + 1 for index, result in enumerate(results)}
     times = np.linspace(0.0, scenario.duration, 2)
     on_target = [one.track for one in judged if one.outcome in (Outcome.TRUE, Outcome.REDUNDANT)]
     review = Review(
-        table=target_table(judged, truths, scan_of),
+        table=target_table(judged, simulator, scan_of),
         picture=Picture(
             title=f"{scenario.name}, seed {seed}, method {session.settings.session.method}",
             detections=_positions(results, session),
@@ -136,7 +126,8 @@ def review_recording(
     results, session = replay(recorder, parameters)
     tracks = [track for result in results for track in result.new]
     shift = results[0].stamp - recording.scans[0].time if results else 0.0
-    distances = [_distance(track, recording, shift) for track in tracks]
+    truth = truth_paths(recording.targets)
+    distances = [_distance(track, truth, shift) for track in tracks]
     near = [track for track, d in zip(tracks, distances, strict=True) if d <= tolerance]
     far = [track for track, d in zip(tracks, distances, strict=True) if d > tolerance]
     scan_of = {result.stamp: index + 1 for index, result in enumerate(results)}
@@ -152,7 +143,6 @@ def review_recording(
         if distance <= tolerance
     ]
     header = ["scan", "time [s]", "distance [m]", "sigma [m]", "speed [m/s]"]
-    paths = [np.array([m.state[0::2] for m in path]) for path in recording.targets.values()]
     own_ship = np.array(
         [
             (*motion.state[0::2], math.nan if motion.yaw is None else motion.yaw)
@@ -164,7 +154,7 @@ def review_recording(
         picture=Picture(
             title=f"recording, method {session.settings.session.method}",
             detections=_positions(results, session),
-            truth=paths,
+            truth=[path[:, 1:] for path in truth],
             on_target=near,
             off_target=far,
             own_ship=own_ship,
@@ -206,20 +196,69 @@ def _same_as_node(recorder: TopicCollector, tracks: Sequence[ConfirmedTrack]) ->
     return bool((track_states(records) == np.array([track.state for track in tracks])).all())
 
 
-def _distance(track: ConfirmedTrack, recording: Recording, shift: float) -> float:
+def _distance(track: ConfirmedTrack, truth: Sequence[FloatArray], shift: float) -> float:
     """Distance from the nearest recorded target at the track's time, m; infinite without one."""
-    time = track.stamp - shift
+    places = (position_at(path, track.stamp - shift) for path in truth)
     return min(
-        (
-            float(np.hypot(*(track.position - _position(path, time))))
-            for path in recording.targets.values()
-            if path[0].time <= time <= path[-1].time
-        ),
+        (float(np.hypot(*(track.position - place))) for place in places if place is not None),
         default=math.inf,
     )
 
 
-def _position(path: Sequence[RecordedMotion], time: float) -> FloatArray:
-    times = [motion.time for motion in path]
-    states = np.array([motion.state for motion in path])
-    return np.array([np.interp(time, times, states[:, axis]) for axis in (0, 2)])
+def target_table(judged: Sequence[Judged], simulator: Simulator, scan_of: dict[float, int]) -> str:
+    """Table of each target's first true start against the truth.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+        The run's tracks.
+    simulator : Simulator
+    scan_of : dict of float to int
+        Number of the scan, from 1, by its stamp.
+    """
+    starts = {one.target: one for one in judged if one.outcome is Outcome.TRUE}
+    rows = [
+        _target_row(target, starts.get(target), simulator, scan_of)
+        for target in range(len(simulator.targets))
+    ]
+    header = ["target", "scan", "truth x, y [m]", "start x, y", "error (sigma)", "truth v [m/s]"]
+    return text_table([*header, "start v", "error (sigma)"], rows)
+
+
+def _target_row(
+    target: int, one: Judged | None, simulator: Simulator, scan_of: dict[float, int]
+) -> list[str]:
+    if one is None:
+        return [str(target), "not started", *[""] * 6]
+    truth, state = simulator.truth(one.track.stamp)[target], one.track.state
+    sigma = np.sqrt(np.diag(one.track.covariance))
+    return [
+        str(target),
+        str(scan_of[one.track.stamp]),
+        f"{truth[0]:.0f}, {truth[2]:.0f}",
+        f"{state[0]:.0f}, {state[2]:.0f}",
+        f"{one.position_error:.0f} ({np.hypot(sigma[0], sigma[2]):.0f})",
+        f"{truth[1]:.1f}, {truth[3]:.1f}",
+        f"{state[1]:.1f}, {state[3]:.1f}",
+        f"{one.velocity_error:.1f} ({np.hypot(sigma[1], sigma[3]):.1f})",
+    ]
+
+
+def counts_line(judged: Sequence[Judged], scans: int, area: float) -> str:
+    """One line that counts the tracks by what they are.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+    scans : int
+    area : float
+        Area covered, m^2.
+    """
+    number = {outcome: sum(one.outcome is outcome for one in judged) for outcome in Outcome}
+    wrong = number[Outcome.FALSE] + number[Outcome.MISPLACED]
+    return (
+        f"{len(judged)} confirmed tracks: {number[Outcome.TRUE]} true, "
+        f"{number[Outcome.REDUNDANT]} redundant, {number[Outcome.MISPLACED]} misplaced, "
+        f"{number[Outcome.FALSE]} false; false and misplaced {wrong / (scans * area / 1e6):.3f} "
+        "per scan and km^2"
+    )
