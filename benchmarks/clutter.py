@@ -1,7 +1,7 @@
 """Time per scan, memory and counts against clutter density, beside the oracle and the peers.
 
 All contenders get the same scans, each in its own process with one thread, scan by scan in turn.
-Prints tables and writes clutter.json and clutter.png.
+Prints tables and writes clutter.json.
 
     python benchmarks/clutter.py [--densities calm 1e-6 5e-6] [--contenders tsepm-5/8 norfair-5]
 """
@@ -9,22 +9,16 @@ Prints tables and writes clutter.json and clutter.png.
 from __future__ import annotations
 
 import argparse
-import os
-
-os.environ["OMP_NUM_THREADS"] = "1"
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-os.environ["MKL_NUM_THREADS"] = "1"
-
 from pathlib import Path
 
-from clutter_figures import Heat, requirements, theory_of
-from clutter_picture import draw
-from clutter_report import as_json, environment, growth_text, heat_text, requirements_text
+import fixed_threads  # noqa: F401  # before numpy
+from clutter_figures import Timing, requirements, theory_of
+from clutter_report import as_json, environment, growth_text, requirements_text, timing_text
 from contenders import CONTENDERS
-from race import Limits, run_race
+from fixed_threads import BUILD
+from peer_timing import time_peers
 from scenes import DENSITIES, calm_density, make_scene
 
-BUILD = Path(__file__).resolve().parents[1] / "build"
 CALM = "calm"
 
 
@@ -33,38 +27,21 @@ def density_of(name: str) -> float:
     return calm_density() if name == CALM else float(name)
 
 
-def run_heat(name: str, options: argparse.Namespace) -> Heat:
-    """Race at one density."""
-    scene = make_scene(density_of(name), options.scans, options.seed)
-    limits = Limits(options.scan_limit, options.total_limit)
-    lanes = run_race(scene, options.contenders, limits, options.block)
-    return Heat(name, scene, lanes, theory_of(scene, options.contenders))
-
-
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )
-    parser.add_argument(
-        "--densities",
-        nargs="+",
-        default=[CALM, *(f"{density:g}" for density in DENSITIES)],
-        help="clutter per scan and m^2, or calm: 10 detections a scan",
-    )
+    shown = argparse.ArgumentDefaultsHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=shown)
+    text = "clutter per scan and m^2, or calm: 10 detections a scan"
+    names = [CALM, *(f"{density:g}" for density in DENSITIES)]
+    parser.add_argument("--densities", nargs="+", default=names, help=text)
     parser.add_argument("--contenders", nargs="+", choices=CONTENDERS, default=[*CONTENDERS])
     parser.add_argument("--scans", type=int, default=32, help="scans per density")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument(
-        "--block",
-        type=int,
-        default=1,
-        help="scans in a row before the next contender's turn; 1: cold caches, more: warm",
-    )
+    text = "scans in a row before the next contender's turn; 1: cold caches, more: warm"
+    parser.add_argument("--block", type=int, default=1, help=text)
     parser.add_argument("--scan-limit", type=float, default=60.0, help="s a scan may take")
     parser.add_argument("--total-limit", type=float, default=120.0, help="s all its scans may take")
-    parser.add_argument("--output", type=Path, default=BUILD, help="folder for JSON and picture")
+    parser.add_argument("--output", type=Path, default=BUILD, help="folder for the JSON")
     options = parser.parse_args()
     if options.scans < 2 or options.block < 1:
         parser.error("--scans must be at least 2 and --block at least 1")
@@ -77,21 +54,23 @@ def parse() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Race, print and write."""
+    """Time, print and write."""
     options = parse()
     print(" ".join(f"{name} {value}," for name, value in environment().items()).rstrip(","))
-    heats = []
+    timings = []
     for name in options.densities:
-        heats.append(run_heat(name, options))
-        print(heat_text(heats[-1]), flush=True)
-    if len(heats) > 1:
-        print("\n" + growth_text(heats))
-    print("\n" + requirements_text(requirements(heats)))
+        scene = make_scene(density_of(name), options.scans, options.seed)
+        limits = (options.scan_limit, options.total_limit)
+        peers = time_peers(scene, options.contenders, limits, options.block)
+        timings.append(Timing(name, scene, peers, theory_of(scene, options.contenders)))
+        print(timing_text(timings[-1]), flush=True)
+    if len(timings) > 1:
+        print("\n" + growth_text(timings))
+    print("\n" + requirements_text(requirements(timings)))
     options.output.mkdir(parents=True, exist_ok=True)
-    content = as_json(heats, {key: str(value) for key, value in vars(options).items()})
+    content = as_json(timings, {key: str(value) for key, value in vars(options).items()})
     (options.output / "clutter.json").write_text(content + "\n", encoding="utf-8")
-    draw(heats, options.output / "clutter.png")
-    print(f"\nwritten: {options.output / 'clutter.json'}, {options.output / 'clutter.png'}")
+    print(f"\nwritten: {options.output / 'clutter.json'}")
 
 
 if __name__ == "__main__":

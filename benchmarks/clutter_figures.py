@@ -1,4 +1,4 @@
-"""From the race's raw times to figures: summaries, ratios, exponents and requirements.
+"""From raw times to figures: summaries, ratios, exponents and requirements.
 
 Times are wall time. Ratios and growth are of processor time: on an idle machine it is the same, and
 on a busy one a contender that runs long enough to be interrupted would come off worse.
@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from contenders import CONTENDERS
-from race import Lane
+from peer_timing import PeerTimes
 from scenes import Scene
 from scipy.optimize import nnls
 
-from tsepm_ros import SensorModel
 from tsepm_ros.design.expected_counts import Expected, Gating, expected_counts
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.numerics.arrays import FloatArray
@@ -31,22 +30,12 @@ FEWEST_PAIRS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Heat:
-    """One density's race.
-
-    Attributes
-    ----------
-    name : str
-        The density as asked for.
-    scene : Scene
-    lanes : dict of str to Lane
-    theory : dict of str to Expected
-        Of the contenders with method tsepm.
-    """
+class Timing:
+    """All contenders at one density, by its name; theory is of those with the method tsepm."""
 
     name: str
     scene: Scene
-    lanes: dict[str, Lane]
+    peers: dict[str, PeerTimes]
     theory: dict[str, Expected]
 
     @property
@@ -69,47 +58,23 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Summary:
-    """Figures of a contender in one heat; times in s, memory in MB, counts per scan.
+    """Figures of a contender in one timing; times in s, memory in MB."""
 
-    Attributes
-    ----------
-    scans : int
-        Scans that it finished.
-    median, p95 : float
-        Of the settled scans.
-    mean_cpu : float
-        Mean processor time of the settled scans.
-    worst : float
-        Of all scans.
-    ratio : Ratio or None
-        To the reference.
-    memory, memory_at_start : float
-        Peaks.
-    mean_counts, most : dict
-        Mean counts of the settled scans; largest of all scans.
-    cut : int
-        Hypotheses cut in all scans.
-    new, of_target, first_of_target : int
-        New tracks in all scans, those of the target, and the first scan with one (-1: none).
-    stopped : str
-        Why it did not finish; empty if it did.
-    """
-
-    scans: int
-    median: float
+    scans: int  # that it finished
+    median: float  # wall time of the settled scans
     p95: float
     mean_cpu: float
-    worst: float
-    ratio: Ratio | None
-    memory: float
+    worst: float  # of all scans
+    ratio: Ratio | None  # to the reference
+    memory: float  # peak
     memory_at_start: float
-    mean_counts: dict[str, float]
-    most: dict[str, int]
-    cut: int
-    new: int
+    mean_counts: dict[str, float]  # of the settled scans
+    most: dict[str, int]  # of all scans
+    cut: int  # hypotheses, in all scans
+    new: int  # tracks, in all scans
     of_target: int
-    first_of_target: int
-    stopped: str
+    first_of_target: int  # scan; -1: none
+    stopped: str  # why it did not finish; empty if it did
 
 
 @dataclass(frozen=True)
@@ -117,28 +82,22 @@ class Requirement:
     """A figure that must hold, as measured; `holds` is None where it was not measured."""
 
     text: str
-    measured: str
-    holds: bool | None
+    measured: str = "not measured"
+    holds: bool | None = None
 
 
 def theory_of(scene: Scene, names: Sequence[str]) -> dict[str, Expected]:
     """Expected counts for the contenders with method tsepm."""
-    entries = {name: CONTENDERS[name] for name in names if name.startswith("tsepm")}
-    sea = scene.sea
+    sea, sensor = scene.sea, scene.sea.sensor()
+    speed, probability = sea.max_speed, sea.gate_probability
     gating = Gating(
-        sensor=SensorModel(
-            range_std_fraction=sea.range_std_fraction,
-            azimuth_std=sea.azimuth_std,
-            max_range=sea.max_range,
-            clutter_density=sea.clutter_density,
-        ),
-        max_speed=sea.max_speed,
-        interval=sea.period,
-        gate_probability=sea.gate_probability,
+        sensor=sensor, max_speed=speed, interval=sea.period, gate_probability=probability
     )
+    rules = {name: (CONTENDERS[name].min_hits, CONTENDERS[name].window) for name in names}
     return {
-        name: expected_counts(gating, entry.min_hits, entry.window, len(scene.scans))
-        for name, entry in entries.items()
+        name: expected_counts(gating, *rule, len(scene.scans))
+        for name, rule in rules.items()
+        if name.startswith("tsepm")
     }
 
 
@@ -147,14 +106,14 @@ def settled(scans: int) -> slice:
     return slice(SETTLED, scans) if scans >= SETTLED + FEWEST_PAIRS else slice(1, scans)
 
 
-def ratio_to(lane: Lane, reference: Lane | None) -> Ratio | None:
+def ratio_to(peer: PeerTimes, reference: PeerTimes | None) -> Ratio | None:
     """Pair the times of the scans that both finished; None if there are too few."""
     if reference is None:
         return None
-    pairs = min(len(lane.seconds), len(reference.seconds))
+    pairs = min(len(peer.seconds), len(reference.seconds))
     if pairs < 2:
         return None
-    own, other = np.array(lane.cpu[:pairs]), np.array(reference.cpu[:pairs])
+    own, other = np.array(peer.cpu[:pairs]), np.array(reference.cpu[:pairs])
     part = settled(pairs)
     each = (own / other)[part]
     low, median, high = np.percentile(each, [10, 50, 90])
@@ -163,68 +122,51 @@ def ratio_to(lane: Lane, reference: Lane | None) -> Ratio | None:
     )
 
 
-def summarise(heat: Heat, name: str) -> Summary:
-    """Figures of one contender in one heat."""
-    lane = heat.lanes[name]
-    scans = len(lane.seconds)
+def summarise(timing: Timing, name: str) -> Summary:
+    """Figures of one contender in one timing."""
+    peer = timing.peers[name]
+    scans = len(peer.seconds)
     part = settled(scans)
-    times = np.array(lane.seconds[part]) if scans > 1 else np.full(1, np.nan)
-    keys = lane.counts[0] if lane.counts else {}
-    targets = [sum(heat.scene.is_target(hits) for hits in new) for new in lane.hits]
+    times = np.array(peer.seconds[part]) if scans > 1 else np.full(1, np.nan)
+    keys = peer.counts[0] if peer.counts else {}
+    targets = [sum(timing.scene.is_target(hits) for hits in new) for new in peer.hits]
     found = [scan for scan, count in enumerate(targets) if count]
     return Summary(
         scans=scans,
         median=float(np.median(times)),
         p95=float(np.percentile(times, 95)),
-        mean_cpu=float(np.mean(lane.cpu[part])) if scans > 1 else float("nan"),
-        worst=max(lane.seconds, default=float("nan")),
-        ratio=ratio_to(lane, heat.lanes.get(REFERENCE)),
-        memory=lane.memory,
-        memory_at_start=lane.memory_at_start,
+        mean_cpu=float(np.mean(peer.cpu[part])) if scans > 1 else float("nan"),
+        worst=max(peer.seconds, default=float("nan")),
+        ratio=ratio_to(peer, timing.peers.get(REFERENCE)),
+        memory=peer.memory,
+        memory_at_start=peer.memory_at_start,
         mean_counts={
-            key: float(np.mean([counts[key] for counts in lane.counts[part] or lane.counts]))
+            key: float(np.mean([counts[key] for counts in peer.counts[part] or peer.counts]))
             for key in keys
         },
-        most={key: max(counts[key] for counts in lane.counts) for key in keys},
-        cut=sum(counts.get("cut", 0) for counts in lane.counts),
-        new=sum(len(new) for new in lane.hits),
+        most={key: max(counts[key] for counts in peer.counts) for key in keys},
+        cut=sum(counts.get("cut", 0) for counts in peer.counts),
+        new=sum(len(new) for new in peer.hits),
         of_target=sum(targets),
         first_of_target=found[0] if found else -1,
-        stopped=lane.stopped,
+        stopped=peer.stopped,
     )
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """Scans in which the reference gives what the oracle gives.
+def agreement(timings: Sequence[Timing]) -> tuple[int, int, int]:
+    """Scans that reference and oracle both finished, those with the same states, and hits.
 
-    Attributes
-    ----------
-    scans : int
-        Scans that both finished.
-    same_tracks : int
-        Scans with the same states.
-    same_hits : int
-        Scans with the same hits too. A merged track's hits are its best member's, and members can
-        tie exactly in f_1: of five hits in five scans the residual of the second does not depend
-        on the fifth. Rounding then decides.
+    A merged track's hits are its best member's, and members can tie exactly in f_1: of five hits in
+    five scans the residual of the second does not depend on the fifth. Rounding then decides.
     """
-
-    scans: int
-    same_tracks: int
-    same_hits: int
-
-
-def agreement(heats: Sequence[Heat]) -> Agreement:
-    """Compare the outputs of reference and oracle in all heats."""
     tracks, hits = [], []
-    for heat in heats:
-        if REFERENCE not in heat.lanes or ORACLE not in heat.lanes:
+    for timing in timings:
+        if REFERENCE not in timing.peers or ORACLE not in timing.peers:
             continue
-        own, other = heat.lanes[REFERENCE], heat.lanes[ORACLE]
+        own, other = timing.peers[REFERENCE], timing.peers[ORACLE]
         tracks += [_same_states(*pair) for pair in zip(own.states, other.states, strict=False)]
         hits += [sorted(a) == sorted(b) for a, b in zip(own.hits, other.hits, strict=False)]
-    return Agreement(len(tracks), sum(tracks), sum(hits))
+    return len(tracks), sum(tracks), sum(hits)
 
 
 def _same_states(one: FloatArray | None, other: FloatArray | None) -> bool:
@@ -253,12 +195,12 @@ class CostModel:
         )
 
 
-def fit_cost(heats: Sequence[Heat], name: str) -> CostModel | None:
+def fit_cost(timings: Sequence[Timing], name: str) -> CostModel | None:
     """Fit the times of all a contender's scans, each weighted by 1/time; None if there are none."""
     rows, times = [], []
-    for heat in heats:
-        lane = heat.lanes[name]
-        for seconds, counts in zip(lane.cpu, lane.counts, strict=True):
+    for timing in timings:
+        peer = timing.peers[name]
+        for seconds, counts in zip(peer.cpu, peer.counts, strict=True):
             rows.append([1.0, counts["detections"], counts["potential"], counts["raw"]])
             times.append(seconds)
     if len(times) < 2 * len(CostModel.__dataclass_fields__):
@@ -268,50 +210,44 @@ def fit_cost(heats: Sequence[Heat], name: str) -> CostModel | None:
     return CostModel(*solution.tolist())
 
 
-def exponents(heats: Sequence[Heat]) -> dict[str, list[float]]:
+def exponents(timings: Sequence[Timing]) -> dict[str, list[float]]:
     """Growth d log(value) / d log(lambda) between neighbouring densities, by row.
 
     Rows are processor times of all contenders (mean of the settled scans) and, for method tsepm,
     counts as measured and as the theory has them. nan where a value is missing or 0.
     """
-    densities = np.log([heat.density for heat in heats])
-    return {
-        row: (np.diff(_safe_log(values)) / np.diff(densities)).tolist()
-        for row, values in _grown(heats).items()
-    }
+    names, values = zip(*_grown(timings).items(), strict=True)
+    steps = np.diff(np.log([timing.density for timing in timings]))
+    growth = np.diff(np.log(np.where(np.array(values) > 0.0, values, np.nan))) / steps
+    return dict(zip(names, growth.tolist(), strict=True))
 
 
-def _safe_log(values: Sequence[float]) -> FloatArray:
-    array = np.array(values, float)
-    return np.log(np.where(array > 0.0, array, np.nan))
-
-
-def _grown(heats: Sequence[Heat]) -> dict[str, list[float]]:
-    """What the exponents are of, a value per heat."""
+def _grown(timings: Sequence[Timing]) -> dict[str, list[float]]:
+    """What the exponents are of, a value per timing."""
     rows: dict[str, list[float]] = {}
-    for name in heats[0].lanes:
-        summaries = [summarise(heat, name) for heat in heats]
+    for name in timings[0].peers:
+        summaries = [summarise(timing, name) for timing in timings]
         rows[f"{name} time"] = [summary.mean_cpu for summary in summaries]
         if not name.startswith("tsepm"):
             continue
-        parts = [settled(summary.scans) for summary in summaries]
-        theory = [heat.theory[name] for heat in heats]
-        cost = fit_cost(heats, name)
+        counts = [summary.mean_counts for summary in summaries]
+        theory = [
+            (timing.theory[name], settled(summary.scans))
+            for timing, summary in zip(timings, summaries, strict=True)
+        ]
+        cost = fit_cost(timings, name)
         if cost is not None:
             rows[f"{name} time, theory"] = [
-                cost.predict(summary.mean_counts.get("detections", 0.0), expected, part)
-                for summary, expected, part in zip(summaries, theory, parts, strict=True)
+                cost.predict(mean.get("detections", 0.0), *expected)
+                for mean, expected in zip(counts, theory, strict=True)
             ]
-        rows[f"{name} potential"] = [
-            summary.mean_counts.get("potential", 0.0) for summary in summaries
-        ]
+        rows[f"{name} potential"] = [mean.get("potential", 0.0) for mean in counts]
         rows[f"{name} potential, theory"] = [
-            float(expected.potential[part].mean())
-            for expected, part in zip(theory, parts, strict=True)
+            float(expected.potential[part].mean()) for expected, part in theory
         ]
-        rows[f"{name} raw"] = [raw_before_cut(summary.mean_counts) for summary in summaries]
+        rows[f"{name} raw"] = [raw_before_cut(mean) for mean in counts]
         rows[f"{name} raw, theory"] = [
-            float(expected.raw[part].mean()) for expected, part in zip(theory, parts, strict=True)
+            float(expected.raw[part].mean()) for expected, part in theory
         ]
     return rows
 
@@ -321,67 +257,63 @@ def raw_before_cut(counts: dict[str, float]) -> float:
     return counts.get("raw", 0.0) + counts.get("cut_raw", 0.0)
 
 
-def requirements(heats: Sequence[Heat]) -> list[Requirement]:
+def requirements(timings: Sequence[Timing]) -> list[Requirement]:
     """What must hold, beside what was measured."""
-    by_name = {heat.name: heat for heat in heats}
+    by_name = {timing.name: timing for timing in timings}
     found = [_at_least(by_name.get("1e-06"), peer, 150.0, "median ratio at 1e-6") for peer in PEERS]
     found.append(_oracle_ratio(by_name.get("3e-06")))
-    found.append(_same_output(heats))
+    found.append(_same_output(timings))
     found.extend(_bounded(by_name.get("5e-06"), 0.1, 1000.0))
     found.extend(_bounded(by_name.get("1e-05"), 1.0, None))
     found.extend(_at_least(by_name.get("calm"), peer, 20.0, "median ratio, calm") for peer in PEERS)
     return found
 
 
-def _at_least(heat: Heat | None, peer: str, needed: float, text: str) -> Requirement:
+def _at_least(timing: Timing | None, peer: str, needed: float, text: str) -> Requirement:
     text = f"{text}: {peer} / {REFERENCE} at least {needed:g}"
-    ratio = summarise(heat, peer).ratio if heat and peer in heat.lanes else None
+    ratio = summarise(timing, peer).ratio if timing and peer in timing.peers else None
     if ratio is None:
-        return Requirement(text, "not measured", None)
+        return Requirement(text)
     measured = f"{ratio.median:.0f} ({ratio.low:.0f} to {ratio.high:.0f}, {ratio.pairs} scans)"
     if not ratio.settled:
         return Requirement(text, f"{measured}: too few scans", None)
     return Requirement(text, measured, bool(ratio.median >= needed))
 
 
-def _oracle_ratio(heat: Heat | None) -> Requirement:
+def _oracle_ratio(timing: Timing | None) -> Requirement:
     text = f"over the run at 3e-6: {ORACLE} / {REFERENCE} at least 20"
-    ratio = summarise(heat, ORACLE).ratio if heat and ORACLE in heat.lanes else None
-    if heat is None or ratio is None:
-        return Requirement(text, "not measured", None)
-    scans = len(heat.lanes[ORACLE].seconds)
+    ratio = summarise(timing, ORACLE).ratio if timing and ORACLE in timing.peers else None
+    if timing is None or ratio is None:
+        return Requirement(text)
+    scans = len(timing.peers[ORACLE].seconds)
     return Requirement(text, f"{ratio.over_run:.0f} (first {scans} scans)", ratio.over_run >= 20)
 
 
-def _same_output(heats: Sequence[Heat]) -> Requirement:
+def _same_output(timings: Sequence[Timing]) -> Requirement:
     text = "the oracle's tracks in every scan that it finished"
-    found = agreement(heats)
-    if not found.scans:
-        return Requirement(text, "not measured", None)
-    measured = f"{found.same_tracks} of {found.scans} scans, with the same hits {found.same_hits}"
-    return Requirement(text, measured, found.same_tracks == found.scans)
+    scans, same_tracks, same_hits = agreement(timings)
+    if not scans:
+        return Requirement(text)
+    measured = f"{same_tracks} of {scans} scans, with the same hits {same_hits}"
+    return Requirement(text, measured, same_tracks == scans)
 
 
-def _bounded(heat: Heat | None, share: float, megabytes: float | None) -> list[Requirement]:
+def _bounded(timing: Timing | None, share: float, megabytes: float | None) -> list[Requirement]:
     """Worst scan within a share of the period, peak memory within a bound."""
-    if heat is None or REFERENCE not in heat.lanes:
-        return [Requirement(f"worst scan within {share:g} of the period", "not measured", None)]
-    summary = summarise(heat, REFERENCE)
-    limit = share * heat.scene.sea.period
+    if timing is None or REFERENCE not in timing.peers:
+        return [Requirement(f"worst scan within {share:g} of the period")]
+    summary = summarise(timing, REFERENCE)
+    limit = share * timing.scene.sea.period
     finished = not summary.stopped
     found = [
         Requirement(
-            f"worst scan at {heat.name}: {REFERENCE} at most {limit:g} s",
+            f"worst scan at {timing.name}: {REFERENCE} at most {limit:g} s",
             f"{summary.worst:.2f} s, {summary.cut} cut in {summary.scans} scans",
             finished and summary.worst <= limit,
         )
     ]
     if megabytes is not None:
-        found.append(
-            Requirement(
-                f"peak memory at {heat.name}: {REFERENCE} under {megabytes:g} MB",
-                f"{summary.memory:.0f} MB",
-                finished and summary.memory < megabytes,
-            )
-        )
+        text = f"peak memory at {timing.name}: {REFERENCE} under {megabytes:g} MB"
+        holds = finished and summary.memory < megabytes
+        found.append(Requirement(text, f"{summary.memory:.0f} MB", holds))
     return found

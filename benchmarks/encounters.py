@@ -13,7 +13,7 @@ Without and with `plot_features`, on scenes of the shipped scenario `encounter`:
 
 With 95 % intervals.
 
-    python benchmarks/encounters.py [--runs 100] [--processes 2]
+    python benchmarks/encounters.py [--runs 100] [--workers 2]
 """
 
 from __future__ import annotations
@@ -21,24 +21,21 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tsepm_ros.numerics.arrays import FloatArray
-
-os.environ["OMP_NUM_THREADS"] = "1"
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
+import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
 
 from tsepm_ros import make_initiator
 from tsepm_ros.analysis.intervals import mean, mean_count, proportion
 from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.analysis.workers import Workers, with_progress
-from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.commands.arguments import positive, workers_of
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.simulation.scenario import Scenario
 
@@ -94,26 +91,21 @@ def zone(begin: float = 6400.0) -> Scenario:
     """The ship in the clutter zone, which begins so far east, m."""
     base = load_scenario("encounter")
     patch = base.clutter_patches[0]
-    box = (begin, *patch.box[1:])
-    return replace(
-        base,
-        targets=base.targets[2:],
-        target_features=base.target_features[2:],
-        clutter_patches=(replace(patch, box=box),),
-    )
+    patches = (replace(patch, box=(begin, *patch.box[1:])),)
+    ship = {"targets": base.targets[2:], "target_features": base.target_features[2:]}
+    return replace(base, clutter_patches=patches, **ship)
 
 
-def followed(job: Job) -> Iterator[tuple[SimulatedScan, Initiator]]:
-    """The scans of a run, each taken by the method."""
-    made = make_initiator(job.method, sensor=job.scenario.sensor, **job.options)
+def followed(job: Job) -> Iterator[tuple[SimulatedScan, TrackArrays, TrackArrays]]:
+    """The scans of a run, with the tracks that the method then holds and newly starts."""
+    initiator = make_initiator(job.method, sensor=job.scenario.sensor, **job.options)
     for scan in Simulator(job.scenario, job.seed):
-        made.process(scan.scan)
-        yield scan, made
+        new = initiator.process(scan.scan)
+        yield scan, initiator.hold.current, new
 
 
-def nearest(truth: FloatArray, made: Initiator) -> int | None:
-    """Id of the track held nearest to a ship (4,), if one is near."""
-    tracks = made.hold.current
+def nearest(truth: FloatArray, tracks: TrackArrays) -> int | None:
+    """Id of the held track nearest to a ship (4,), if one is near."""
     if not len(tracks):
         return None
     distance = np.hypot(*(tracks.state[:, 0::2] - truth[0::2]).T)
@@ -125,8 +117,8 @@ def encounter_run(job: Job) -> str:
     """What became of the tracks of two ships that met."""
     before: list[int | None] = []
     after: list[int | None] = []
-    for scan, made in followed(job):
-        after = [nearest(truth, made) for truth in scan.truth]
+    for scan, held, _ in followed(job):
+        after = [nearest(truth, held) for truth in scan.truth]
         if scan.scan.stamp <= BEFORE:
             before = after
     if None in before or before[0] == before[1]:
@@ -140,27 +132,25 @@ def zone_run(job: Job) -> tuple[bool, bool, float]:
     """Whether the ship was started, whether its track was lost, and the false tracks held."""
     before, after = None, None
     false = []
-    for scan, made in followed(job):
-        after = nearest(scan.truth[0], made)
+    for scan, held, _ in followed(job):
+        after = nearest(scan.truth[0], held)
         if scan.scan.stamp <= BEFORE:
             before = after
         elif scan.scan.stamp < ZONE_LEFT:
-            false.append(len(made.hold.current) - (after is not None))
+            false.append(len(held) - (after is not None))
     return before is not None, before is not None and after != before, float(np.mean(false))
 
 
 def start_run(job: Job) -> tuple[bool, int]:
     """Whether the ship was started, and the false starts."""
-    made = make_initiator(job.method, sensor=job.scenario.sensor, **job.options)
-    origins = []
-    found, false = False, 0
-    for scan in Simulator(job.scenario, job.seed):
+    origins, started, false = [], False, 0
+    for scan, _, new in followed(job):
         origins.append(scan.origin)
-        for track in made.process(scan.scan):
+        for track in new:
             own = sum(origins[index][row] == 0 for index, row in track.hits)
-            found |= own > len(track.hits) / 2
+            started |= own > len(track.hits) / 2
             false += own <= len(track.hits) / 2
-    return found, false
+    return started, false
 
 
 def jobs(scenario: Scenario, runs: int, method: str = "score", **options: Any) -> list[Job]:
@@ -168,66 +158,59 @@ def jobs(scenario: Scenario, runs: int, method: str = "score", **options: Any) -
     return [Job(scenario, method, options, seed) for seed in range(1, runs + 1)]
 
 
-def report(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table."""
-    print(f"\n{title}\n\n{text_table(header, rows)}", flush=True)
-
-
-def results(function: Callable[[Job], Any], work: list[Job], processes: int) -> list[Any]:
+def results(function: Callable[[Job], Any], work: list[Job], workers: Workers) -> list[Any]:
     """What each run gave."""
-    return list(with_progress(Workers(processes=processes).mapped(function, work), len(work)))
+    return list(with_progress(workers.mapped(function, work), len(work)))
 
 
-def encounter_table(runs: int, processes: int) -> None:
+def encounter_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
     """Tracks held through an encounter."""
-    rows = []
     for name, scenario in encounters().items():
         for features in WITHOUT_AND_WITH:
             work = jobs(scenario, runs, plot_features=features)
-            found = Counter(results(encounter_run, work, processes))
-            started = runs - found["not started"]
-            shares = [proportion(found[what], started) for what in ("kept", "swapped", "lost")]
-            rows.append([name, _said(features), str(started), *(f"{one:.2f}" for one in shares)])
-    header = ("two ships", "plot_features", "runs", "kept", "swapped", "lost")
-    report("Tracks held through an encounter", header, rows)
+            ends = Counter(results(encounter_run, work, workers))
+            started = runs - ends["not started"]
+            shares = [proportion(ends[what], started) for what in ("kept", "swapped", "lost")]
+            yield [name, _said(features), str(started), *(f"{one:.2f}" for one in shares)]
 
 
-def zone_table(runs: int, processes: int) -> None:
+def zone_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
     """A track held through a clutter zone."""
-    rows = []
     for features in WITHOUT_AND_WITH:
         work = jobs(zone(), runs, clutter_density="estimated", plot_features=features)
-        found = results(zone_run, work, processes)
-        started, lost, false = map(np.array, zip(*found, strict=True))
+        held = results(zone_run, work, workers)
+        started, lost, false = map(np.array, zip(*held, strict=True))
         share = proportion(int(lost.sum()), int(started.sum()))
-        rows.append([_said(features), str(started.sum()), f"{share:.2f}", f"{mean(false):.1f}"])
-    header = ("plot_features", "runs", "lost", "false tracks held")
-    report("A track held through a clutter zone", header, rows)
+        yield [_said(features), str(started.sum()), f"{share:.2f}", f"{mean(false):.1f}"]
 
 
-def start_table(runs: int, processes: int) -> None:
+def start_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
     """Starts in a clutter zone."""
-    rows = []
     scenario = replace(zone(5900.0), scans=40)
     for method in STARTERS:
         for features in WITHOUT_AND_WITH:
             work = jobs(scenario, runs, method, plot_features=features)
-            found, false = zip(*results(start_run, work, processes), strict=True)
-            share = proportion(sum(found), runs)
-            rows.append([method, _said(features), f"{share:.2f}", f"{mean_count(false):.1f}"])
-    header = ("method", "plot_features", "ship started", "false starts per run")
-    report("Starts in a clutter zone", header, rows)
+            started, false = zip(*results(start_run, work, workers), strict=True)
+            share = proportion(sum(started), runs)
+            yield [method, _said(features), f"{share:.2f}", f"{mean_count(false):.1f}"]
 
 
-def main() -> int:
+TABLES = {
+    encounter_rows: ("two ships", "plot_features", "runs", "kept", "swapped", "lost"),
+    zone_rows: ("plot_features", "runs", "lost", "false tracks held"),
+    start_rows: ("method", "plot_features", "ship started", "false starts per run"),
+}
+
+
+def main() -> None:
     """Run the scenes and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=100)
-    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--runs", type=positive, default=100)
+    parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1)
     given = parser.parse_args()
-    for table in (encounter_table, zone_table, start_table):
-        table(given.runs, given.processes)
-    return 0
+    for rows, header in TABLES.items():
+        table = text_table(header, rows(given.runs, workers_of(given)))
+        print(f"\n{str(rows.__doc__).rstrip('.')}\n\n{table}", flush=True)
 
 
 def _said(features: bool) -> str:
@@ -235,4 +218,4 @@ def _said(features: bool) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -9,18 +9,96 @@ for them.
 from __future__ import annotations
 
 import argparse
-import os
+import importlib
 import shlex
 import sys
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
 
-os.environ["OMP_NUM_THREADS"] = "1"
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-os.environ["MKL_NUM_THREADS"] = "1"
+import fixed_threads  # noqa: F401  # before numpy
+import numpy as np
+from contenders import Contender, RawScan, Sea
 
-from peers import PEERS, peer_points
-
-from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros import ConfirmedTrack, Scan
+from tsepm_ros.analysis.operating_points import OperatingPoint, digest
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
+from tsepm_ros.simulation import Scenario
+from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+
+RULES = ((8, 12), (6, 8), (5, 8), (4, 5), (3, 4))
+"""min_hits and window of a peer's sweep, from few to many false tracks."""
+PEERS = {
+    "stonesoup": ("stonesoup", "stone_soup", "TunedStoneSoupContender"),
+    "stonesoup-xy": ("stonesoup", "stone_soup", "ConvertedStoneSoupContender"),
+    "norfair": ("norfair", "norfair_tracker", "NorfairContender"),
+}
+"""Package, module and class of each. Stone Soup's own k-d tree gates by range alone: left out."""
+
+
+class PeerStarter:
+    """A contender that takes the scans of an evaluation, and holds no tracks."""
+
+    def __init__(self, contender: Contender) -> None:
+        self._contender = contender
+        self._started = 0
+
+    def process(self, scan: Scan) -> list[ConfirmedTrack]:
+        """See `TrackStarter.process`; what the contender does not tell is nan."""
+        self._contender.process(RawScan(scan.stamp, scan.range, scan.azimuth))
+        hits = self._contender.hits()
+        states, covariances = self._contender.states(), self._contender.covariances()
+        if states is None:
+            states = np.full((len(hits), 4), np.nan)
+        if covariances is None:
+            covariances = np.full((len(hits), 4, 4), np.nan)
+        tracks = [
+            ConfirmedTrack(self._started + row, scan.stamp, *estimate, hits=own, evaluation=np.nan)
+            for row, (*estimate, own) in enumerate(zip(states, covariances, hits, strict=True))
+        ]
+        self._started += len(tracks)
+        return tracks
+
+
+def sea_of(scenario: Scenario) -> Sea:
+    """What contenders may know of a scenario; a ValueError if it is one that they cannot take.
+
+    They know no moving sensor, no time of an echo and no constant range error.
+    """
+    sensor = scenario.sensor
+    if scenario.own_ship != OwnShipMotion() or scenario.sound_speed or sensor.range_std:
+        raise ValueError(
+            f"the peers cannot take {scenario.name}: they need own_ship at rest at the origin, "
+            "sound_speed 0 and sensor.range_std 0 (--scene sound_speed:=0.0)"
+        )
+    return Sea(
+        clutter_density=sensor.clutter_density,
+        period=scenario.period,
+        max_range=sensor.max_range,
+        range_std_fraction=sensor.range_std_fraction,
+        azimuth_std=sensor.azimuth_std,
+        detection_probability=sensor.detection_probability,
+    )
+
+
+def make_peer(scenario: Scenario, peer: str, options: Mapping[str, Any]) -> PeerStarter:
+    """Make a peer for a scenario."""
+    _, module, kind = PEERS[peer]
+    contender = getattr(importlib.import_module(f"contenders.{module}"), kind)
+    return PeerStarter(contender(sea_of(scenario), **options))
+
+
+def peer_points(peer: str) -> Iterator[OperatingPoint]:
+    """The sweep of a peer; an ImportError if its package is not installed."""
+    package, module, _ = PEERS[peer]
+    importlib.import_module(package)
+    folder = Path(__file__).resolve().parent
+    files = [folder / "evaluate_peers.py", folder / "contenders" / f"{module}.py"]
+    release = f"{package} {version(package)} {digest(files)}"
+    for min_hits, window in RULES:
+        rule = {"min_hits": min_hits, "window": window}
+        yield OperatingPoint(peer, f"{min_hits}/{window}", rule, make_peer, release)
 
 
 def installed(peers: list[str]) -> list[OperatingPoint]:

@@ -16,25 +16,20 @@ find their detections themselves in the clutter: how many of those taken are fal
 targets are lost, that is, ended or more than 3 sigma of the measurement error off after the last
 ping. Targets keep their velocity, and the filter knows: no process noise, unless it is given.
 
-    python benchmarks/handover.py [--runs 160] [--noise 0.0] [--processes 2]
+    python benchmarks/handover.py [--runs 160] [--noise 0.0] [--workers 2]
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tsepm_ros.numerics.arrays import FloatArray
-
-os.environ["OMP_NUM_THREADS"] = "1"
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
+import fixed_threads
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,16 +38,18 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
 from nearest_neighbour import GATE, NearestNeighbourTracker, Target
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.analysis.intervals import Estimate, mean, proportion, rms_ratio, root_mean_square
+from tsepm_ros.analysis import intervals
+from tsepm_ros.analysis.intervals import Estimate, error_bars, mean, proportion
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
-from tsepm_ros.analysis.workers import Workers, with_progress
+from tsepm_ros.analysis.workers import with_progress
+from tsepm_ros.commands.arguments import add_runs, workers_of
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.simulation import load_scenario
 
-BUILD = Path(__file__).resolve().parents[1] / "build"
 METHODS = ("score", "tsepm")
 SCENARIO, SCANS = "four_targets", 16
 AFTER = 10
@@ -88,31 +85,21 @@ VARIANTS: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 @dataclass
 class Followed:
-    """Some starts, followed by each of the v variants.
+    """Some starts s, followed by each of the v variants; the shares are nan without detections.
 
-    Attributes
-    ----------
-    figures : (s, v, AFTER + 1, 4) ndarray
-        After each ping from the start's on: NEES of the position carried ahead; with the target's
-        own detections NEES, position error, m, and velocity error, m/s.
-    outside : (s, v) ndarray
-        Share of the target's own detections outside the gate; nan without any.
-    false : (s, v) ndarray
-        In clutter: share of the detections taken that were not the target's; nan without any.
-    lost : (s, v) ndarray
-        In clutter: 1 where the target was lost.
+    The figures after each ping from the start's on are NEES of the position carried ahead, and with
+    the target's own detections NEES, position error, m, and velocity error, m/s.
     """
 
-    figures: FloatArray
-    outside: FloatArray
-    false: FloatArray
-    lost: FloatArray
+    figures: FloatArray  # (s, v, AFTER + 1, 4)
+    outside: FloatArray  # (s, v), share of the target's own detections outside the gate
+    false: FloatArray  # (s, v), share of the detections taken in clutter that were not its own
+    lost: FloatArray  # (s, v), 1 where the target was lost in clutter
 
     @classmethod
     def of(cls, parts: Sequence[Followed]) -> Followed:
         """All of several."""
-        names = [field.name for field in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return cls(*map(np.concatenate, zip(*(astuple(part) for part in parts), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -171,12 +158,12 @@ def follow(seed: Sequence[int], method: str, noise: float) -> Followed:
     followed = Followed(np.zeros((*shape, AFTER + 1, 4)), *(np.zeros(shape) for _ in range(3)))
     for place, given in enumerate(VARIANTS.values()):
         for row, start in enumerate(scene.starts):
-            target = Target(start.track.state, given(start.track.covariance))
-            followed.figures[row, place, :, AHEAD] = carried_ahead(scene, start, target, noise)
-            target = Target(start.track.state, given(start.track.covariance))
-            figures, outside = filtered(scene, start, target, noise)
+            ahead, own = (
+                Target(start.track.state, given(start.track.covariance)) for _ in range(2)
+            )
+            followed.figures[row, place, :, AHEAD] = carried_ahead(scene, start, ahead, noise)
+            figures, followed.outside[row, place] = filtered(scene, start, own, noise)
             followed.figures[row, place, :, NEES_OF_STATE:] = figures
-            followed.outside[row, place] = outside
         followed.false[:, place], followed.lost[:, place] = in_clutter(scene, given, noise)
     return followed
 
@@ -242,14 +229,15 @@ def is_off(scene: Scene, start: Start, target: Target) -> bool:
 
 def by_ping(followed: Followed, figure: int, place: int) -> list[Estimate]:
     """A figure of a variant after each ping: mean NEES, or RMS error."""
-    summary = mean if figure in IDEAL else root_mean_square
+    summary = mean if figure in IDEAL else intervals.root_mean_square
     return [summary(followed.figures[:, place, ping, figure]) for ping in range(AFTER + 1)]
 
 
 def overall(followed: Followed, place: int) -> list[str]:
     """Figures of a variant over all pings."""
     squares = np.square(followed.figures[:, :, 1:, POSITION:]).mean(axis=2)
-    ratios = [rms_ratio(np.sqrt(squares[:, place, k]), np.sqrt(squares[:, 0, k])) for k in (0, 1)]
+    errors = np.sqrt(squares)
+    ratios = [intervals.rms_ratio(errors[:, place, k], errors[:, 0, k]) for k in (0, 1)]
     outside, false = (
         mean(share[~np.isnan(share)])
         for share in (followed.outside[:, place], followed.false[:, place])
@@ -277,16 +265,13 @@ def tables(followed: Followed) -> str:
 
 def draw(results: dict[str, Followed], path: Path) -> None:
     """Draw the figures by ping, a row for each method."""
-    os.environ.setdefault("MPLCONFIGDIR", str(BUILD / "matplotlib"))
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    size = (15, 4 * len(results))
-    figure, axes = plt.subplots(
-        len(results), len(TITLES), figsize=size, squeeze=False, layout="constrained"
-    )
+    shape, size = (len(results), len(TITLES)), (15, 4 * len(results))
+    figure, axes = plt.subplots(*shape, figsize=size, squeeze=False, layout="constrained")
     for (method, followed), row in zip(results.items(), axes, strict=True):
         for kind, axis in enumerate(row):
             _draw_figure(axis, followed, kind)
@@ -303,39 +288,25 @@ def _draw_figure(axis: Any, followed: Followed, kind: int) -> None:
     for place, (name, (color, marker)) in enumerate(zip(VARIANTS, STYLES, strict=True)):
         values = by_ping(followed, kind, place)
         centre = np.array([one.value for one in values])
-        reach = np.abs(np.array([(one.low, one.high) for one in values]).T - centre)
         pings = np.arange(AFTER + 1) + 0.08 * (place - 1.5)  # side by side
-        axis.errorbar(
-            pings,
-            centre,
-            reach,
-            color=color,
-            marker=marker,
-            ms=4,
-            lw=1.2,
-            elinewidth=0.8,
-            label=name,
-        )
+        style = {"color": color, "marker": marker, "ms": 4, "lw": 1.2, "elinewidth": 0.8}
+        axis.errorbar(pings, centre, error_bars(centre, values), label=name, **style)
     if kind in IDEAL:
         axis.axhline(IDEAL[kind], color="grey", linestyle="--", lw=1)
-    axis.set_ylim(bottom=0)
-    axis.set_title(TITLES[kind])
-    axis.set_xlabel("pings after the start")
+    axis.set(ylim=(0, None), title=TITLES[kind], xlabel="pings after the start")
     axis.grid(alpha=0.3)
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
     """Compare, print and draw."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--runs", type=int, default=160)
-    parser.add_argument("--seed", type=int, default=1)
+    add_runs(parser, 160)
     parser.add_argument("--noise", type=float, default=0.0, help="process noise, m^2/s^3")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--picture", type=Path, default=BUILD / "handover.png")
+    parser.add_argument("--picture", type=Path, default=fixed_threads.BUILD / "handover.png")
     options = parser.parse_args(arguments)
     seeds = [(options.seed, run) for run in range(options.runs)]
     results = {}
-    workers = Workers(processes=options.processes)
+    workers = workers_of(options)
     for method in METHODS:
         job = partial(follow, method=method, noise=options.noise)
         parts = with_progress(workers.mapped(job, seeds, chunk=4), len(seeds))

@@ -18,55 +18,51 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
+from tsepm_ros.analysis.intervals import Estimate, error_bars
+from tsepm_ros.analysis.text_tables import markdown_table
+
 Row = Mapping[str, str]
 COLUMNS = 5
 FULL, HOLLOW, OTHERS = "#0072B2", "#D55E00", "0.85"
 
 
+def estimate(row: Row, name: str) -> Estimate:
+    """A figure of a row."""
+    return Estimate(*(float(row[f"{name}{end}"]) for end in ("", "_low", "_high")))
+
+
 def false_per_hour(row: Row) -> float:
     """False and misplaced starts; where there are none, half a start in all runs."""
-    hours = float(row["false_per_run_high"]) / float(row["false_per_hour_high"])
+    hours = estimate(row, "false_per_run").high / estimate(row, "false_per_hour").high
     return max(float(row["false_per_hour"]), 0.5 / float(row["runs"]) / hours)
 
 
-def three_digits(text: str) -> str:
-    """A number without an exponent, of two decimals at most."""
-    return f"{round(float(f'{float(text):.3g}'), 2):g}"
+def three_digits(value: float) -> str:
+    """A number without an exponent, of two decimals at most; nothing for nan."""
+    return f"{round(float(f'{value:.3g}'), 2):g}".replace("nan", "")
 
 
 def with_interval(row: Row, name: str) -> str:
     """A figure and its interval; nothing where there is none."""
-    values = [row[f"{name}{end}"] for end in ("", "_low", "_high")]
-    if "nan" in values:
-        return three_digits(values[0]).replace("nan", "")
-    value, low, high = map(three_digits, values)
-    return f"{value} ({low}-{high})"
+    one = estimate(row, name)
+    value, low, high = map(three_digits, (one.value, one.low, one.high))
+    return f"{value} ({low}-{high})" if value and low and high else value
 
 
 def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str]) -> None:
     """One method's points before those of all others."""
     last = [row for row in rows if row["scans"] == horizons[-1]]
-    axis.plot(
-        [false_per_hour(row) for row in last],
-        [float(row["detection"]) for row in last],
-        "o",
-        color=OTHERS,
-        markersize=4,
-    )
+    others = [(false_per_hour(row), float(row["detection"])) for row in last]
+    axis.plot(*zip(*others, strict=True), "o", color=OTHERS, markersize=4)
     for scans, colour, face in zip(horizons, (HOLLOW, FULL), ("white", FULL), strict=True):
         own = [row for row in rows if row["method"] == method and row["scans"] == scans]
         own.sort(key=false_per_hour)
-        value, low, high = (
-            [float(row[f"detection{end}"]) for row in own] for end in ("", "_low", "_high")
-        )
-        bars = [
-            [max(a - b, 0.0) for a, b in zip(value, low, strict=True)],
-            [max(b - a, 0.0) for a, b in zip(value, high, strict=True)],
-        ]
+        shares = [estimate(row, "detection") for row in own]
+        values = [one.value for one in shares]
         axis.errorbar(
             [false_per_hour(row) for row in own],
-            value,
-            yerr=bars,
+            values,
+            yerr=error_bars(values, shares),
             fmt="o",
             color=colour,
             markerfacecolor=face,
@@ -75,25 +71,15 @@ def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str])
             label=f"{scans} scans",
         )
     axis.set_title(method, loc="left", fontsize=11, weight="bold")
-    axis.set_xscale("log")
-    axis.set_ylim(-0.03, 1.05)
+    axis.set(xscale="log", ylim=(-0.03, 1.05))
     axis.grid(alpha=0.3)
 
 
-def draw(rows: Sequence[Row], path: Path) -> None:
+def draw(rows: Sequence[Row], methods: Sequence[str], horizons: Sequence[str], path: Path) -> None:
     """Write the picture."""
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    horizons = sorted({row["scans"] for row in rows}, key=int)
     lines = -(-len(methods) // COLUMNS)
-    figure, axes = plt.subplots(
-        lines,
-        COLUMNS,
-        figsize=(14, 3.2 * lines),
-        sharex=True,
-        sharey=True,
-        squeeze=False,
-        layout="constrained",
-    )
+    size, shared = (14, 3.2 * lines), {"sharex": True, "sharey": True, "squeeze": False}
+    figure, axes = plt.subplots(lines, COLUMNS, figsize=size, layout="constrained", **shared)
     for axis, method in zip(axes.flat, methods, strict=False):
         panel(axis, method, rows, horizons)
     axes[0, 0].legend(loc="lower right", fontsize=9)
@@ -107,24 +93,20 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def table(rows: Sequence[Row], method: str) -> str:
+def table(rows: Sequence[Row], method: str, horizons: Sequence[str]) -> str:
     """One method's points as Markdown, the horizons side by side."""
-    horizons = sorted({row["scans"] for row in rows}, key=int)
-    heads = [f"P_D, {scans} pings | false/h" for scans in horizons]
-    lines = [f"| point | {' | '.join(heads)} | redundant per run | NEES |"]
-    lines.append("|---" * (2 * len(horizons) + 3) + "|")
+    heads = [part for scans in horizons for part in (f"P_D, {scans} pings", "false/h")]
     own = {(row["point"], row["scans"]): row for row in rows if row["method"] == method}
+    lines = []
     for point in dict.fromkeys(point for point, _ in own):
-        cells = []
+        cells = [point]
         for scans in horizons:
             row = own[point, scans]
-            value, low, high = (
-                f"{float(row[f'detection{end}']):.2f}" for end in ("", "_low", "_high")
-            )
-            cells += [f"{value} ({low}-{high})", with_interval(row, "false_per_hour")]
-        cells += [with_interval(row, name) for name in ("redundant_per_run", "nees")]
-        lines.append(f"| {point} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+            share = estimate(row, "detection")
+            cells.append(f"{share.value:.2f} ({share.low:.2f}-{share.high:.2f})")
+            cells.append(with_interval(row, "false_per_hour"))
+        lines.append([*cells, *(with_interval(row, one) for one in ("redundant_per_run", "nees"))])
+    return markdown_table(["point", *heads, "redundant per run", "NEES"], lines)
 
 
 def main() -> None:
@@ -135,9 +117,11 @@ def main() -> None:
     options = parser.parse_args()
     with options.table.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    draw(rows, options.picture)
-    for method in dict.fromkeys(row["method"] for row in rows):
-        print(f"{method}\n\n{table(rows, method)}\n")
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    horizons = sorted({row["scans"] for row in rows}, key=int)
+    draw(rows, methods, horizons, options.picture)
+    for method in methods:
+        print(f"{method}\n\n{table(rows, method, horizons)}\n")
 
 
 if __name__ == "__main__":

@@ -71,18 +71,6 @@ def drive(domain: int, detections: int, scans: int) -> None:
     rclpy.try_shutdown()
 
 
-class Listener(Node):
-    """Takes the hop's messages and notes how old they are."""
-
-    def __init__(self, context: rclpy.Context) -> None:
-        super().__init__("listener", context=context)
-        self.seconds: list[float] = []
-        self.create_subscription(PointCloud2, "hop", self._on_hop, 10)
-
-    def _on_hop(self, message: PointCloud2) -> None:
-        self.seconds.append((time.monotonic_ns() - time_to_ns(message.header.stamp)) * 1e-9)
-
-
 def measure(detections: int, scans: int) -> dict[str, np.ndarray]:
     """Node's own parts and core's part of each ping, and the hops, s."""
     domain = os.getpid() % 100 + 1
@@ -95,7 +83,12 @@ def measure(detections: int, scans: int) -> dict[str, np.ndarray]:
             Parameter("detections_reliability", value="reliable"),
         ],
     )
-    listener = Listener(context)
+    listener, hops = Node("listener", context=context), []
+
+    def on_hop(message: PointCloud2) -> None:
+        hops.append((time.monotonic_ns() - time_to_ns(message.header.stamp)) * 1e-9)
+
+    listener.create_subscription(PointCloud2, "hop", on_hop, 10)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     executor.add_node(listener)
@@ -111,13 +104,10 @@ def measure(detections: int, scans: int) -> dict[str, np.ndarray]:
     node.destroy_node()
     listener.destroy_node()
     context.try_shutdown()
-    core = np.array([latency.core for latency in figures])
-    return {
-        "node adds, to tracks": np.array([latency.to_tracks for latency in figures]) - core,
-        "node adds, to all": np.array([latency.to_all for latency in figures]) - core,
-        "core": core,
-        "bare hop": np.array(listener.seconds),
-    }
+    parts = [(latency.core, latency.to_tracks, latency.to_all) for latency in figures]
+    core, tracks, every = np.array(parts).T
+    own = {"node adds, to tracks": tracks - core, "node adds, to all": every - core}
+    return {**own, "core": core, "bare hop": np.array(hops)}
 
 
 def main() -> None:

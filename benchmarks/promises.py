@@ -2,11 +2,11 @@
 
 - wish: false tracks per hour over the wish, on clutter alone over the whole coverage;
 - starts: errors of pure starts over their Cramer-Rao bound, and NEES, on scenes of the box;
-- equal-footing: P_D beside that of `tsepm` at its own 5/8 at the same false + misplaced starts per
-  run, and these at its P_D, on scenes of the box with one thing changed, and on two corners;
+- equal-false-rate: P_D beside that of `tsepm` at its own 5/8 at the same false + misplaced starts
+  per run, and these at its P_D, on scenes of the box with one thing changed, and on two corners;
 - design: P_D and false tracks that `tsepm design` predicts beside those of whole scenes.
 
-With 95 % intervals. The runs of starts and equal-footing are kept: interrupted, they go on.
+With 95 % intervals. The runs of starts and equal-false-rate are kept: interrupted, they go on.
 
     python benchmarks/promises.py wish [--runs 40] [--seed 1] [--workers 2]
 """
@@ -15,24 +15,22 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-os.environ["OMP_NUM_THREADS"] = "1"
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
-from promises_footing import CHANGED, CLOSE, closeness, difference, footing
+import fixed_threads
 
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.operating_curve import Comparison
 from tsepm_ros.analysis.operating_points import OperatingPoint, package_version
 from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
 from tsepm_ros.analysis.workers import Workers, with_progress
+from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.design import search
-from tsepm_ros.design.prediction import Case, false_tracks_per_hour, targets_found
+from tsepm_ros.design.design_case import Case
+from tsepm_ros.design.prediction import false_tracks_per_hour, targets_found
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.scenario import TargetArea
@@ -40,13 +38,39 @@ from tsepm_ros.simulation.scenario import TargetArea
 Rows = Iterator[Sequence[str]]
 """A header, then rows as they are measured."""
 
-BUILD = Path(__file__).resolve().parents[1] / "build" / "promises"
+BUILD = fixed_threads.BUILD / "promises"
 DETECTIONS = 1.25e6
 """False detections, at most, that a rate of false tracks is measured with."""
 STARTS_AT = {1e-8: 2.5, 1e-6: 1.0}
 """Densities at which starts are measured, and how many times the runs that are asked for."""
+RATES = (1, 10, 100, 1000, 10000)
+"""Wishes of the sweep that is put beside the published method."""
 LEFT_OUT = 10
 """Scans of each part of clutter alone in which the hypotheses gather."""
+
+
+HOLDS, DOES_NOT, OPEN = "holds", "does not", "cannot tell"
+CLOSE = 0.03
+"""How near the P_D of `tsepm design` should be to what is measured."""
+
+
+def errors(factor: float) -> dict[str, float]:
+    """The box's errors, so many times."""
+    return {"range_std_fraction": factor * 0.015, "azimuth_std": factor * math.radians(1.0)}
+
+
+CORNERS = ((1e-7, 1.0, 1.0 / 3.0, "1e-7, 1.0, a third"), (2e-6, 0.6, 2.0, "2e-6, 0.6, twice"))
+CHANGED: dict[str, dict[str, float]] = {
+    **{f"density {text}": {"clutter_density": float(text)} for text in ("1e-7", "3e-7", "2e-6")},
+    **{f"p_d {share}": {"detection_probability": share} for share in (0.6, 0.8, 1.0)},
+    "errors a third": errors(1.0 / 3.0),
+    "errors twice": errors(2.0),
+    **{
+        name: {"clutter_density": density, "detection_probability": share, **errors(factor)}
+        for density, share, factor, name in CORNERS
+    },
+}
+"""What the scenes of `equal-false-rate` change of the box: there 1e-6, 0.9, 1.5 % and 1 degree."""
 
 
 def score_at(wish: float) -> OperatingPoint:
@@ -58,16 +82,10 @@ def score_at(wish: float) -> OperatingPoint:
 def wish_kept(density: float, wish: float, hours: float, seed: int, workers: Workers) -> Estimate:
     """False tracks over the wish."""
     case = clutter_alone(density)
-    rate = false_tracks_per_hour(
-        case,
-        "score",
-        {"false_tracks_per_hour": float(wish)},
-        scans=math.ceil(hours * case.scans_per_hour),
-        seed=seed,
-        workers=workers,
-        progress=with_progress,
-    )
-    return rate.mapped(lambda one: one / wish)
+    scans = math.ceil(hours * case.scans_per_hour)
+    given = {"seed": seed, "workers": workers, "progress": with_progress}
+    options = {"false_tracks_per_hour": float(wish)}
+    return false_tracks_per_hour(case, "score", options, scans=scans, **given) / wish
 
 
 def clutter_alone(density: float) -> Case:
@@ -91,7 +109,7 @@ def scene(name: str, **changes: float) -> Scenario:
     return replace(load_scenario("box", given), name=name)
 
 
-def starts_table(options: argparse.Namespace) -> Rows:
+def starts_table(options: argparse.Namespace, densities: Mapping[float, float] = STARTS_AT) -> Rows:
     """Errors of pure starts over their bound, and NEES."""
     shown = {
         "detection": "P_D",
@@ -101,7 +119,7 @@ def starts_table(options: argparse.Namespace) -> Rows:
         "nees": "NEES, true",
     }
     yield "density [1/m^2]", "azimuth error", "wish", "runs", *shown.values()
-    for density, more in STARTS_AT.items():
+    for density, more in densities.items():
         runs = math.ceil(more * options.runs)
         for degrees in (1, 3):
             azimuth = math.radians(degrees)
@@ -124,27 +142,73 @@ def evaluated(
     return evaluate(plan, options.out / "runs", options.workers, with_progress)
 
 
-RATES = (1, 10, 100, 1000, 10000)
-"""Wishes of the sweep that is put beside the published method."""
 HORIZONS = (8, 16)
 
 
-def footing_table(options: argparse.Namespace) -> Rows:
+def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES) -> Rows:
     """`tsepm` at its own rule beside the sweep of `score`."""
-    points = [OperatingPoint("tsepm", "5/8", version=package_version()), *map(score_at, RATES)]
-    yield (
-        "scene",
-        "pings",
-        "`tsepm` 5/8: P_D",
-        "its false + misplaced per run",
-        "`score` at as many: P_D",
-        "`score` at its P_D: false + misplaced per run",
-        "verdict",
-    )
+    points = [OperatingPoint("tsepm", "5/8", version=package_version()), *map(score_at, rates)]
+    head = ["scene", "pings", "`tsepm` 5/8: P_D", "its false + misplaced per run"]
+    head += ["`score` at as many: P_D", "`score` at its P_D: false + misplaced per run"]
+    yield [*head, "verdict"]
     for name in options.scene or CHANGED:
         box = scene(name, **CHANGED[name])
         for one in evaluated(box, points, options.runs, options, HORIZONS):
-            yield footing(one)
+            yield equal_rate_row(one)
+
+
+def equal_rate_row(one: Evaluated) -> list[str]:
+    """The row of a scene after some pings.
+
+    The sweep of `score` ends somewhere: with more false starts allowed than its last point makes it
+    finds *at least* what that finds, and a P_D below that of its first costs *at most* what that
+    costs. Above its highest P_D, or below its fewest false starts, it is not compared.
+    """
+    [row] = [row for row in one.comparisons if row.method == "tsepm" and row.other == "score"]
+    pairs = list(zip(one.points, one.figures, strict=True))
+    [published] = [figures for point, figures in pairs if point.method == "tsepm"]
+    false = [figures.false_per_run.value for point, figures in pairs if point.method == "score"]
+    found = [figures.detection.value for point, figures in pairs if point.method == "score"]
+    beyond = row.false > max(false)
+    below = row.detection < found[false.index(min(false))]
+    share, cost = f"{row.other_detection:.2f}", f"{row.other_false:.2f}"
+    if math.isnan(row.other_detection.value):
+        share = f"not reached: {min(false):.2f} or more"
+    if math.isnan(row.other_false.value):
+        cost = f"not reached: P_D up to {max(found):.2f}"
+    return [
+        one.scenario.name,
+        str(one.scans),
+        f"{published.detection:.2f}",
+        f"{published.false_per_run:.2f}",
+        f"at least {share}" if beyond else share,
+        f"at most {cost}" if below else cost,
+        verdict(row, beyond=beyond, below=below),
+    ]
+
+
+def verdict(row: Comparison, *, beyond: bool, below: bool) -> str:
+    """Whether `score` is the better: in P_D or in false starts, with 95 %, and worse in neither."""
+    better = row.gain.high < 0.0 or row.ratio.high < 1.0
+    worse = (row.gain.low > 0.0 and not beyond) or (row.ratio.low > 1.0 and not below)
+    if better == worse:
+        return OPEN
+    return HOLDS if better else DOES_NOT
+
+
+def difference(one: Estimate, other: Estimate) -> Estimate:
+    """Of two independent shares, with Newcombe's interval from theirs (Statist. Med. 17, 1998)."""
+    gap = one.value - other.value
+    down = math.hypot(one.value - one.low, other.high - other.value)
+    up = math.hypot(one.high - one.value, other.value - other.low)
+    return Estimate(gap, gap - down, gap + up)
+
+
+def closeness(gap: Estimate) -> str:
+    """Whether a difference of P_D is small: all of its interval, none, or some."""
+    if gap.low >= -CLOSE and gap.high <= CLOSE:
+        return HOLDS
+    return DOES_NOT if gap.low > CLOSE or gap.high < -CLOSE else OPEN
 
 
 WISH = 10.0
@@ -153,17 +217,9 @@ SPEED = 5.0
 
 def design_table(options: argparse.Namespace) -> Rows:
     """What `tsepm design` says beside what whole scenes give."""
-    yield (
-        "density [1/m^2]",
-        "pings",
-        "P_D, plan without clutter",
-        "P_D, simulated by design",
-        "P_D, whole scenes",
-        "design less measured",
-        f"within {CLOSE}",
-        "false/h, design",
-        "false + misplaced/h, whole scenes",
-    )
+    head = ["density [1/m^2]", "pings", "P_D, plan without clutter", "P_D, simulated by design"]
+    head += ["P_D, whole scenes", "design less measured", f"within {CLOSE}", "false/h, design"]
+    yield [*head, "false + misplaced/h, whole scenes"]
     for density in (3e-7, 1e-6):
         for scans in HORIZONS:
             yield designed(density, scans, options)
@@ -186,23 +242,15 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     point = OperatingPoint("score", "designed", given, version=package_version())
     [figures] = evaluated(whole, [point], options.runs, options)[0].figures
     gap = difference(found, figures.detection)
-    return [
-        f"{density:g}",
-        str(scans),
-        f"{planned:.3f}",
-        f"{found:.3f}",
-        f"{figures.detection:.3f}",
-        f"{gap:.3f}",
-        closeness(gap),
-        f"{false:.1f}",
-        f"{figures.false_per_hour:.1f}",
-    ]
+    shares = [f"{share:.3f}" for share in (planned, found, figures.detection, gap)]
+    rates = [f"{rate:.1f}" for rate in (false, figures.false_per_hour)]
+    return [f"{density:g}", str(scans), *shares, closeness(gap), *rates]
 
 
 COMMANDS = {
     "wish": (wish_table, 40, "false tracks expected, at most"),
     "starts": (starts_table, 600, "runs of a scene; 2.5 times as many at 1e-8"),
-    "equal-footing": (footing_table, 100, "runs of a scene"),
+    "equal-false-rate": (equal_rate_table, 100, "runs of a scene"),
     "design": (design_table, 200, "targets simulated, and whole scenes"),
 }
 
@@ -213,15 +261,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     for name, (_, runs, what) in COMMANDS.items():
         command = commands.add_parser(name)
-        command.add_argument("--runs", type=int, default=runs, help=f"{what}; default {runs}")
-        command.add_argument("--seed", type=int, default=1)
-        command.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+        add_runs(command, runs, what)
         command.add_argument(
-            "--scene", action="append", choices=CHANGED, help="of equal-footing; default all"
+            "--scene", action="append", choices=CHANGED, help="of equal-false-rate; default all"
         )
         command.add_argument("--out", type=Path, default=BUILD, help="folder of the runs done")
     options = parser.parse_args(arguments)
-    options.workers = Workers(processes=options.workers)
+    options.workers = workers_of(options)
     for index, cells in enumerate(COMMANDS[options.command][0](options)):
         print(f"| {' | '.join(cells)} |", flush=True)
         if not index:
@@ -229,4 +275,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

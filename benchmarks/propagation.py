@@ -27,14 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import (
-    detections_cloud,
-    make_header,
-    odometry_message,
-    read_detections,
-    read_own_ship,
-    seconds_to_ns,
-)
+import msg_adapters as ros
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.intervals import mean
 from tsepm_ros.analysis.text_tables import text_table
@@ -55,9 +48,7 @@ AFTER = 20.0
 
 NOISES = {
     "exact": SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=math.radians(0.05)),
-    "data-sheet": SensorModel(
-        range_std=0.0, range_std_fraction=0.015, azimuth_std=math.radians(1.0)
-    ),
+    "data-sheet": SensorModel(range_std_fraction=0.015, azimuth_std=math.radians(1.0)),
 }
 SILENT_SEA = SensorModel(
     range_std=1e-6,
@@ -87,32 +78,16 @@ AT_ONCE = "no delay"
 
 @dataclass(frozen=True)
 class Bias:
-    """Errors of the first positions of many pairs of runs, (along, across) the line of sight.
+    """Errors of the first positions of many pairs of runs, (along, across) the line of sight, m."""
 
-    Attributes
-    ----------
-    errors : (n, 2) ndarray
-        Mean of each pair, m.
-    sigma : (2,) ndarray
-        Root mean square of the deviations that the covariances give, m.
-    """
-
-    errors: FloatArray
-    sigma: FloatArray
+    errors: FloatArray  # (n, 2), mean of each pair
+    sigma: FloatArray  # (2,), root mean square of the deviations that the covariances give
 
 
 def scenario(scene: str, sound_speed: float) -> Scenario:
     """A scene to hear."""
     targets, ship = SCENES[scene]
-    return Scenario(
-        scene,
-        scans=16,
-        period=12.0,
-        sensor=SILENT_SEA,
-        sound_speed=sound_speed,
-        targets=targets,
-        own_ship=ship,
-    )
+    return Scenario(scene, 16, 12.0, SILENT_SEA, sound_speed, targets, own_ship=ship)
 
 
 def odometry(scene: Scenario) -> list[PoseSample]:
@@ -122,18 +97,10 @@ def odometry(scene: Scenario) -> list[PoseSample]:
         time = index / ODOMETRY_RATE
         x, y, yaw = scene.own_ship.pose(time).tolist()
         vx, vy, yaw_rate = scene.own_ship.rates(time).tolist()
-        message = odometry_message(
-            PoseSample(
-                time,
-                x,
-                y,
-                yaw,
-                rates=(vx, vy, yaw_rate),
-                frame_id="odom",
-                child_frame_id="sonar",
-            )
+        sample = PoseSample(
+            time, x, y, yaw, rates=(vx, vy, yaw_rate), frame_id="odom", child_frame_id="sonar"
         )
-        samples.append(read_own_ship(message))
+        samples.append(ros.read_own_ship(ros.odometry_message(sample)))
     return samples
 
 
@@ -144,8 +111,8 @@ def messages(scene: Scenario, seed: list[int], sensor: SensorModel, sign: float,
         scan = simulated.scan
         range_ = scan.range + range_error * np.sqrt(sensor.range_variance(scan.range))
         timed = times == "time_offset"
-        cloud = detections_cloud(
-            make_header(seconds_to_ns(scan.stamp), "sonar"),
+        cloud = ros.detections_cloud(
+            ros.make_header(ros.seconds_to_ns(scan.stamp), "sonar"),
             range=range_,
             azimuth=scan.azimuth + azimuth_error * sensor.azimuth_std,
             time_offset=range_ / SOUND_SPEED if timed else None,
@@ -165,7 +132,8 @@ def first_track(
     for pose in poses:
         session.add_own_ship(pose)
     for cloud, truth in messages:
-        session.add_scan(read_detections(cloud, sound_speed=sound_speed).sensor_scan, 0.0)
+        scan = ros.read_detections(cloud, sound_speed=sound_speed).sensor_scan
+        session.add_scan(scan, 0.0)
         for result in session.process():
             for track in result.new:
                 sight = truth[0::2] - scene.own_ship.pose(track.stamp)[:2]
@@ -178,16 +146,9 @@ def first_track(
 
 
 def bias(noise: str, scene: str, method: str, times: str, pairs: int, seed: int = 1) -> Bias:
-    """Measure the bias of the first position over seeded pairs of runs.
+    """Measure the bias of the first position over seeded pairs of runs, by the names of the tables.
 
     Pair i is seeded with (seed, i), for every method and way alike.
-
-    Parameters
-    ----------
-    noise, scene, method : str
-        Of NOISES, SCENES and METHOD_OPTIONS.
-    times : str
-        Of TIMES, or AT_ONCE.
     """
     heard = scenario(scene, 0.0 if times == AT_ONCE else SOUND_SPEED)
     name, options = METHOD_OPTIONS[method]
@@ -201,17 +162,10 @@ def bias(noise: str, scene: str, method: str, times: str, pairs: int, seed: int 
     speed = SOUND_SPEED if times == "sound_speed" else 0.0
     errors, variances = [], []
     for index in range(pairs):
-        pair = [
-            first_track(
-                messages(heard, [seed, index], NOISES[noise], sign, times),
-                heard,
-                settings,
-                poses,
-                speed,
-            )
-            for sign in (1.0, -1.0)
-        ]
-        one, other = pair
+        clouds = (
+            messages(heard, [seed, index], NOISES[noise], sign, times) for sign in (1.0, -1.0)
+        )
+        one, other = (first_track(run, heard, settings, poses, speed) for run in clouds)
         if one is not None and other is not None:
             errors.append((one[0] + other[0]) / 2)
             variances += [one[1], other[1]]

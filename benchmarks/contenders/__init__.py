@@ -1,4 +1,4 @@
-"""What is raced: each contender is one small module with the same interface.
+"""What is timed and compared: each contender is one small module with the same interface.
 
 A contender gets raw scans and makes its own input of them in the time that is measured.
 """
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tsepm_ros import SensorModel
 from tsepm_ros.numerics.arrays import FloatArray
 
 Hits = tuple[tuple[int, int], ...]
@@ -19,15 +20,7 @@ Hits = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True, eq=False)
 class RawScan:
-    """A scan as a driver hands it over.
-
-    Attributes
-    ----------
-    stamp : float
-        s.
-    range, azimuth : (n,) ndarray
-        m and rad, counter-clockwise from the x axis.
-    """
+    """A scan as a driver hands it over: s, and m and rad (n,), counter-clockwise from x."""
 
     stamp: float
     range: FloatArray
@@ -40,32 +33,27 @@ class RawScan:
 
 @dataclass(frozen=True, kw_only=True)
 class Sea:
-    """The scene's figures that every contender may know; the defaults are the paper's sonar.
+    """The scene's figures that every contender may know; the defaults are the paper's sonar."""
 
-    Attributes
-    ----------
-    clutter_density : float
-        False detections per scan and m^2.
-    period : float
-        Time between scans, s.
-    max_range : float
-        m.
-    range_std_fraction, azimuth_std : float
-        Standard deviations of range (as a fraction of it) and azimuth (rad).
-    detection_probability, gate_probability : float
-    max_speed, target_speed : float
-        m/s.
-    """
-
-    clutter_density: float
-    period: float = 12.0
-    max_range: float = 9000.0
+    clutter_density: float  # false detections per scan and m^2
+    period: float = 12.0  # s
+    max_range: float = 9000.0  # m
     range_std_fraction: float = 0.015
     azimuth_std: float = float(np.deg2rad(1.0))
     detection_probability: float = 0.9
     gate_probability: float = 0.9
-    max_speed: float = 10.0
+    max_speed: float = 10.0  # m/s
     target_speed: float = 5.0
+
+    def sensor(self) -> SensorModel:
+        """The same figures as the package takes them."""
+        return SensorModel(
+            range_std_fraction=self.range_std_fraction,
+            azimuth_std=self.azimuth_std,
+            max_range=self.max_range,
+            detection_probability=self.detection_probability,
+            clutter_density=self.clutter_density,
+        )
 
     @property
     def area(self) -> float:
@@ -84,14 +72,9 @@ class Sea:
 
 
 class Contender(ABC):
-    """A track initiator in the race.
+    """A track initiator, for a scene's figures and an M/N rule.
 
-    Parameters
-    ----------
-    sea : Sea
-        The scene's figures.
-    min_hits, window : int
-        M and N; a contender without such a rule comes as close as its options allow.
+    A contender without such a rule comes as close as its options allow.
     """
 
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
@@ -144,13 +127,7 @@ CONTENDERS = {
 
 
 def make_contender(name: str, sea: Sea) -> Contender:
-    """Make a contender by its name.
-
-    Raises
-    ------
-    ImportError
-        If its package is not installed.
-    """
+    """Make a contender by its name; an ImportError if its package is not installed."""
     entry = CONTENDERS[name]
     module = importlib.import_module(f"contenders.{entry.module}")
     contender: Contender = getattr(module, entry.kind)(sea, entry.min_hits, entry.window)

@@ -32,17 +32,11 @@ with warnings.catch_warnings():
     from stonesoup.dataassociator.tree import DetectionKDTreeGNN2D
     from stonesoup.deleter.base import Deleter
     from stonesoup.hypothesiser.distance import DistanceHypothesiser
-    from stonesoup.initiator.simple import (
-        MultiMeasurementInitiator,
-        SinglePointMeasurementInitiator,
-    )
+    from stonesoup.initiator import simple
     from stonesoup.measures import Mahalanobis
     from stonesoup.models.measurement.linear import LinearGaussian
     from stonesoup.models.measurement.nonlinear import CartesianToBearingRange
-    from stonesoup.models.transition.linear import (
-        CombinedLinearGaussianTransitionModel,
-        ConstantVelocity,
-    )
+    from stonesoup.models.transition import linear
     from stonesoup.predictor.kalman import KalmanPredictor
     from stonesoup.types.angle import Bearing
     from stonesoup.types.array import StateVector
@@ -111,7 +105,9 @@ class StoneSoupContender(Contender):
         self._range_std = sea.range_std_fraction * sea.typical_range
         updater = self._make_updater()
         predictor = KalmanPredictor(
-            CombinedLinearGaussianTransitionModel([ConstantVelocity(ACCELERATION_DENSITY)] * 2)
+            linear.CombinedLinearGaussianTransitionModel(
+                [linear.ConstantVelocity(ACCELERATION_DENSITY)] * 2
+            )
         )
         hypothesiser = DistanceHypothesiser(
             predictor, updater, Mahalanobis(), missed_distance=sea.gate_sigmas
@@ -122,13 +118,13 @@ class StoneSoupContender(Contender):
             np.diag([PRIOR_POSITION_VARIANCE, velocity_variance] * 2),
             timestamp=START,
         )
-        self._initiator = MultiMeasurementInitiator(
+        self._initiator = simple.MultiMeasurementInitiator(
             prior_state=prior,
             deleter=WindowDeleter(window=window),
             data_associator=self._make_associator(hypothesiser),
             updater=updater,
             min_points=min_hits,
-            initiator=SinglePointMeasurementInitiator(prior_state=prior, updater=updater),
+            initiator=simple.SinglePointMeasurementInitiator(prior_state=prior, updater=updater),
         )
         self._scan_index = 0
         self._new: list[Track] = []

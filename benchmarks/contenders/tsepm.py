@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contenders import Contender, FloatArray, Hits, RawScan, Sea
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import Scan, make_initiator
 from tsepm_ros.kinematics.track import TrackArrays
 
 
@@ -12,16 +12,9 @@ class TsepmContender(Contender):
 
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
         super().__init__(sea, min_hits, window)
-        sensor = SensorModel(
-            range_std_fraction=sea.range_std_fraction,
-            azimuth_std=sea.azimuth_std,
-            max_range=sea.max_range,
-            detection_probability=sea.detection_probability,
-            clutter_density=sea.clutter_density,
-        )
         self._initiator = make_initiator(
             "tsepm",
-            sensor=sensor,
+            sensor=sea.sensor(),
             max_speed=sea.max_speed,
             min_hits=min_hits,
             window=window,

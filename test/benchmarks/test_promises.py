@@ -8,9 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import promises
-import promises_footing
 import pytest
-from promises_footing import closeness, difference, footing
+from promises import CHANGED, closeness, difference, equal_rate_row
 from support.run_summaries import run_of, start
 
 from tsepm_ros.analysis.intervals import Estimate
@@ -30,15 +29,15 @@ def options(folder: Path, runs: int) -> argparse.Namespace:
     return argparse.Namespace(runs=runs, seed=1, workers=Workers(), out=folder, scene=None)
 
 
-def beside(found: int, false: int) -> list[str]:
+def beside(found: int, false: int, sweep: dict[str, tuple[int, int]] = SWEEP) -> list[str]:
     """The row of a rule that finds so many of four targets, false starts per run, in equal runs."""
     points = {("tsepm", "5/8"): (found, false)}
-    points |= {("score", label): point for label, point in SWEEP.items()}
+    points |= {("score", label): point for label, point in sweep.items()}
     records = {
         name: [run_of(*[start(2)] * true, false=(0, 0, 0, wrong), targets=4)] * 3
         for name, (true, wrong) in points.items()
     }
-    return footing(
+    return equal_rate_row(
         Evaluated(
             SCENE,
             4,
@@ -62,7 +61,7 @@ def beside(found: int, false: int) -> list[str]:
         (2, 0, "not reached: 1.00 or more", "1.00", "does not"),
     ],
 )
-def test_equal_footing_is_linear_in_the_logarithm_of_false_starts(
+def test_equal_false_rates_are_linear_in_the_logarithm_of_false_starts(
     found, false, share, cost, verdict
 ):
     row = beside(found, false)
@@ -70,15 +69,12 @@ def test_equal_footing_is_linear_in_the_logarithm_of_false_starts(
     assert [cell.split(" (")[0] for cell in row[4:]] == [share, cost, verdict]
 
 
-def test_more_targets_than_the_sweep_finds_are_not_compared(monkeypatch):
-    monkeypatch.setitem(SWEEP, "10/h", (3, 4))
-    assert beside(4, 2)[5] == "not reached: P_D up to 0.75"
+def test_more_targets_than_the_sweep_finds_are_not_compared():
+    assert beside(4, 2, {**SWEEP, "10/h": (3, 4)})[5] == "not reached: P_D up to 0.75"
 
 
 def test_every_changed_scene_is_one_of_the_box():
-    scenes = {
-        name: promises.scene(name, **values) for name, values in promises_footing.CHANGED.items()
-    }
+    scenes = {name: promises.scene(name, **values) for name, values in CHANGED.items()}
     assert scenes["errors twice"].sensor.azimuth_std == pytest.approx(math.radians(2.0))
     assert scenes["1e-7, 1.0, a third"].sensor.range_std_fraction == pytest.approx(0.005)
     assert scenes["p_d 0.6"].sensor.detection_probability == 0.6
@@ -99,9 +95,8 @@ def test_the_wish_is_kept_about():
     assert kept.low < kept.value < kept.high
 
 
-def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(promises, "STARTS_AT", {1e-8: 2.5})
-    header, *rows = promises.starts_table(options(tmp_path, runs=4))
+def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path):
+    header, *rows = promises.starts_table(options(tmp_path, runs=4), {1e-8: 2.5})
     assert [row[:4] for row in rows[:2]] == [
         ("1e-08", "1 deg", "1/h", "10"),
         ("1e-08", "1 deg", "10/h", "10"),
@@ -111,11 +106,10 @@ def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path, monkeypa
     assert len(list((tmp_path / "runs").iterdir())) == len(rows) == 4
 
 
-def test_a_footing_is_measured_at_both_horizons(tmp_path, monkeypatch):
-    monkeypatch.setattr(promises, "RATES", (10, 1000))
+def test_equal_rates_are_measured_at_both_horizons(tmp_path):
     given = options(tmp_path, runs=2)
     given.scene = ["density 1e-7"]
-    _, *rows = promises.footing_table(given)
+    _, *rows = promises.equal_rate_table(given, (10, 1000))
     assert [row[:2] for row in rows] == [["density 1e-7", "8"], ["density 1e-7", "16"]]
 
 

@@ -1,4 +1,4 @@
-"""Operating curves, and methods compared at equal footing on them."""
+"""Operating curves, and methods compared on them at equal false-track rates and equal P_D."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ chooses hits by how well they fit, or knows how fast targets are, may come below
 error's larger axis, the mean over the targets; mean and root mean square over the scans and runs. \
 The squares of the three parts add up to that of the latter.
 """
-FOOTING_NOTE = """\
+EQUAL_RATE_NOTE = """\
 On the curve through a method's best points, P_D linear in the logarithm of the false + misplaced \
 starts. Beyond its end to the right it goes on level; a dash stands for what it does not reach. A \
 point without any counts half a start in all runs. Intervals: bootstrap over the runs, common to \
@@ -130,11 +130,12 @@ def _section(one: Evaluated) -> str:
         ]
         parts.append(f"### {title}, {after}\n\n{markdown_table(header, rows)}\n")
     if one.comparisons:
-        parts.append(f"### At equal footing, {after}\n\n{FOOTING_NOTE}\n" + _footing(one))
+        table = _equal_rate_table(one)
+        parts.append(f"### At equal footing, {after}\n\n{EQUAL_RATE_NOTE}\n{table}")
     return "\n".join(parts)
 
 
-def _footing(one: Evaluated) -> str:
+def _equal_rate_table(one: Evaluated) -> str:
     """The comparisons, rates per scan and km^2."""
     unit = one.scans * one.scenario.area / 1e6
     header = [
@@ -148,10 +149,10 @@ def _footing(one: Evaluated) -> str:
         "its rate at that P_D",
         "times as many",
     ]
-    return markdown_table(header, [_footing_row(row, unit) for row in one.comparisons]) + "\n"
+    return markdown_table(header, [_equal_rate_row(row, unit) for row in one.comparisons]) + "\n"
 
 
-def _footing_row(row: Comparison, unit: float) -> list[str]:
+def _equal_rate_row(row: Comparison, unit: float) -> list[str]:
     return [
         row.method,
         row.label,

@@ -48,36 +48,32 @@ def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> list[Pat
     """
     name = evaluated[0].scenario.name
     height = 2.0 + 0.26 * len(evaluated[0].points)
-    pictures = {
-        "operating_curve": _picture(
-            evaluated, _operating_curve, f"{name}: P_D against false + misplaced starts", caption
-        ),
-        "time_to_confirm": _picture(
-            evaluated,
+    panels = {
+        "operating_curve": (_operating_curve, "P_D against false + misplaced starts", 6.5),
+        "time_to_confirm": (
             _time_to_confirm,
-            f"{name}: time to confirm, median (full) and 95 % quantile (hollow)",
-            caption,
-            height=height,
+            "time to confirm, median (full) and 95 % quantile (hollow)",
+            height,
         ),
-        "nees": _picture(
-            evaluated,
-            _nees,
-            f"{name}: NEES of pure starts (full) and of all true starts (hollow)",
-            caption,
-            height=height,
-        ),
+        "nees": (_nees, "NEES of pure starts (full) and of all true starts (hollow)", height),
     }
-    for axis, one in zip(pictures["operating_curve"].axes, evaluated, strict=True):
-        label_points(axis, _point_labels(one))
-    return [_saved(figure, folder / f"{name}_{kind}.png") for kind, figure in pictures.items()]
+    written = []
+    for kind, (panel, title, high) in panels.items():
+        figure = _picture(evaluated, panel, f"{name}: {title}\n{caption}", high)
+        if panel is _operating_curve:  # once all else is in its place
+            for axis, one in zip(figure.axes, evaluated, strict=True):
+                label_points(axis, _point_labels(one))
+        written.append(folder / f"{name}_{kind}.png")
+        figure.savefig(written[-1], dpi=DOTS_PER_INCH)
+        plt.close(figure)
+    return written
 
 
 def _picture(
     evaluated: Sequence[Evaluated],
     panel: Callable[[Axes, Evaluated], None],
     title: str,
-    caption: str,
-    height: float = 6.5,
+    height: float,
 ) -> Figure:
     """A panel per horizon, side by side."""
     width = 1.5 + 6.5 * len(evaluated)
@@ -88,14 +84,8 @@ def _picture(
         panel(axis, one)
         axis.set_title(f"after {one.scans} scans", loc="left", fontsize=10)
         axis.grid(alpha=0.3)
-    figure.suptitle(f"{title}\n{caption}", fontsize=11)
+    figure.suptitle(title, fontsize=11)
     return figure
-
-
-def _saved(figure: Figure, path: Path) -> Path:
-    figure.savefig(path, dpi=DOTS_PER_INCH)
-    plt.close(figure)
-    return path
 
 
 def _looks(one: Evaluated) -> dict[str, tuple[str, str]]:
@@ -130,11 +120,10 @@ def _operating_curve(axis: Axes, one: Evaluated) -> None:
             elinewidth=0.8,
             label=method,
         )
-    axis.set_xscale("log")
-    axis.set_xlim(left=0.5 * x.min())
-    axis.set_ylim(top=1.06)
-    axis.set_xlabel("false + misplaced per scan and km² (none: half a start in all runs)")
-    axis.set_ylabel("P_D")
+    axis.set(xscale="log", xlim=(0.5 * x.min(), None), ylim=(None, 1.06))
+    axis.set(
+        xlabel="false + misplaced per scan and km² (none: half a start in all runs)", ylabel="P_D"
+    )
     axis.legend(loc="lower right")
     _hours(axis, one)
 
@@ -171,8 +160,7 @@ def _hours(axis: Axes, one: Evaluated) -> None:
 
 def _time_to_confirm(axis: Axes, one: Evaluated) -> None:
     _rows(axis, one, "confirmation_median", "confirmation_95")
-    axis.set_xlabel("s after the first scan")
-    axis.set_xlim(left=0.0)
+    axis.set(xlabel="s after the first scan", xlim=(0.0, None))
 
 
 def _nees(axis: Axes, one: Evaluated) -> None:
@@ -181,8 +169,7 @@ def _nees(axis: Axes, one: Evaluated) -> None:
     axis.annotate(
         " ideal 4", (IDEAL_NEES, 0.0), xycoords=("data", "axes fraction"), va="bottom", color="grey"
     )
-    axis.set_xlabel("NEES")
-    axis.set_xscale("log")
+    axis.set(xlabel="NEES", xscale="log")
     axis.set_xticks(NEES_TICKS, [f"{tick:g}" for tick in NEES_TICKS])
     axis.minorticks_off()
 

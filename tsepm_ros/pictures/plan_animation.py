@@ -96,8 +96,7 @@ def _draw(
     view = scene.scans[index]
     axes.clear()
     dress(axes, "box")
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
+    axes.set(xlim=limits[0], ylim=limits[1])
     earlier = scene.scans[max(index - FADING + 1, 0) : index]
     for age, one in enumerate(reversed(earlier), start=1):
         alpha = 0.4 * (1 - age / FADING)

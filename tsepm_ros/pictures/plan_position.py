@@ -109,11 +109,9 @@ def draw(picture: Picture, insets: Sequence[FloatArray] = ()) -> Figure:
     for number, centre in enumerate(insets[:4]):
         axes = figure.add_subplot(grid[number // 2, 2 + number % 2])
         _scene(axes, picture, inset=True)
-        axes.set_xlim(centre[0] - reach, centre[0] + reach)
-        axes.set_ylim(centre[1] - reach, centre[1] + reach)
+        low, high = centre - reach, centre + reach
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="", ylabel="")
         axes.set_title(f"target {number}", loc="left", fontsize=10)
-        axes.set_xlabel("")
-        axes.set_ylabel("")
     return figure
 
 
@@ -161,8 +159,7 @@ def dress(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
     """Give axes of a plan their background, scale, names and grid."""
     axes.set_facecolor(SEA)
     axes.set_aspect("equal", adjustable=adjustable)
-    axes.set_xlabel("east, m")
-    axes.set_ylabel("north, m")
+    axes.set(xlabel="east, m", ylabel="north, m")
     axes.grid(color="#e2e8f0", linewidth=0.6)
     axes.set_axisbelow(True)
 

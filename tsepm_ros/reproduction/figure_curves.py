@@ -131,8 +131,8 @@ class Curves:
                 axis.grid(alpha=0.3)
             for axis, (_, values_of) in zip(axes[1:], panels[1:], strict=True):
                 values = [one.value for curve in CURVES for one in values_of(curve)]
-                axis.set_yscale("log")
-                axis.set_ylim(bottom=0.5 * min((v for v in values if v > 0.0), default=1.0))
+                least = min((v for v in values if v > 0.0), default=1.0)
+                axis.set(yscale="log", ylim=(0.5 * least, None))
             if theory:
                 axes[0].plot(x, [theory(e) for e in x], "k:", label="one start, no clutter")
             for axis in axes:

@@ -372,8 +372,7 @@ def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
             axes[1].errorbar(names, shares, yerr=bars, fmt="o", ms=4, label=name)
         axes[1].set_title("P_F(2)", loc="left")
         for axis in axes:
-            axis.set_yscale("log")
-            axis.set_ylim(1e-4, 1.0)
+            axis.set(yscale="log", ylim=(1e-4, 1.0))
             axis.tick_params(axis="x", rotation=60)
             axis.grid(alpha=0.3)
             axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.15))

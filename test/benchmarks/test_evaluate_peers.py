@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
+import evaluate_peers as peers
 import numpy as np
-import peers
 import pytest
 from contenders import Contender
 
