@@ -18,7 +18,7 @@ def test_every_method_takes_the_options_of_its_points(method):
     points = operating_points([method])
     assert len(points) == len(METHODS[method].operating_points) > 0
     for point in points:
-        made = point.make(BOX)
+        made = point.make(BOX).method
         assert type(made) is METHODS[method]
         for name, value in point.options.items():
             assert getattr(made.options, name) == value
