@@ -23,7 +23,6 @@ from tsepm_ros.sensing.coverage import PosesByRange
 
 SCENES = 120
 BATCH = 10
-QUICK = 40
 TOLERANCE = 1e-7
 MAX_SPEED = 10.0
 OPTIONS = ("sector", "moving", "offsets", "rates", "own_errors", "pose_errors", "reports")
@@ -212,13 +211,7 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainMaintenance) -> Count
     return Counter(ended | {"tracks": len(tracks), "associations": len(expected)})
 
 
-FIRST = [
-    pytest.param(first, marks=[pytest.mark.slow] if first >= QUICK else [])
-    for first in range(0, SCENES, BATCH)
-]
-
-
-@pytest.mark.parametrize("first", FIRST)
+@pytest.mark.parametrize("first", range(0, SCENES, BATCH))
 def test_equals_the_plain_version(first: int) -> None:
     counts = sum((compare(seed) for seed in range(first, first + BATCH)), Counter())
     for name in ("tracks", "associations", "explained", "outside", *ENDS[:2], "reports", "rates"):

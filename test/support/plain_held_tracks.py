@@ -26,6 +26,7 @@ from support.plain_tsepm import (
 )
 
 P_G = 0.99
+GATE, GATE_WITH_RANGE_RATE = chi2.ppf(P_G, [2, 3]).tolist()
 ON, TURN = 0, 1
 POSITION = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 VELOCITY = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -365,7 +366,7 @@ def fit(mode: Mode, plot: Plot, nearest: Plot, stamp: float, with_rates: bool, r
     likelihood = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
     k = p @ (h if with_rates else h_nearest).T @ np.linalg.inv(s)
     x, p = x + k @ v, p - k @ s @ k.T
-    gate = float(chi2.ppf(P_G, 3 if has_rate(plot, rule) else 2))
+    gate = GATE_WITH_RANGE_RATE if has_rate(plot, rule) else GATE
     if distance <= gate and has_rate(plot, rule):
         error, variance, gradient = range_rate_innovation(x, p, plot, stamp, rule)
         distance += error**2 / variance
