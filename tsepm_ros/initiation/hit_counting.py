@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.initiation.method import Method
 from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.rows import Rows
@@ -17,9 +18,6 @@ from tsepm_ros.stages import evaluation, pruning
 from tsepm_ros.stages.association import disjoint
 from tsepm_ros.stages.estimation import Fit, fit
 from tsepm_ros.stages.paths import Paths
-
-BLOCK = 16_384
-"""Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +57,19 @@ class Confirmation:
     merged: int
 
 
-class HitCounter(Method):
-    """A method that confirms tracks of M hits within N scans.
+class WindowedMethod(Method):
+    """A method that confirms tracks by M hits within a window of N scans.
 
     Its `Options` have `min_hits` (M) and `window` (N).
+
+    Attributes
+    ----------
+    detections : DetectionWindow
+        Those that hits of potential tracks may still refer to.
+    stamp : float
+        Of the last scan, s.
+    scan_index : int
+        Of the last scan.
     """
 
     def forget(self) -> None:
@@ -74,6 +81,22 @@ class HitCounter(Method):
         """Take a scan's detections into the window; returns their ids, (d,)."""
         self.stamp, self.scan_index = observed.stamp, observed.scan_index
         return self.detections.append(observed.detections)
+
+    def expired(self, first_scan: IntArray) -> BoolArray:
+        """Which paths have had their N scans, (n,), by the scans of their first hits."""
+        return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
+
+    def reason(self, track: ConfirmedTrack) -> str:
+        """The rule that the track satisfied.
+
+        See `Method.reason`.
+        """
+        rule = f"{self.options.min_hits}/{self.options.window}"
+        return f"{super().reason(track)}, by the rule {rule}"
+
+
+class HitCounter(WindowedMethod):
+    """A method that counts the hits of paths and puts out those that share no detection."""
 
     def fit(self, hits: NDArray[np.void]) -> Fit:
         """Fit the states to the hits (n, m) of n tracks."""
@@ -97,16 +120,13 @@ class HitCounter(Method):
     def estimate(self, paths: Paths) -> Estimates:
         """Fit and evaluate paths, block by block of equal hit counts."""
         n = len(paths)
-        made = Estimates(np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
-        for count in np.unique(paths.hit_count):
-            rows = np.flatnonzero(paths.hit_count == count)
-            for first in range(0, len(rows), BLOCK):
-                part = rows[first : first + BLOCK]
-                hits = self.detections[paths.hits[part, :count]]
-                fitted = self.fit(hits)
-                made.state[part], made.covariance[part] = fitted.state, fitted.covariance
-                made.evaluation[part] = self.evaluate(hits, fitted)
-        return made
+        estimates = Estimates(np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
+        for rows, ids in paths.of_equal_count():
+            hits = self.detections[ids]
+            fitted = self.fit(hits)
+            estimates.state[rows], estimates.covariance[rows] = fitted.state, fitted.covariance
+            estimates.evaluation[rows] = self.evaluate(hits, fitted)
+        return estimates
 
     def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
         """Which of the tracks that share a detection is put out: that of the smallest, (n,)."""
@@ -131,37 +151,13 @@ class HitCounter(Method):
         )
 
     def tracks(self, paths: Paths, estimates: Estimates) -> TrackArrays:
-        """Paths as tracks, without ids yet."""
-        n = len(paths)
-        hits = [
-            self.detections[ids[:count]]
-            for ids, count in zip(paths.hits, paths.hit_count.tolist(), strict=True)
-        ]
-        first = self.detections[paths.hits[:, 0]]
-        return TrackArrays(
-            track_id=np.zeros(n, np.int64),
-            stamp=np.full(n, self.stamp),
+        """Paths as tracks, their places as ids."""
+        return tracks_from_hits(
+            self.detections,
+            paths.hits,
+            stamp=self.stamp,
+            scan_index=self.scan_index,
             state=estimates.state,
             covariance=estimates.covariance,
-            hits=[
-                tuple(zip(found["scan"].tolist(), found["index"].tolist(), strict=True))
-                for found in hits
-            ],
-            hit_count=paths.hit_count,
             evaluation=estimates.evaluation,
-            score=np.full(n, np.nan),
-            scan_count=self.scan_index + 1 - first["scan"],
-            age=self.stamp - first["time"],
         )
-
-    def expired(self, first_scan: IntArray) -> BoolArray:
-        """Which paths have had their N scans, (n,), by the scans of their first hits."""
-        return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
-
-    def reason(self, track: ConfirmedTrack) -> str:
-        """Its rule.
-
-        See `Method.reason`.
-        """
-        rule = f"{self.options.min_hits}/{self.options.window}"
-        return f"{super().reason(track)}, by the rule {rule}"

@@ -34,14 +34,16 @@ Readings
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.initiation.hit_counting import WindowedMethod
 from tsepm_ros.initiation.mn_options import MnOptions
+from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.tsepm.candidates import Candidates
 from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
@@ -88,12 +90,15 @@ class SplitMerge(Tsepm):
 
         See `Method.reason`.
         """
-        rule = f"{self.options.min_hits}/{self.options.window}"
-        return f"{len(track.hits)} hits within {track.scan_count} scans, by the rule {rule}"
+        return WindowedMethod.reason(self, track)
 
-    def convert(self, detections: NDArray[np.void]) -> NDArray[np.void]:
-        """The unscented transform's covariances (Step 1)."""
-        return unscented(detections, self.sensor)
+    def step(self, observed: Observation) -> Step:
+        """Step of `Tsepm` on detections with the unscented transform's covariances.
+
+        See `Method.step`.
+        """
+        detections = unscented(observed.detections, self.sensor)
+        return super().step(replace(observed, detections=detections))
 
     @property
     def threshold(self) -> float:

@@ -43,18 +43,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.method import Method
+from tsepm_ros.initiation.hit_counting import WindowedMethod
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.methods.tsepm import path_cost
 from tsepm_ros.methods.tsepm.candidates import Candidates
 from tsepm_ros.methods.tsepm.gates import Gates
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
-from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import evaluation, merging, pruning, splitting
 from tsepm_ros.stages.estimation import Fit, fit
@@ -66,7 +67,7 @@ BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 
 
-class Tsepm(Method):
+class Tsepm(WindowedMethod):
     """The method of TSEPM 2018, step by step as in its Section 4."""
 
     Options = TsepmOptions
@@ -84,8 +85,7 @@ class Tsepm(Method):
 
     def forget(self) -> None:
         """See `Method.forget`."""
-        self.detections = DetectionWindow()
-        self.stamp, self.scan_index = 0.0, -1
+        super().forget()
         self._potential = starting(np.zeros(0, np.int64), 0, self.options.min_hits)
         # Paths cut because they could not pass the evaluation any more, and because of a limit.
         self._hopeless = PathCounts.none()
@@ -108,9 +108,9 @@ class Tsepm(Method):
         if unlike:
             self.forget()
             return False
-        self._potential = self._potential[~self._expired(self._potential.first_scan)]
-        self._hopeless = self._hopeless[~self._expired(self._hopeless.first_scan)]
-        self._surplus = self._surplus[~self._expired(self._surplus.first_scan)]
+        self._potential = self._potential[~self.expired(self._potential.first_scan)]
+        self._hopeless = self._hopeless[~self.expired(self._hopeless.first_scan)]
+        self._surplus = self._surplus[~self.expired(self._surplus.first_scan)]
         return True
 
     @property
@@ -119,10 +119,6 @@ class Tsepm(Method):
         if self.common.clutter_density == "given":
             return self.sensor.clutter_density
         return None
-
-    def convert(self, detections: NDArray[np.void]) -> NDArray[np.void]:
-        """The detections with the positions and errors that the method uses (Step 1)."""
-        return detections
 
     def step(self, observed: Observation) -> Step:
         """Take one scan through Steps 2-8.
@@ -171,8 +167,8 @@ class Tsepm(Method):
         """
         name = "f_1" if self.options.evaluation == "normalized_distance" else "f_2"
         return (
-            f"{super().reason(track)}, by the rule {self.options.min_hits}/{self.options.window}; "
-            f"{name} is {track.evaluation:.2f}, at most the threshold {self.threshold:.2f}"
+            f"{super().reason(track)}; {name} is {track.evaluation:.2f}, at most the threshold "
+            f"{self.threshold:.2f}"
         )
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
@@ -191,12 +187,11 @@ class Tsepm(Method):
 
     def _gate(self, observed: Observation) -> Gates:
         """Gate the scan: paths that share a last hit share its gate (Step 2)."""
-        self.stamp, self.scan_index = observed.stamp, observed.scan_index
-        detections = self.convert(observed.detections)
-        ids = self.detections.append(detections)
+        ids = self.begin(observed)
         paths = (self._potential, self._hopeless, self._surplus)
         last_hits = np.unique(np.concatenate([part.last_hit for part in paths]))
-        return Gates(last_hits, self.gated(self.detections[last_hits], detections), ids)
+        gated = self.gated(self.detections[last_hits], observed.detections)
+        return Gates(last_hits, gated, ids)
 
     def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> splitting.Gated:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
@@ -228,7 +223,7 @@ class Tsepm(Method):
         tracks = self._potential[rows]
 
         def cost(parent: IntArray, newest: IntArray) -> FloatArray:
-            return self._cost(tracks.extended(parent, gates.ids[newest]))
+            return path_cost.cost(tracks.extended(parent, gates.ids[newest]), self.detections)
 
         parent, newest, cut = splitting.split_within(
             gates.of(tracks.last_hit), gates.gated, limit, cost
@@ -252,7 +247,7 @@ class Tsepm(Method):
         if self.options.evaluation != "clutter_statistic":
             return updated, PathCounts.none()
         # A hair above: the sum over all hits may round otherwise than the sum over some.
-        least = self._clutter_statistic(updated)
+        least = path_cost.clutter_statistic(updated, self.detections)
         hopeless = ~pruning.keep(least, self.threshold * (1.0 + 1e-9))
         return updated[~hopeless], PathCounts.of_paths(updated[hopeless])
 
@@ -263,7 +258,7 @@ class Tsepm(Method):
         """
         reached = pruning.confirmed(updated.hit_count, self.options.min_hits)
         waiting = Paths.joined(updated[~reached], missed)
-        ended = self._expired(waiting.first_scan)
+        ended = self.expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
 
     def _follow(
@@ -276,7 +271,7 @@ class Tsepm(Method):
         missed = paths[gates.missed(paths.last_hit)]
         followed = PathCounts.joined(missed, gates.children(paths), newly_cut)
         waiting = self._waiting(followed)
-        ended = self._expired(waiting.first_scan)
+        ended = self.expired(waiting.first_scan)
         confirmed = followed.total - waiting.total
         return waiting[~ended], confirmed, waiting[ended].total
 
@@ -287,9 +282,6 @@ class Tsepm(Method):
 
     def _waiting(self, paths: PathCounts) -> PathCounts:
         return paths[~pruning.confirmed(paths.hit_count, self.options.min_hits)]
-
-    def _expired(self, first_scan: IntArray) -> NDArray[np.bool_]:
-        return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
 
     def _estimate(
         self, tracks: Paths, time_limit: TimeLimit, count: int | None = None
@@ -302,7 +294,7 @@ class Tsepm(Method):
         count = count or self.options.min_hits
         order = np.arange(len(tracks))
         if time_limit.finite and len(tracks) > BLOCK:
-            order = np.argsort(self._cost(tracks), kind="stable")
+            order = np.argsort(path_cost.cost(tracks, self.detections), kind="stable")
         begin = time_limit.elapsed
         blocks = [self._estimate_block(tracks.hits[order[:BLOCK], :count])]
         for first in range(BLOCK, len(tracks), BLOCK):
@@ -371,21 +363,15 @@ class Tsepm(Method):
         return merging.moments(group.state, group.covariance, group.distance)
 
     def tracks(self, candidates: Candidates) -> TrackArrays:
-        """Candidates as tracks, without ids yet."""
-        n = len(candidates)
-        hits = self.detections[candidates.hits]
-        pairs = np.stack([hits["scan"], hits["index"]], axis=-1)
-        return TrackArrays(
-            track_id=np.zeros(n, np.int64),
-            stamp=np.full(n, self.stamp),
+        """Candidates as tracks, their places as ids."""
+        return tracks_from_hits(
+            self.detections,
+            candidates.hits,
+            stamp=self.stamp,
+            scan_index=self.scan_index,
             state=candidates.state,
             covariance=candidates.covariance,
-            hits=[tuple(map(tuple, track)) for track in pairs.tolist()],
-            hit_count=np.full(n, candidates.hits.shape[1]),
             evaluation=candidates.evaluation,
-            score=np.full(n, np.nan),
-            scan_count=self.scan_index + 1 - hits["scan"][:, 0].astype(np.int64),
-            age=self.stamp - hits["time"][:, 0],
         )
 
     def _start(self, gates: Gates) -> Paths:
@@ -399,26 +385,5 @@ class Tsepm(Method):
         if len(tracks) <= limit:
             return tracks, PathCounts.none()
         kept = np.zeros(len(tracks), bool)
-        kept[keep_best(self._cost(tracks), limit)] = True
+        kept[keep_best(path_cost.cost(tracks, self.detections), limit)] = True
         return tracks[kept], PathCounts.of_paths(tracks[~kept])
-
-    def _cost(self, tracks: Paths) -> FloatArray:
-        """Clutter statistic per degree of freedom: small is target-like, 1 a track of clutter.
-
-        A track of one hit has none yet and counts as clutter.
-        """
-        several = tracks.hit_count > 1
-        freedom = 2.0 * tracks.hit_count - 2.0
-        cost = np.ones(len(tracks))
-        return np.divide(self._clutter_statistic(tracks), freedom, out=cost, where=several)
-
-    def _clutter_statistic(self, tracks: Paths) -> FloatArray:
-        """f_2 of the hits so far, (n,)."""
-        statistic = np.zeros(len(tracks))
-        for count in np.unique(tracks.hit_count[tracks.hit_count > 1]):
-            rows = np.flatnonzero(tracks.hit_count == count)
-            hits = tracks.hits[rows, :count]
-            statistic[rows] = evaluation.clutter_statistic(
-                self.detections.positions(hits), self.detections.clutter_densities(hits)
-            )
-        return statistic
