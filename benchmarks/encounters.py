@@ -101,7 +101,7 @@ def followed(job: Job) -> Iterator[tuple[SimulatedScan, TrackArrays, TrackArrays
     initiator = make_initiator(job.method, sensor=job.scenario.sensor, **job.options)
     for scan in Simulator(job.scenario, job.seed):
         new = initiator.process(scan.scan)
-        yield scan, initiator.hold.current, new
+        yield scan, initiator.current, new
 
 
 def nearest(truth: FloatArray, tracks: TrackArrays) -> int | None:

@@ -81,7 +81,7 @@ class Seer:
 
     def __init__(self, scenario: Scenario, held: list) -> None:
         self.scenario = scenario
-        self.hold = self
+        self.maintenance = self
         self.current = self
         self.state = np.array(held, float).reshape(-1, 4)
 

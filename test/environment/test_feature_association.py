@@ -169,7 +169,7 @@ def held_through(features: bool, seed: int) -> bool:
     own = []
     for scan in Simulator(scenario, seed):
         made.process(scan.scan)
-        tracks = made.hold.current
+        tracks = made.current
         apart = tracks.state[:, None, 0::2] - scan.truth[None, :, 0::2]
         nearest = np.square(apart).sum(axis=2).argmin(axis=0) if len(tracks) else []
         own.append([int(tracks.track_id[row]) for row in nearest])
@@ -230,7 +230,7 @@ def test_without_features_and_encounters_the_option_changes_nothing():
     started = 0
     for scan in Simulator(scenario, 4):
         assert_same_tracks(one.process(scan.scan), other.process(scan.scan))
-        np.testing.assert_array_equal(one.hold.current.state, other.hold.current.state)
+        np.testing.assert_array_equal(one.current.state, other.current.state)
         started += one.statistics.confirmed
     assert started >= 2
 
@@ -242,4 +242,4 @@ def test_features_that_come_and_go_are_no_trouble():
         features = {"intensity": rng.normal(50.0, 5.0, 2)} if k % 3 else {}
         range_ = np.array([3000.0, 3050.0]) + rng.normal(0.0, 3.0, 2)
         made.process(Scan(12.0 * k, range_, np.zeros(2), features=features))
-    assert 1 <= len(made.hold.current) <= 2
+    assert 1 <= len(made.current) <= 2

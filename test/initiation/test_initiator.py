@@ -175,11 +175,11 @@ def test_ids_in_use_are_passed_over():
         if k == 2:  # a downstream tracker has come to use ids that were not given yet
             far = ConfirmedTrack(0, 12.0, np.array([9e3, 0, 9e3, 0]), np.eye(4), (), 0.0)
             used = [replace(far, track_id=track_id) for track_id in (0, 2, 500)]
-            made.hold.follow(12.0, TrackArrays.of(used))
+            made.maintenance.follow(12.0, TrackArrays.of(used))
         confirmed += made.process(scan_at(12.0 * k, [HERE, *others]))
     assert [track.track_id for track in confirmed] == [1, 3, 4]
     assert made.next_track_id == 5
-    assert sorted(track.track_id for track in made.hold.current) == [0, 1, 2, 3, 4, 500]
+    assert sorted(track.track_id for track in made.current) == [0, 1, 2, 3, 4, 500]
 
 
 def test_a_track_says_when_where_and_from_what():

@@ -205,7 +205,9 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainMaintenance) -> Count
             assert getattr(held, name)[row] == pytest.approx(getattr(track, name), rel=1e-7)
         assert held.agreeing_scans[row] == track.agreeing
     expected = sorted((j, p) for (_, j), p in plain.association.items() if p > 1e-12)
-    found = sorted(pair for pair in zip(*maintenance.claims, strict=True) if pair[1] > 1e-12)
+    found = sorted(
+        pair for pair in zip(*maintenance.held_association, strict=True) if pair[1] > 1e-12
+    )
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
     ended = {f"ended by {why}": len(ids) for why, ids in plain.ended.items()}
     return Counter(ended | {"tracks": len(tracks), "associations": len(expected)})

@@ -30,7 +30,7 @@ def test_a_target_that_is_started_again_and_again_is_held_once():
             )
         )
     assert initiator.totals.confirmed > 20
-    assert 1 <= len(initiator.hold.current) <= 3
+    assert 1 <= len(initiator.current) <= 3
 
 
 def test_targets_that_cross_stay_two(straight):

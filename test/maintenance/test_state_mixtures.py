@@ -48,7 +48,7 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
     without = 0.2 + 0.8 * (miss + ratios[::-1])
     np.testing.assert_allclose(explained, CLUTTER * (whole / without - 1.0))
     weights = np.array([miss, *ratios]) / (miss + ratios.sum())
-    row, claimed = hold.claims
+    row, claimed = hold.held_association
     odds = 0.8 * (miss + ratios.sum())
     np.testing.assert_allclose(claimed[np.argsort(row)], weights[1:] * odds / (odds + 0.2))
     # The mixture: not updated, updated with the first, updated with the second.

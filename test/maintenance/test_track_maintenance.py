@@ -103,12 +103,12 @@ def test_a_changed_hold_time_counts_at_the_next_scan():
 def test_claims_are_those_of_the_last_scan():
     hold = holding(1)
     step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), P_D)
-    assert [one.tolist() for one in hold.claims] == [[0], pytest.approx([1.0], abs=0.01)]
+    assert [one.tolist() for one in hold.held_association] == [[0], pytest.approx([1.0], abs=0.01)]
     step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), P_D)
-    assert [len(one) for one in hold.claims] == [0, 0]
+    assert [len(one) for one in hold.held_association] == [0, 0]
     step(hold, 36.0, detections([[2180.0, 1000.0]], 36.0), P_D)
     hold.clear()
-    assert [len(one) for one in hold.claims] == [0, 0]
+    assert [len(one) for one in hold.held_association] == [0, 0]
 
 
 def follow(velocity_at, *, misses: frozenset[int] = frozenset(), scans: int = 60):

@@ -63,4 +63,4 @@ def test_its_tracks_are_those_of_tsepm_before_merging(seed):
             assert getattr(made.statistics, count) == getattr(other.statistics, count)
         assert len(tracks) == other.statistics.confirmed + other.statistics.merged
     assert other.totals.merged > 0
-    assert made.reason(made.hold.current[0])
+    assert made.reason(made.current[0])

@@ -72,7 +72,7 @@ def test_a_target_alone_is_started_where_it_is(method):
     truth = np.array([2000.0, 500.0]) + track.stamp * np.array([3.0, 4.0])
     np.testing.assert_allclose(track.position, truth, atol=5.0)
     check_output(made, made.process(straight(13)[-1]))
-    assert len(made.hold.current) > 0
+    assert len(made.current) > 0
 
 
 @EVERY_METHOD
@@ -338,4 +338,4 @@ def test_options_that_cannot_be_used_leave_a_method_as_it_was(method):
         with pytest.raises(AttributeError):
             reconfigured(made, SensorModel(max_range=5000.0), CommonOptions(hold_time=1.0), None)
     assert (made.sensor, made.common, made.options) == (sensor, common, options)
-    assert made.hold.hold_time == common.hold_time
+    assert made.maintenance.hold_time == common.hold_time

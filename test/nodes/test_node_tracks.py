@@ -190,7 +190,7 @@ def test_a_late_subscriber_gets_the_current_tracks_as_of_the_last_scan(world):
     same = initiator()
     for ping in sent:
         same.process(as_scan(ping))
-    [expected] = same.hold.current
+    [expected] = same.current
     assert_same_track(held, expected)
 
 

@@ -31,7 +31,7 @@ class PlacedByTheStamp:
 
     @property
     def hold(self):
-        return self._starter.hold
+        return self._starter.maintenance
 
     def process(self, scan):
         pose = self._own_ship.pose(scan.stamp)

@@ -142,7 +142,7 @@ def test_the_order_of_a_scan_s_detections_does_not_change_its_tracks(seed):
         as_sent = [{(k, orders[k][row]) for k, row in track.hits} for track in again]
         assert [set(track.hits) for track in new] == as_sent
         assert one.statistics == other.statistics
-        for a, b in ((new, again), (one.hold.current, other.hold.current)):
+        for a, b in ((new, again), (one.current, other.current)):
             np.testing.assert_allclose(a.state, b.state, rtol=1e-6, atol=1e-6)
 
 

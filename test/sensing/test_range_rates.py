@@ -374,7 +374,7 @@ def test_range_rates_that_are_not_used_or_not_measured_change_nothing(method, un
         one = plain.process(replace(scan, features={}, sensor_velocity=(0.0, 0.0)))
         other = given.process(replace(scan, features=features))
         assert_same_tracks(list(one), list(other))
-        np.testing.assert_array_equal(plain.hold.current.state, given.hold.current.state)
+        np.testing.assert_array_equal(plain.current.state, given.current.state)
         started += len(one)
     assert started
 
@@ -436,7 +436,7 @@ def test_a_held_track_keeps_its_velocity_by_range_rates():
         for index, simulated in enumerate(Simulator(scene, 9)):
             initiator.process(simulated.scan)
             if index >= 10:
-                state = initiator.hold.current.state[0]
+                state = initiator.current.state[0]
                 place = simulated.truth[0, 0::2]
                 errors.append((state[1::2] - target[1::2]) @ place / np.hypot(*place))
         return math.sqrt(np.square(errors).mean())

@@ -36,7 +36,7 @@ class TrackStarter(Protocol):
     """What can be evaluated: an `Initiator`, or anything with a `process` like it.
 
     Of its tracks `stamp`, `state`, `covariance` (nan where there is none) and `hits` count. Where
-    it also has `hold.current`, tracks with a `state` (n, 4) at the last scan's stamp, these
+    it also has `current`, tracks with a `state` (n, 4) at the last scan's stamp, these
     are what an operator sees.
     """
 

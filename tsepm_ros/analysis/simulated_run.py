@@ -121,5 +121,5 @@ def placed(scan: Scan, own_ship: Motion) -> Scan:
 
 
 def _held_positions(starter: TrackStarter) -> FloatArray | None:
-    hold = getattr(starter, "hold", None)
-    return None if hold is None else np.array(hold.current.state)[:, 0::2]
+    held = getattr(starter, "current", None)
+    return None if held is None else np.array(held.state)[:, 0::2]

@@ -27,7 +27,7 @@ class FrontEnd:
     ----------
     sensor : SensorModel
     common : CommonOptions
-    held : TrackMaintenance
+    maintenance : TrackMaintenance
         The confirmed tracks.
     clutter_excludes_held : bool
         Whether the clutter map leaves out the detections of held tracks.
@@ -46,12 +46,12 @@ class FrontEnd:
         self,
         sensor: SensorModel,
         common: CommonOptions,
-        held: TrackMaintenance,
+        maintenance: TrackMaintenance,
         clutter_excludes_held: bool,
     ) -> None:
         self.sensor = sensor
         self.common = common
-        self.held = held
+        self.maintenance = maintenance
         self.clutter_excludes_held = clutter_excludes_held
         self.reset()
 
@@ -133,7 +133,7 @@ class FrontEnd:
             clutter_sensor = learned.clutter_rates.estimate(self.sensor)
         of_rates = range_rates.clutter_density(detections, clutter_sensor)
         before = self._local_density(len(detections)) * of_rates
-        held_density = self.held.step(
+        held_density = self.maintenance.step(
             scan.stamp,
             detections,
             before,
@@ -142,7 +142,7 @@ class FrontEnd:
             self.common.max_speed,
             environment,
         )
-        learned.detection_probability.update(*self.held.covered, GATE_PROBABILITY)
+        learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if with_features:
             learned.features.observe(
                 self.scan_index, detections["index"], detections["features"], held_density < before
@@ -160,7 +160,7 @@ class FrontEnd:
             clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
-            held_association=self.held.claims,
+            held_association=self.maintenance.held_association,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
             sensor_position=self._poses.middle[:2],
@@ -177,7 +177,7 @@ class FrontEnd:
                 *self._polar, self._clutter_weight * step.target_probability
             )
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
-        self.held.add(tracks, existence, histories)
+        self.maintenance.add(tracks, existence, histories)
 
     def _check(self, scan: Scan) -> None:
         if self.stamp is not None and scan.stamp <= self.stamp:

@@ -28,7 +28,7 @@ TRACK_IDS = 2**32
 
 
 class Initiator:
-    """Observes scans, lets a method confirm tracks, and holds these.
+    """Observes scans, lets a method confirm tracks, and maintains these.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Initiator:
         Sums since the start or the last reset.
     next_track_id : int
         Id of the next confirmed track; goes on through resets.
-    hold : TrackMaintenance
+    maintenance : TrackMaintenance
         The confirmed tracks, carried to the last scan's stamp.
     max_scan_time : float
         Time that a scan may take, s, as a last resort behind the limits on counts; infinite, so
@@ -57,9 +57,9 @@ class Initiator:
         self.next_track_id = 0
         self._observed: Observation | None = None
         self.max_scan_time = math.inf
-        self.hold = TrackMaintenance(method.common.hold_time, method.common.tracked_timeout)
+        self.maintenance = TrackMaintenance(method.common.hold_time, method.common.tracked_timeout)
         self.front_end = FrontEnd(
-            method.sensor, method.common, self.hold, method.clutter_excludes_held
+            method.sensor, method.common, self.maintenance, method.clutter_excludes_held
         )
         self.reset()
 
@@ -103,7 +103,7 @@ class Initiator:
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""
-        in_use = self.hold.current.track_id
+        in_use = self.maintenance.current.track_id
         following = (self.next_track_id + np.arange(number + len(in_use))) % TRACK_IDS
         taken = following[~np.isin(following, in_use)][:number]
         if number:
@@ -113,7 +113,7 @@ class Initiator:
     @property
     def current(self) -> TrackArrays:
         """Every track held, at the last scan's stamp."""
-        return self.hold.current
+        return self.maintenance.current
 
     def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits that may yet be confirmed, at the last scan's stamp.
@@ -134,7 +134,7 @@ class Initiator:
         self.totals = ScanStatistics()
         self.front_end.reset()
         self.forget_potential_tracks()
-        self.hold.clear()
+        self.maintenance.clear()
 
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not the tracks held, what was learned, nor counts."""
@@ -159,8 +159,8 @@ class Initiator:
         """
         changed, front_end, kept = self._configured(method)
         self.method, self.front_end = changed, front_end
-        self.hold.hold_time = method.common.hold_time
-        self.hold.tracked_timeout = method.common.tracked_timeout
+        self.maintenance.hold_time = method.common.hold_time
+        self.maintenance.tracked_timeout = method.common.tracked_timeout
         if not kept:
             self._observed = None
         return kept

@@ -69,7 +69,7 @@ class TrackMaintenance:
 
     Attributes
     ----------
-    claims : HeldAssociation
+    held_association : HeldAssociation
         Detections of the last scan that may be the tracks'.
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
@@ -86,7 +86,7 @@ class TrackMaintenance:
     def _forget(self) -> None:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
-        self.claims, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
+        self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
 
     @property
     def held(self) -> HeldTracks:
@@ -166,7 +166,7 @@ class TrackMaintenance:
         held, self.covered = held_update.updated(
             held, near, gated, association.ratio, empty, probability > 0.0
         )
-        self.claims = HeldAssociation(
+        self.held_association = HeldAssociation(
             near.row, association.probability * held.existence[near.track]
         )
         self._held = held
@@ -228,7 +228,7 @@ class TrackMaintenance:
     def _begin(self, stamp: float) -> None:
         """Begin a step: forget the last one's, and end the tracks that are over their time."""
         self._ended, self._cleared = self._cleared, []
-        self.claims, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
+        self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)
 

@@ -17,37 +17,37 @@ class DetectionWindow:
 
     def __init__(self) -> None:
         self._detections = np.zeros(0, DETECTION)
-        self._unclaimed = np.zeros(0)
+        self._not_held = np.zeros(0)
         self._first_id = 0
 
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections and return their ids, (n,)."""
         first = self._first_id + len(self._detections)
         self._detections = np.concatenate([self._detections, detections])
-        self._unclaimed = np.concatenate([self._unclaimed, np.ones(len(detections))])
+        self._not_held = np.concatenate([self._not_held, np.ones(len(detections))])
         return np.arange(first, first + len(detections))
 
     def forget(self, before_scan: int) -> None:
         """Forget the detections of the scans before the given scan index."""
         old = int(np.searchsorted(self._detections["scan"], before_scan))
         self._detections = self._detections[old:]
-        self._unclaimed = self._unclaimed[old:]
+        self._not_held = self._not_held[old:]
         self._first_id += old
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
         return self._detections[ids - self._first_id]
 
-    def claim(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
+    def note_held(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
         """Note that detections are a confirmed track's with a probability, (n,) each."""
-        np.multiply.at(self._unclaimed, ids - self._first_id, 1.0 - np.minimum(probability, 1.0))
+        np.multiply.at(self._not_held, ids - self._first_id, 1.0 - np.minimum(probability, 1.0))
 
-    def claimed(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    def held_probability(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Probability that the detections with the given ids are some confirmed track's, (...).
 
         As if what several tracks claim were independent.
         """
-        claimed: NDArray[np.float64] = 1.0 - self._unclaimed[ids - self._first_id]
+        claimed: NDArray[np.float64] = 1.0 - self._not_held[ids - self._first_id]
         return claimed
 
     def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -58,7 +58,7 @@ class InitiatorRun:
         """Forget tracks and counts; returns the ids of the tracks that end."""
         self.initiator.reset()
         self._totals_before = ScanStatistics()
-        return self.initiator.hold.take_cleared()
+        return self.initiator.maintenance.take_cleared()
 
     def start_over(self) -> None:
         """Forget tracks; counts go on."""
@@ -84,7 +84,7 @@ class InitiatorRun:
             self.initiator.max_scan_time = self._settings.session.max_scan_time
         try:
             if report is not None:
-                self.initiator.hold.follow(report.stamp, report.tracks)
+                self.initiator.maintenance.follow(report.stamp, report.tracks)
             begin = time.perf_counter()
             new = self.initiator.process(scan)
         except FAILURES:
@@ -102,7 +102,7 @@ class InitiatorRun:
             The downstream tracker's state before it.
         """
         remarks: list[Remark] = []
-        change = tracker_before, self.initiator.hold.tracker
+        change = tracker_before, self.initiator.maintenance.tracker
         if change == (Tracker.ALIVE, Tracker.SILENT):
             timeout = self._settings.common.tracked_timeout
             remarks.append(

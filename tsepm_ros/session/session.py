@@ -246,7 +246,7 @@ class Session:
         return SessionSnapshot(
             totals=self.totals,
             potential_tracks=initiator.statistics.potential_tracks,
-            tracks=len(initiator.hold.current),
+            tracks=len(initiator.current),
             dropped=dict(self.dropped),
             waiting=self.waiting,
             detection_probability=initiator.detection_probability,
@@ -257,7 +257,7 @@ class Session:
             mounting=self.mounting,
             own_ship_stamp=self.own_ship_stamp,
             scan_stamp=newest,
-            tracker=initiator.hold.tracker.value,
+            tracker=initiator.maintenance.tracker.value,
         )
 
     @property
@@ -335,7 +335,7 @@ class Session:
 
     def _run_on(self, scan: Scan, first: Waiting) -> ScanResult:
         """Run the initiator on a registered scan."""
-        tracker = self.initiator.hold.tracker
+        tracker = self.initiator.maintenance.tracker
         new, seconds = self._run.process(scan, self._report_at(scan.stamp))
         self._tell(*self._run.remarks(scan, tracker))
         return ScanResult(
@@ -345,8 +345,8 @@ class Session:
             frame_id=self.fixed_frame,
             arrival=first.arrival,
             new=new,
-            current=self.initiator.hold.current,
-            ended=self.initiator.hold.ended,
+            current=self.initiator.current,
+            ended=self.initiator.maintenance.ended,
             statistics=self.initiator.statistics,
             core_seconds=seconds,
             waiting=first.seconds,

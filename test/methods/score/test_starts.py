@@ -194,7 +194,7 @@ def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
 def test_the_held_share_is_over_all_hits_weighted_by_likelihood():
     window = DetectionWindow()
     ids = window.append(np.zeros(4, DETECTION))
-    window.claim(ids[:2], np.array([1.0, 0.5]))
+    window.note_held(ids[:2], np.array([1.0, 0.5]))
     of = Hypotheses.none(3)
     hypotheses = replace(
         of,

@@ -40,7 +40,7 @@ def test_a_target_is_started_once_and_held():
         and np.hypot(*(track.position - (3000 + 4 * track.stamp, 2000 - 3 * track.stamp))) < 300
     ]
     assert len(near) == 1
-    held = {track.track_id: track for track in initiator.hold.current}
+    held = {track.track_id: track for track in initiator.current}
     assert np.hypot(*(held[near[0].track_id].position - truth)) < 150.0
 
 
@@ -59,7 +59,7 @@ def test_a_held_target_has_no_potential_tracks():
     initiator = score()
     for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)], density=0.0):
         initiator.process(scan)
-    assert len(initiator.hold.current) == 1
+    assert len(initiator.current) == 1
     assert len(initiator.potential_tracks()) == 0
     assert initiator.statistics.potential_tracks > 0, "they are kept, as rivals"
 
@@ -183,7 +183,7 @@ def test_a_target_that_is_tracked_downstream_is_not_started_but_one_beside_it_is
     for scan in sea(np.random.default_rng(3), 40, [first, second]):
         tracked = [(2**31, 2000.0), *((start.track_id, 1000.0) for start in starts)]
         told = [downstream(track_id, scan.stamp, y) for track_id, y in tracked if listed]
-        initiator.hold.follow(scan.stamp, TrackArrays.of(told))
+        initiator.maintenance.follow(scan.stamp, TrackArrays.of(told))
         starts += initiator.process(scan)
     lanes = [round(track.position[1] / 1000.0) for track in starts]
     if listed:
@@ -200,7 +200,7 @@ def test_a_start_is_held_as_firmly_as_it_is_probable(wish):
         if len(tracks):
             odds = 500.0 * np.exp(tracks.evaluation) / wish
             expected = np.clip(odds / (1.0 + odds), 0.02, 0.99)
-            held = initiator.hold.held.existence[-len(tracks) :]
+            held = initiator.maintenance.held.existence[-len(tracks) :]
             assert held == pytest.approx(expected)
             return
     pytest.fail("nothing was confirmed")

@@ -207,7 +207,7 @@ class Score(Method):
         """Take a scan's detections and their held association; returns their ids, (d,)."""
         ids = self.detections.append(observed.detections)
         row, probability = observed.held_association
-        self.detections.claim(ids[row], probability)
+        self.detections.note_held(ids[row], probability)
         self._threshold.observe(observed)
         return ids
 

@@ -81,7 +81,7 @@ class Start:
     ----------
     hits : (h,) ndarray of int
         Detections that are credible as the target's, ascending, see `credible_hits`.
-    claimed, probability : (c,) ndarray
+    detections, probability : (c,) ndarray
         All detections that may be, ascending, and how probably each is.
     state, covariance : (4,), (4, 4) ndarray
     evidence : float
@@ -89,7 +89,7 @@ class Start:
     """
 
     hits: IntArray
-    claimed: IntArray
+    detections: IntArray
     probability: FloatArray
     state: FloatArray
     covariance: FloatArray
@@ -157,7 +157,7 @@ class SummedEvidence:
         rows = np.flatnonzero(strong[group])
         ending, group = grown.ended[rows], group[rows]
         new = held_share(ending, group, n, window) <= MAX_HELD_SHARE
-        new &= window.claimed(grown.ids) <= MAX_HELD_PROBABILITY
+        new &= window.held_probability(grown.ids) <= MAX_HELD_PROBABILITY
         strong &= new | (
             grouped.summed(ending.score_given_held, group, n) >= threshold + SECOND_TARGET_MARGIN
         )
@@ -165,7 +165,10 @@ class SummedEvidence:
         for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
             members = ending[group == newest]
             start = None
-            if new[newest] and window.claimed(grown.ids[[newest]])[0] <= MAX_HELD_PROBABILITY:
+            if (
+                new[newest]
+                and window.held_probability(grown.ids[[newest]])[0] <= MAX_HELD_PROBABILITY
+            ):
                 start = resolved(members, grown, window, MAX_HELD_SHARE, min_time, fit)
             if start is None:
                 members = given_starts(members, starts).scored_given_held()
@@ -180,7 +183,7 @@ class SummedEvidence:
                 starts.append(start)
                 beyond = np.array([start.evidence - threshold])
                 exists = existence(beyond, false_tracks_per_hour)
-                window.claim(start.claimed, start.probability * exists)
+                window.note_held(start.detections, start.probability * exists)
         return starts
 
 
@@ -206,7 +209,7 @@ def held_share(
     weight = np.exp(hypotheses.score - grouped.largest_of(hypotheses.score, group, count)[group])
     hit = hypotheses.hits != NO_HIT
     claimed = np.zeros(hypotheses.hits.shape)
-    claimed[hit] = window.claimed(hypotheses.hits[hit])
+    claimed[hit] = window.held_probability(hypotheses.hits[hit])
     theirs = np.bincount(group, weight * claimed.sum(axis=1), minlength=count)
     hits = np.bincount(group, weight * hypotheses.hit_count, minlength=count)
     return np.asarray(theirs / np.maximum(hits, 1e-300))
@@ -215,7 +218,7 @@ def held_share(
 def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     """The hypotheses given the new tracks."""
     for start in starts:
-        hypotheses = hypotheses.given_track(start.claimed, start.probability)
+        hypotheses = hypotheses.given_track(start.detections, start.probability)
     return hypotheses
 
 
