@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 Adapter = Callable[[Any, ReadingOptions], Ping]
 Writer = Callable[["Header", Scan, float], Any]
 
-_adapters: dict[str, Adapter] = {}
+adapters: dict[str, Adapter] = {}
+"""Every adapter, by the message type that it reads."""
 _writers: dict[str, Writer] = {}
 
 
@@ -42,7 +43,7 @@ def register(type_name: str) -> Callable[[Adapter], Adapter]:
     """
 
     def decorate(adapter: Adapter) -> Adapter:
-        _adapters[type_name] = adapter
+        adapters[type_name] = adapter
         return adapter
 
     return decorate
@@ -60,7 +61,7 @@ def register_writer(type_name: str) -> Callable[[Writer], Writer]:
 
 def supported_types() -> tuple[str, ...]:
     """Return the names of the message types that `read_detections` takes, sorted."""
-    return tuple(sorted(_adapters))
+    return tuple(sorted(adapters))
 
 
 def read_detections(
@@ -170,7 +171,7 @@ def _type_name(message: Any) -> str:
 
 def _adapter(type_name: str) -> Adapter:
     try:
-        return _adapters[type_name]
+        return adapters[type_name]
     except KeyError:
         raise MessageError(
             "unknown_type",

@@ -24,8 +24,11 @@ from msg_adapters.stamps import time_to_ns
 
 
 @pytest.fixture
-def _other_registry(monkeypatch):
-    monkeypatch.setattr(detection_types, "_adapters", dict(detection_types._adapters))
+def _other_registry():
+    before = dict(detection_types.adapters)
+    yield
+    detection_types.adapters.clear()
+    detection_types.adapters.update(before)
 
 
 def test_point_cloud_is_supported_and_its_class_found():

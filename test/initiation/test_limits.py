@@ -13,9 +13,13 @@ from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
+from tsepm_ros.stages.paths import Paths
 
 
 @pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
@@ -238,16 +242,20 @@ def test_many_detections_in_one_place_in_two_scans_are_processed_in_time():
     assert initiator.statistics.cut_potential_tracks > 0
 
 
-def test_cutting_what_cannot_pass_changes_no_output(monkeypatch):
-    def run():
-        initiator = make_initiator(
-            "tsepm",
-            sensor=SensorModel(clutter_density=1e-5),
-            min_hits=4,
-            window=6,
-            evaluation="clutter_statistic",
-            clutter_test_size=0.3,
+class Uncut(Tsepm):
+    """The method without what its evaluation rules out beforehand."""
+
+    def cut_hopeless(self, updated: Paths) -> tuple[Paths, PathCounts]:
+        return updated, PathCounts.none()
+
+
+def test_cutting_what_cannot_pass_changes_no_output():
+    def run(kind):
+        options = TsepmOptions(
+            min_hits=4, window=6, evaluation="clutter_statistic", clutter_test_size=0.3
         )
+        sensor = SensorModel(clutter_density=1e-5)
+        initiator = Initiator(kind(sensor, CommonOptions(), options))
         tracks = [
             (track.hits, track.state.tolist(), track.covariance.tolist(), track.evaluation)
             for scan in busy_scans()
@@ -255,9 +263,8 @@ def test_cutting_what_cannot_pass_changes_no_output(monkeypatch):
         ]
         return tracks, initiator.totals
 
-    tracks, totals = run()
-    monkeypatch.setattr(Tsepm, "_cut_hopeless", lambda self, updated: (updated, PathCounts.none()))
-    expected, plain = run()
+    tracks, totals = run(Tsepm)
+    expected, plain = run(Uncut)
     assert len(tracks) > 10
     assert tracks == expected
     assert totals.hopeless_tracks > plain.hopeless_tracks == 0

@@ -9,6 +9,10 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, detections, scan_at
 
 from tsepm_ros import make_initiator
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
+from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.stages import splitting
 from tsepm_ros.stages.splitting import Gated, gate, left_out, residual, split, split_within
@@ -117,20 +121,22 @@ def test_a_varying_period_is_gated_by_time_not_by_scans():
     assert confirmed([0.0, 11.0, 20.0]) == 0
 
 
-def test_tracks_that_share_their_last_hit_share_its_gate(monkeypatch):
-    asked = []
+class Counted(Tsepm):
+    """The method, counting the gates that it asks for."""
 
-    def spy(last_hits, *more):
-        asked.append(len(last_hits))
-        return gate(last_hits, *more)
+    def gated(self, last_hits: np.ndarray, detections: np.ndarray) -> Gated:
+        self.asked = [*getattr(self, "asked", []), len(last_hits)]
+        return super().gated(last_hits, detections)
 
-    monkeypatch.setattr(splitting, "gate", spy)
-    initiator = make_initiator("tsepm", sensor=FIXED_RANGE_ERROR)
+
+def test_tracks_that_share_their_last_hit_share_its_gate():
+    method = Counted(FIXED_RANGE_ERROR, CommonOptions(), TsepmOptions())
+    initiator = Initiator(method)
     initiator.process(scan_at(0.0, [(2000.0, 0.0), (2010.0, 0.0), (2020.0, 0.0)]))
     initiator.process(scan_at(12.0, [(2010.0, 5.0)]))
     initiator.process(scan_at(24.0, [(2010.0, 10.0)]))
     assert initiator.statistics.potential_tracks == 3
-    assert asked == [0, 3, 1]
+    assert method.asked == [0, 3, 1]
 
 
 def test_every_track_has_a_child_for_every_detection_in_its_gate():

@@ -127,7 +127,7 @@ class Tsepm(WindowedMethod):
         """
         gates = self._gate(observed)  # Step 2
         updated, missed, surplus = self._split(gates)
-        hopeful, hopeless = self._cut_hopeless(updated)
+        hopeful, hopeless = self.cut_hopeless(updated)
         raw, potential, terminated = self._confirm(hopeful, missed)  # Step 3
         candidates = self._estimate(raw, observed.time_limit)  # Steps 4 and 5
         kept = self._prune(candidates)  # Step 6
@@ -235,7 +235,7 @@ class Tsepm(WindowedMethod):
             PathCounts.of_paths(children)
         )
 
-    def _cut_hopeless(self, updated: Paths) -> tuple[Paths, PathCounts]:
+    def cut_hopeless(self, updated: Paths) -> tuple[Paths, PathCounts]:
         """Cut the paths whose evaluation can only end above its threshold, before they multiply.
 
         f_2 only grows as hits are added. The bound that f_1 has, the mean of the unweighted
