@@ -157,7 +157,7 @@ def test_other_topics_may_be_named(world, tmp_path):
     [
         ({"detections_topic": "/other"}, "recording: the bag has no topic /other"),
         ({"start_offset": 1e6}, r"start_offset: 1e\+06 s is beyond the end of the bag of"),
-        ({"start_stamp": 10.0}, "start_stamp: the messages of a bag go out as they were"),
+        ({"start_stamp": 10.0}, "start_stamp: the messages of a bag are published with"),
     ],
 )
 def test_what_a_bag_cannot_do_is_refused_with_a_sentence(world, tmp_path, parameters, sentence):

@@ -80,7 +80,7 @@ def test_own_ship_data_behind_the_newest_scan_is_a_warning(world):
 
 def test_odometry_that_is_not_listened_to_is_said_once(world):
     boat = Boat(world)
-    world.until_logged("the sensor is taken not to move, tracks are in the frame of the detections")
+    world.until_logged("the sensor is assumed fixed, tracks are in the frame of the detections")
     world.until(lambda: world.status("own ship").level == WARN, "the warning")
     said = "odometry is published on /own_ship/odometry, but own_ship_source is none"
     assert said in world.status("own ship").message

@@ -128,7 +128,7 @@ def wait_for_all_acked(self, timeout):
 
 Publisher.get_subscription_count = lambda self: 1
 Publisher.wait_for_all_acked = wait_for_all_acked
-playback.ACKNOWLEDGE_TIME = 3600.0  # so that only the signal ends the wait
+playback.MAX_ACKNOWLEDGE_TIME = 3600.0  # so that only the signal ends the wait
 sys.exit(main())
 """
 

@@ -98,7 +98,7 @@ def subscribe(world, **arguments) -> DetectionsSubscription:
 
 
 def test_a_driver_that_comes_back_as_another_type_is_named_once(world):
-    detections = subscribe(world, watch_period=0.05)
+    detections = subscribe(world, connected_poll_period=0.05)
     driver = world.add(Driver(world.context))
     world.until(lambda: detections.subscribed == POINT_CLOUD, "the driver")
     assert detections.unread == ()
@@ -107,7 +107,7 @@ def test_a_driver_that_comes_back_as_another_type_is_named_once(world):
     with World(world.domain) as elsewhere:  # one process cannot publish two types on one topic
         lidar = elsewhere.add(Node("lidar", context=elsewhere.context))
         publisher = lidar.create_publisher(LaserScan, "detections", 10)
-        world.until_logged(f"as {LASER_SCAN}, but", f"as {POINT_CLOUD}:", level=WARN)
+        world.until_logged(f"as {LASER_SCAN}, but", f"as {POINT_CLOUD};", level=WARN)
         assert publisher.topic_name == "/detections"
         assert detections.unread == (LASER_SCAN,)
         for _ in range(20):

@@ -1,4 +1,4 @@
-"""Subscribing to the detections in the type and with the reliability that the driver offers."""
+"""Subscription to the detections with the message type and reliability of the driver."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 
 TOPIC = "detections"
-LOOK_PERIOD = 0.1
-"""Time between looks at the graph while no driver is known, s."""
-WATCH_PERIOD = 2.0
-"""Time between looks once one is, s."""
+POLL_PERIOD = 0.1
+"""Period of the graph queries while no driver is known, s."""
+CONNECTED_POLL_PERIOD = 2.0
+"""Period of the graph queries once a driver is known, s."""
 
 _RELIABILITY = {
     "reliable": ReliabilityPolicy.RELIABLE,
@@ -40,9 +40,9 @@ class DetectionsSubscription:
     callback : callable
         Called with each message.
     watch : QosWatch
-        Told of publishers whose quality of service does not fit.
-    watch_period : float, optional
-        Time between looks at the graph once a driver is known, s: it may come back as another type.
+        Counts publishers whose quality of service is incompatible.
+    connected_poll_period : float, optional
+        Period of the graph queries once a driver is known, s: its message type may change.
     find_class : callable, optional
         Returns the message class of a type, or raises MessageError.
 
@@ -61,11 +61,11 @@ class DetectionsSubscription:
         callback: Callable[[Any], None],
         watch: QosWatch,
         *,
-        watch_period: float = WATCH_PERIOD,
+        connected_poll_period: float = CONNECTED_POLL_PERIOD,
         find_class: Callable[[str], type] = message_class,
     ) -> None:
         self._node = node
-        self._watch_period = watch_period
+        self._watch_period = connected_poll_period
         self._find_class = find_class
         self._reliability = reliability
         self._depth = depth
@@ -74,7 +74,7 @@ class DetectionsSubscription:
         self._subscription: OfferedSubscription | None = None
         self._refused_types: set[str] = set()
         self._type_name = type_name
-        self._found: tuple[str, ...] = ()
+        self._published_types: tuple[str, ...] = ()
         self._subscribed = ""
         if type_name != "auto":
             with refusing("detections_type"):
@@ -84,8 +84,8 @@ class DetectionsSubscription:
         else:
             node.get_logger().info(f"waiting for a publisher of {node.resolve_topic_name(TOPIC)}")
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._look = node.create_timer(LOOK_PERIOD, self._look_for_publisher, clock=steady)
-        self._look_for_publisher()
+        self._poll_timer = node.create_timer(POLL_PERIOD, self._query_publishers, clock=steady)
+        self._query_publishers()
 
     @property
     def connected(self) -> bool:
@@ -94,49 +94,49 @@ class DetectionsSubscription:
 
     @property
     def unread(self) -> tuple[str, ...]:
-        """Types as which the topic was published at the last look but is not read, sorted."""
-        return tuple(name for name in self._found if name != self._subscribed)
+        """Published types at the last graph query that are not read, sorted."""
+        return tuple(name for name in self._published_types if name != self._subscribed)
 
     @property
     def subscribed(self) -> str:
-        """Type of the subscription; empty where there is none yet."""
+        """Type of the subscription; empty if there is no subscription yet."""
         return self._subscribed
 
-    def _look_for_publisher(self) -> None:
+    def _query_publishers(self) -> None:
         publishers = self._node.get_publishers_info_by_topic(TOPIC)
-        self._found = tuple(sorted({publisher.topic_type for publisher in publishers}))
+        self._published_types = tuple(sorted({publisher.topic_type for publisher in publishers}))
         readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
         if readable and not self.connected:
             offered = readable[0].qos_profile.reliability
             reliability = _RELIABILITY.get(self._reliability, offered)
             self._subscribe(readable[0].topic_type, reliability)
-        for name in self._found:
+        for name in self._published_types:
             if name != self._subscribed and name not in self._refused_types:
                 self._refused_types.add(name)
-                self._say_unread(name)
+                self._log_unread(name)
         if readable:
-            self._look.timer_period_ns = int(self._watch_period * 1e9)
+            self._poll_timer.timer_period_ns = int(self._watch_period * 1e9)
 
-    def _say_unread(self, found: str) -> None:
-        """Say why nothing that is published as this type is read."""
-        published = f"{self._node.resolve_topic_name(TOPIC)} is published as {found}"
-        fault = self._fault(found)
+    def _log_unread(self, type_name: str) -> None:
+        """Log why messages of a published type are not read."""
+        published = f"{self._node.resolve_topic_name(TOPIC)} is published as {type_name}"
+        fault = self._fault(type_name)
         if fault:
             self._node.get_logger().error(f"{published}, {fault}")
             return
         self._node.get_logger().warning(
-            f"{published}, but this node has subscribed to it as {self._subscribed}: what comes as "
-            "the other type is not read; start the node again to read it"
+            f"{published}, but this node has subscribed to it as {self._subscribed}; messages of "
+            "the other type are not read; restart the node to use that type"
         )
 
-    def _fault(self, found: str) -> str:
+    def _fault(self, type_name: str) -> str:
         """Why a type is not read; empty if it is."""
-        wanted = supported_types() if self._type_name == "auto" else (self._type_name,)
-        if found not in wanted:
-            one_of = "one of " if len(wanted) > 1 else ""
-            return f"which this node does not read; it reads {one_of}{', '.join(wanted)}"
+        readable = supported_types() if self._type_name == "auto" else (self._type_name,)
+        if type_name not in readable:
+            one_of = "one of " if len(readable) > 1 else ""
+            return f"which this node does not read; it reads {one_of}{', '.join(readable)}"
         try:
-            self._find_class(found)
+            self._find_class(type_name)
         except MessageError as error:
             return f"but {error}"
         return ""

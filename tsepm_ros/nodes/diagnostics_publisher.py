@@ -1,4 +1,4 @@
-"""Publishing the health of the session and of the connections on ``/diagnostics``."""
+"""Publisher of the health of session and connections on ``/diagnostics``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tsepm_ros.session.session import Session
 
 
 class DiagnosticsPublisher:
-    """Judges the health and publishes it, again and again.
+    """Evaluates the health and publishes it periodically.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class DiagnosticsPublisher:
     detections : DetectionsSubscription
     qos : QosWatch
     own_ship_topic : str
-        Where odometry that the session does not use is looked for.
+        Topic that is checked for odometry that the session does not use.
     period : float
         Time between messages, s.
     now : callable
@@ -60,12 +60,12 @@ class DiagnosticsPublisher:
         self._timer = node.create_timer(period, self._publish, clock=steady)
 
     def set_period(self, period: float) -> None:
-        """Change the time between messages, s; the next comes after it."""
+        """Change the period of the messages, s, and restart it."""
         self._timer.timer_period_ns = int(period * 1e9)
         self._timer.reset()
 
     def reset(self) -> None:
-        """Forget what was counted."""
+        """Reset the counts."""
         self._health.reset()
         self._qos.heard.clear()
 
@@ -82,7 +82,7 @@ class DiagnosticsPublisher:
         self._publisher.publish(diagnostics(stamp_ns, self._node.get_name(), statuses))
 
     def _unused_own_ship(self) -> str:
-        """The topic of odometry where it is published and not listened to; a warning says so."""
+        """Topic of odometry that is published but not used, with one warning; empty if none."""
         if self._session.source != "none":
             return ""
         endpoints = self._node.get_publishers_info_by_topic(self._own_ship_topic)

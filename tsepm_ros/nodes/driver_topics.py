@@ -1,4 +1,4 @@
-"""The topics of a sonar driver and of the truth, as simulator and player publish them."""
+"""Topics of a sonar driver and of the ground truth, published by simulator and player."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class DriverTopics:
     detections_type : type
         Message class of the detections.
     fixed_frame, sensor_frame : str
-        Frame of own ship and truth, and of the detections.
+        Frame of own ship and truth; frame of the detections.
 
     Attributes
     ----------
     detections : Publisher
     publishers : list of Publisher
-        Those whose messages must arrive.
+        Publishers whose messages must be acknowledged.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class DriverTopics:
         stamp : float
             s.
         pose : tuple of float
-            x, y and yaw in the fixed frame, m and rad; None for a yaw that is not known.
+            x, y and yaw in the fixed frame, m and rad; None for an unknown yaw.
         rates : tuple of float
             vx, vy (fixed frame, m/s) and yaw rate (rad/s).
         roll, pitch : float, optional

@@ -1,4 +1,4 @@
-"""Declaring a node's parameters from their table, and keeping them valid."""
+"""Declaration and validation of a node's parameters from the parameter table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tsepm_ros.parameters import Parameter, Value, unknown_parameter
 from tsepm_ros.settings.tables import Groups, full_table, make_groups
 
 _INT64 = 2**63 - 1
-_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_RCLPY_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """Parameters that rclpy declares itself."""
 _ROS_TYPES = {
     bool: RosParameter.Type.BOOL,
@@ -37,26 +37,26 @@ _TYPE_HINTS = {
 }
 
 AUTO_DECLARE = {"automatically_declare_parameters_from_overrides": True}
-"""How a node that uses `NodeParameters` is made."""
+"""Arguments of the constructor of a node that uses `NodeParameters`."""
 
-Made = Mapping[type[Any], Any]
-"""Groups of parameters by their type."""
+OptionsByType = Mapping[type[Any], Any]
+"""Option objects by their class."""
 
 
 class ParameterError(ValueError):
-    """A parameter was given a value that it cannot have."""
+    """The value of a parameter is not allowed."""
 
 
 @contextmanager
 def refusing(name: str = "") -> Iterator[None]:
-    """Turn a ValueError into a ParameterError, whose sentence begins with a parameter's name."""
+    """Turn a ValueError into a ParameterError whose message begins with a parameter's name."""
     try:
         yield
     except ValueError as error:
         raise ParameterError(f"{name}: {error}" if name else str(error)) from None
 
 
-def _ignore(made: Made) -> None:
+def _ignore(options: OptionsByType) -> None:
     pass
 
 
@@ -66,20 +66,20 @@ class NodeParameters:
     Parameters
     ----------
     node : rclpy.node.Node
-        Made with `AUTO_DECLARE`: rclpy tells of names that
-        nobody declares in no other way, and a misspelt parameter must not be ignored in silence.
+        Constructed with `AUTO_DECLARE`: rclpy reports undeclared names in no other way, and a
+        misspelt parameter must not be ignored silently.
     groups : Groups
         The table, by groups.
     on_change : callable, optional
-        Called with the groups after parameters changed while running.
+        Called with the options after parameters changed at run time.
     rehearse : callable, optional
-        Called with the groups before that; what it raises of `failures` refuses the change.
+        Called with the options before a change; an exception in `failures` refuses the change.
     failures : tuple of exception types, optional
 
     Raises
     ------
     ParameterError
-        If a name given at the start is unknown or its value is not allowed; the sentence names
+        If a name given at the start is unknown or its value is not allowed; the message names
         the parameter.
     """
 
@@ -87,8 +87,8 @@ class NodeParameters:
         self,
         node: Node,
         groups: Groups,
-        on_change: Callable[[Made], None] = _ignore,
-        rehearse: Callable[[Made], None] = _ignore,
+        on_change: Callable[[OptionsByType], None] = _ignore,
+        rehearse: Callable[[OptionsByType], None] = _ignore,
         failures: tuple[type[Exception], ...] = (),
     ) -> None:
         self._node = node
@@ -100,14 +100,14 @@ class NodeParameters:
         self._refuse_unknown()
         for row in self._rows.values():
             self._declare(row)
-        self.made = self._make({})
+        self.options = self._make_options({})
         node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._changed)
+        node.add_post_set_parameters_callback(self._apply_changes)
 
     def _refuse_unknown(self) -> None:
         given = self._node.get_parameters_by_prefix("")
         for name in given:
-            if name not in self._rows and not name.startswith(_OF_ROS):
+            if name not in self._rows and not name.startswith(_RCLPY_PARAMETERS):
                 raise ParameterError(unknown_parameter(name, self._rows))
 
     def _declare(self, row: Parameter) -> None:
@@ -126,24 +126,25 @@ class NodeParameters:
     def _values(self) -> dict[str, Value]:
         return {name: self._node.get_parameter(name).value for name in self._rows}
 
-    def _make(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
+    def _make_options(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
         with refusing():
             return make_groups(self._groups, {**self._values(), **changes})
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
         changes = {}
-        for one in parameters:
-            row = self._rows.get(one.name)
+        for parameter in parameters:
+            row = self._rows.get(parameter.name)
             if row is None:
                 continue  # another part of the node has declared it
-            if one.type_ is not _ROS_TYPES[row.type]:
-                reason = f"{one.name} must be {_TYPE_HINTS[row.type]}; got {one.value!r}"
+            if parameter.type_ is not _ROS_TYPES[row.type]:
+                allowed = _TYPE_HINTS[row.type]
+                reason = f"{parameter.name} must be {allowed}; got {parameter.value!r}"
                 return SetParametersResult(successful=False, reason=reason)
-            changes[one.name] = one.value
+            changes[parameter.name] = parameter.value
         if not changes:
             return SetParametersResult(successful=True)
         try:
-            self._rehearse(self._make(changes))
+            self._rehearse(self._make_options(changes))
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except self._failures as error:
@@ -151,11 +152,11 @@ class NodeParameters:
             return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
-    def _changed(self, parameters: list[RosParameter]) -> None:
-        if not any(one.name in self._rows for one in parameters):
+    def _apply_changes(self, parameters: list[RosParameter]) -> None:
+        if not any(parameter.name in self._rows for parameter in parameters):
             return
-        self.made = self._make({})
-        self._on_change(self.made)
+        self.options = self._make_options({})
+        self._on_change(self.options)
 
 
 def _descriptor(row: Parameter) -> ParameterDescriptor:
@@ -166,11 +167,11 @@ def _descriptor(row: Parameter) -> ParameterDescriptor:
         read_only=row.read_only,
     )
     if row.type is float and row.bounds:
-        largest = sys.float_info.max
+        max_float = sys.float_info.max
         descriptor.floating_point_range = [
             FloatingPointRange(
-                from_value=max(0.0 if row.positive else row.minimum, -largest),
-                to_value=min(row.maximum, largest),
+                from_value=max(0.0 if row.positive else row.minimum, -max_float),
+                to_value=min(row.maximum, max_float),
             )
         ]
     elif row.type is int and row.bounds:

@@ -13,7 +13,7 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 
 
 class OfferedSubscription:
-    """Subscribes reliably; as best effort once a publisher turns out to offer no more.
+    """Subscribes reliably, and as best effort once a publisher offers best effort only.
 
     Parameters
     ----------
@@ -25,11 +25,11 @@ class OfferedSubscription:
     callback : callable
         Called with each message.
     watch : QosWatch
-        Told of every mismatch.
+        Counts the mismatches.
     reliability : rclpy.qos.ReliabilityPolicy, optional
-        To begin with.
+        Initial reliability.
     fixed : bool, optional
-        Keep the reliability whatever is offered, and only report a mismatch.
+        Keep the reliability; a mismatch is only logged.
     """
 
     def __init__(
@@ -71,12 +71,12 @@ class OfferedSubscription:
         self._watch.heard[self.topic_name] += 1
         if self._fixed:
             self._node.get_logger().error(
-                f"a publisher of {self.topic_name} does not offer reliable delivery: nothing is "
-                "received from it; set detections_reliability to auto or best_effort"
+                f"a publisher of {self.topic_name} does not offer reliable delivery, so its messages "
+                "are not received; set detections_reliability to auto or best_effort"
             )
             return
         self._node.get_logger().warning(
-            f"a publisher of {self.topic_name} offers best effort only: subscribing again as such"
+            f"a publisher of {self.topic_name} offers best effort only: subscribing as best effort"
         )
         self._node.destroy_subscription(self._subscription)
         self._subscribe(ReliabilityPolicy.BEST_EFFORT)

@@ -1,4 +1,4 @@
-"""Publishing events at their times: what the simulator and the player share."""
+"""Publishing events at their times, for simulator and player."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.settings.node_options import PlaybackOptions
 
 Event = tuple[float, Callable[[], None]]
-"""Time in the recording (s) and what publishes then."""
+"""Time in the recording (s) and the function that publishes the message."""
 
 WAIT_PERIOD = 0.05
-"""Time between looks at the subscribers, s."""
+"""Time between checks for subscribers, s."""
 LOG_PERIOD = 5.0
-"""Least time between log entries that say how far the playback is, s."""
+"""Minimum time between log entries of the playback's progress, s."""
 PUBLISHER_DEPTH = 1000
-"""Messages that a publisher keeps for subscribers that have not acknowledged them yet."""
-ACKNOWLEDGE_EVERY = 500
-"""Events after which all must be acknowledged. Less than the depth, so nothing unacknowledged is
-overwritten; not fewer, since the middleware may take its heartbeat of 3 s to acknowledge."""
-ACKNOWLEDGE_TIME = 10.0
-"""Time that a reliable subscriber is given to acknowledge, s; after that it is taken for dead."""
-ACKNOWLEDGE_STEP = 0.2
-"""Longest single wait in that time, s."""
+"""Queue depth of a publisher: messages kept until they are acknowledged."""
+EVENTS_PER_ACKNOWLEDGEMENT = 500
+"""Events after which all messages must be acknowledged. It is below the depth, so that no
+unacknowledged message is overwritten; an acknowledgement may take the heartbeat period of 3 s."""
+MAX_ACKNOWLEDGE_TIME = 10.0
+"""Maximum time for the acknowledgement, s; later a reliable subscriber is considered dead."""
+MAX_SINGLE_WAIT = 0.2
+"""Maximum time of a single wait for the acknowledgement, s."""
 
 
 class Played(Protocol):
-    """What is played: a scenario, a recording or a bag."""
+    """Source of the events: a scenario, a recording or a bag."""
 
     @property
     def detections(self) -> Publisher:
-        """Publisher whose subscribers are waited for."""
+        """Publisher whose subscribers the playback waits for."""
 
     @property
     def publishers(self) -> Sequence[Publisher]:
-        """Those whose messages must arrive, made with at least PUBLISHER_DEPTH."""
+        """Publishers whose messages must be acknowledged, of depth PUBLISHER_DEPTH or more."""
 
     def events(self) -> Iterator[Event]:
-        """Iterate over the events in order of time; anew for every loop."""
+        """Iterate over the events in order of time, from the first; once per loop."""
 
 
 def check_start_offset(start_offset: float, duration: float, played: str) -> None:
-    """Refuse a start beyond the end of what is played, s.
+    """Refuse a start offset beyond the duration, both s.
 
     Raises
     ------
     ParameterError
-        If it is.
+        If the start offset is beyond the duration.
     """
     if start_offset > duration:
         raise ParameterError(
@@ -68,10 +68,10 @@ def check_start_offset(start_offset: float, duration: float, played: str) -> Non
 class Playback:
     """Publishes a sequence of events, paced by the wall clock.
 
-    It does not outrun a reliable subscriber: no message is overwritten before it is acknowledged,
-    and the last ones are acknowledged before the end. Before the first event it settles: a
-    publisher knows of a subscription before the subscription knows of it; what is published in
-    between is lost, reliable or not.
+    The playback waits for reliable subscribers: no message is overwritten before it is
+    acknowledged, and all are acknowledged before the end. It waits for `settling_time` before the
+    first event: discovery has two sides, and a message that is published after the publisher has
+    discovered a subscription but before the opposite discovery is lost, even if reliable.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class Playback:
     Attributes
     ----------
     finished : Future
-        Done when the last event has been published and taken.
+        Done when the last event has been published and acknowledged.
     """
 
     def __init__(self, node: Node, played: Played, options: PlaybackOptions) -> None:
@@ -107,10 +107,10 @@ class Playback:
 
     def _step(self) -> None:
         if self._begin is None:
-            wanted = self._options.wait_for_subscribers
-            if self._played.detections.get_subscription_count() < wanted:
+            awaited = self._options.wait_for_subscribers
+            if self._played.detections.get_subscription_count() < awaited:
                 return
-            settling = self._options.settling_time if wanted else 0.0
+            settling = self._options.settling_time if awaited else 0.0
             self._begin = time.monotonic() + settling - self._wall_time()
         while self._next is not None:
             wait = self._begin + self._wall_time() - time.monotonic()
@@ -121,7 +121,7 @@ class Playback:
         self._end()
 
     def _wall_time(self) -> float:
-        """When the next event is due, s of wall time, counted as the events' times are."""
+        """Wall time at which the next event is due, s, from the origin of the events' times."""
         return self._next[0] / self._options.rate_factor if self._next is not None else 0.0
 
     def _publish(self) -> None:
@@ -131,18 +131,18 @@ class Playback:
             self._clock.publish(ClockMessage(clock=ns_to_time(seconds_to_ns(stamp))))
         publish()
         self._published += 1
-        if self._published % ACKNOWLEDGE_EVERY == 0:
+        if self._published % EVENTS_PER_ACKNOWLEDGEMENT == 0:
             self._wait_for_acknowledgement()
         self._next = next(self._events, None)
 
     def _wait_for_acknowledgement(self) -> None:
         for publisher in self._played.publishers:
-            until = time.monotonic() + ACKNOWLEDGE_TIME
+            until = time.monotonic() + MAX_ACKNOWLEDGE_TIME
             while (
                 publisher.get_subscription_count()
                 and time.monotonic() < until
-                and self._node.context.ok()  # the wait itself hears no signal
-                and not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_STEP))
+                and self._node.context.ok()  # a signal does not interrupt the wait
+                and not publisher.wait_for_all_acked(Duration(seconds=MAX_SINGLE_WAIT))
             ):
                 pass
 

@@ -1,4 +1,4 @@
-"""A bag's messages, published as they were recorded."""
+"""Messages of a bag, published as they were recorded."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
 
 
 class PlayedBag:
-    """Publishes the detections, the own ship and what else the track initiator reads from a bag.
+    """Publishes the topics of a bag that the track initiator reads.
 
-    The messages go out byte for byte; those that are corrupt are left out, counted and said. Where
-    tf2_msgs is installed, /tf and /tf_static go out too, the latter from the bag's very start.
+    The messages are published byte for byte. Corrupt messages are skipped, counted and logged. If
+    tf2_msgs is installed, /tf and /tf_static are published too, the latter from the bag's start.
 
     Parameters
     ----------
@@ -35,21 +35,23 @@ class PlayedBag:
     ----------
     detections : Publisher
     publishers : list of Publisher
-        Those whose messages must arrive.
+        Publishers whose messages must be acknowledged.
     dropped : int
-        Messages that were left out.
+        Corrupt messages that were skipped.
 
     Raises
     ------
     ParameterError
-        If the bag cannot be read or played so.
+        If the bag cannot be read, or the options do not fit it.
     """
 
     def __init__(self, node: Node, options: PlayerNodeOptions) -> None:
         self._node = node
         self.dropped = 0
         if options.start_stamp:
-            raise ParameterError("start_stamp: the messages of a bag go out as they were recorded")
+            raise ParameterError(
+                "start_stamp: the messages of a bag are published with their recorded stamps"
+            )
         with refusing("recording"):
             self._bag = Bag(options.recording)
         try:
@@ -81,14 +83,16 @@ class PlayedBag:
         self._bag.close()
 
     def events(self) -> Iterator[Event]:
-        """Iterate over what was recorded, in order of reception; a damaged bag ends where it is."""
-        static = [one for one in self._publishers if one == TF_STATIC]
-        before = (one for one in self._bag.messages(static) if one.log_ns < self._from_ns)
+        """Iterate over the messages in order of reception, up to a damaged place of the bag."""
+        static = [topic for topic in self._publishers if topic == TF_STATIC]
+        before = (
+            message for message in self._bag.messages(static) if message.log_ns < self._from_ns
+        )
         try:
             for message in chain(before, self._bag.messages(self._publishers, self._from_ns)):
                 yield 1e-9 * max(message.log_ns, self._from_ns), partial(self._publish, message)
         except ValueError as error:
-            self._node.get_logger().error(f"the end comes early: {error}")
+            self._node.get_logger().error(f"the playback ends early: {error}")
 
     def _publish(self, message: BagMessage) -> None:
         try:
@@ -111,12 +115,12 @@ class PlayedBag:
         type_name = self._bag.topics[topic]
         package, _, name = type_name.split("/")
         try:
-            found: type = getattr(importlib.import_module(f"{package}.msg"), name)
+            message_class: type = getattr(importlib.import_module(f"{package}.msg"), name)
         except (ImportError, AttributeError):
             raise ParameterError(
                 f"recording: {topic} is of type {type_name}, whose package is not installed"
             ) from None
-        return found
+        return message_class
 
     def _add_tf(self) -> None:
         for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, "TRANSIENT_LOCAL")):

@@ -1,4 +1,4 @@
-"""A CSV recording as the messages that a sonar driver would publish."""
+"""A CSV recording, published as a sonar driver's messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from tsepm_ros.nodes.running import clock_time
 from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, read_recording
 from tsepm_ros.settings.node_options import PlayerNodeOptions
 
-LARGEST_STAMP = 2.0**31 - 1
+MAX_STAMP = 2.0**31 - 1
+"""Maximum stamp of a ROS message, s."""
 
 
 class PlayedRecording:
@@ -33,12 +34,12 @@ class PlayedRecording:
     ----------
     detections : Publisher
     publishers : list of Publisher
-        Those whose messages must arrive.
+        Publishers whose messages must be acknowledged.
 
     Raises
     ------
     ParameterError
-        If the recording cannot be read or played so.
+        If the recording cannot be read, or the options do not fit it.
     """
 
     def __init__(self, node: Node, options: PlayerNodeOptions) -> None:
@@ -51,19 +52,19 @@ class PlayedRecording:
         self._shift = options.start_stamp
         if self._shift < 0:
             self._shift = clock_time(node) - self._from
-        if not 0 <= self._from + self._shift <= last + self._shift <= LARGEST_STAMP:
+        if not 0 <= self._from + self._shift <= last + self._shift <= MAX_STAMP:
             raise ParameterError(
                 f"recording: with start_stamp its stamps go from {self._from + self._shift:g} to "
-                f"{last + self._shift:g} s; ROS takes 0 to {LARGEST_STAMP:g} s"
+                f"{last + self._shift:g} s; ROS takes 0 to {MAX_STAMP:g} s"
             )
         self._topics = DriverTopics(node, PointCloud2, options.fixed_frame, options.sensor_frame)
         self.detections, self.publishers = self._topics.detections, self._topics.publishers
 
     def close(self) -> None:
-        """Do nothing: the files are read."""
+        """Do nothing: no file is open."""
 
     def events(self) -> Iterator[Event]:
-        """What was recorded, in order of time; at equal times own ship, truth, scan."""
+        """Iterate over the events in order of time; at equal times own ship, truth, scan."""
         events: list[tuple[float, int, Any]] = [
             (motion.time, 0, partial(self._publish_own_ship, motion))
             for motion in self._recording.own_ship

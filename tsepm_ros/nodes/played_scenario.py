@@ -1,4 +1,4 @@
-"""A simulated scenario as the messages that a sonar driver would publish."""
+"""A simulated scenario, published as a sonar driver's messages."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class PlayedScenario:
     ----------
     detections : Publisher
     publishers : list of Publisher
-        Those whose messages must arrive.
+        Publishers whose messages must be acknowledged.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario or type of detections.
+        If the scenario or the type of the detections is unknown.
     """
 
     def __init__(self, node: Node, options: SimulatorNodeOptions) -> None:
@@ -45,7 +45,7 @@ class PlayedScenario:
         self._options = options
         with refusing():
             self._scenario = load_scenario(options.scenario)
-            Simulator(self._scenario, options.seed)  # targets that cannot be drawn are found now
+            Simulator(self._scenario, options.seed)  # raises if targets cannot be drawn
         with refusing("detections_type"):
             self._message(make_header(0, ""), Scan(0.0, np.zeros(0), np.zeros(0)))
             kind = message_class(options.detections_type)
@@ -54,19 +54,19 @@ class PlayedScenario:
         self.detections, self.publishers = self._topics.detections, self._topics.publishers
 
     def close(self) -> None:
-        """Do nothing: nothing is open."""
+        """Do nothing: no file is open."""
 
     def events(self) -> Iterator[Event]:
-        """Own-ship poses at their rate; a scan when its last echo is in."""
-        step = 1.0 / self._options.own_ship_rate
+        """Own-ship poses at their rate; each scan after its last echo."""
+        interval = 1.0 / self._options.own_ship_rate
         samples = 0
         for index, scan in enumerate(Simulator(self._scenario, self._options.seed, self._start)):
-            while self._start + (samples - 1) * step < scan.complete:
-                stamp = self._start + samples * step
+            while self._start + (samples - 1) * interval < scan.complete:
+                stamp = self._start + samples * interval
                 yield stamp, partial(self._publish_own_ship, stamp)
                 samples += 1
-            # The pose beyond the last echo has gone out: the own ship is known for all of it.
-            due = max(scan.complete, self._start + (samples - 1) * step)
+            # After the first pose beyond the last echo: the poses span the whole scan.
+            due = max(scan.complete, self._start + (samples - 1) * interval)
             yield due, partial(self._publish_scan, scan, index + 1)
 
     def _publish_own_ship(self, stamp: float) -> None:

@@ -1,4 +1,4 @@
-"""Where the other side of a topic offers or asks a quality of service that does not fit."""
+"""Topics on which the quality of service of publisher and subscriber is incompatible."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
 class QosWatch:
-    """Hears of mismatches from the middleware's events, and looks whether they still stand.
+    """Counts the middleware's events of incompatibility, and checks which still exist.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class QosWatch:
     Attributes
     ----------
     heard : Counter
-        Events by topic.
+        Number of events by topic.
     """
 
     def __init__(self, node: Node) -> None:
@@ -32,20 +32,20 @@ class QosWatch:
     def publisher_events(
         self, topic: str, matched: Callable[[Any], None] | None = None
     ) -> PublisherEventCallbacks:
-        """Callbacks for a publisher of a topic, with one for subscribers that come and go."""
+        """Event callbacks for a publisher; `matched` is called when subscribers come and go."""
 
         def incompatible(_: Any) -> None:
             name = self._node.resolve_topic_name(topic)
             self.heard[name] += 1
             self._node.get_logger().warning(
-                f"a subscriber of {name} asks for what is not offered (reliability, durability): "
-                "it receives nothing"
+                f"a subscriber of {name} requests a reliability or durability that is not offered: "
+                "it receives no messages"
             )
 
         return PublisherEventCallbacks(incompatible_qos=incompatible, matched=matched)
 
     def standing(self) -> list[str]:
-        """The topics heard of on which an endpoint does not fit this node's now."""
+        """Topics with events on which an endpoint is incompatible with this node's now."""
         return [topic for topic in sorted(self.heard) if self._is_mismatched(topic)]
 
     def _is_mismatched(self, topic: str) -> bool:

@@ -1,4 +1,4 @@
-"""Starting a node, and ending it cleanly."""
+"""Start and clean shutdown of a node."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def clock_time(node: Node) -> float:
-    """Time of a node's clock, which may be simulated, s."""
+    """Time of a node's clock, s, which may be simulated."""
     return float(node.get_clock().now().nanoseconds * 1e-9)
 
 
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
-    """Run a node until it is interrupted, or until its future `finished` is done if it has one.
+    """Run a node until it is interrupted, or until its future `finished`, if any, is done.
 
     Parameters
     ----------
     make_node : callable
-        Makes the node.
+        Returns the node.
     args : sequence of str, optional
         Command-line arguments; those of the process if not given.
 
     Returns
     -------
     int
-        Exit code: 0 after SIGINT, SIGTERM or the node's own end; 2 for a parameter that is refused.
+        Exit code: 0 after SIGINT, SIGTERM or the node's own end; 2 for a refused parameter.
     """
-    # No KeyboardInterrupt, which can strike anywhere: a signal shuts rclpy's context down, and one
-    # that comes before there is a context is found in the list.
+    # No KeyboardInterrupt, which can be raised anywhere: a signal shuts rclpy's context down. The
+    # list holds signals that arrive before the context exists.
     signals: list[int] = []
     for number in ENDING_SIGNALS:
         signal.signal(number, lambda number, _: signals.append(number))
@@ -54,13 +54,13 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     finally:
         rclpy.try_shutdown()
         for number in ENDING_SIGNALS:
-            # The interpreter takes its handlers back before it has ended; this stays.
+            # The interpreter restores its own handlers before it ends, but keeps SIG_IGN.
             signal.signal(number, signal.SIG_IGN)
 
 
 def _run(make_node: Callable[[], Node]) -> int:
     try:
-        # Before the node, which takes longer: a signal while rclpy makes it leaves a trace.
+        # Before the node, which takes longer: a signal during its construction prints a traceback.
         executor = SingleThreadedExecutor()
         try:
             _spin(executor, make_node())
@@ -70,7 +70,7 @@ def _run(make_node: Callable[[], Node]) -> int:
         print(f"refused: {error}", file=sys.stderr)
         return EXIT_BAD_PARAMETER
     except Exception:
-        # A signal may invalidate the context at any point; that is a clean end.
+        # A signal may invalidate the context at any point; that end is clean.
         if rclpy.ok():
             raise
     return 0

@@ -22,16 +22,16 @@ class ScanPlayer(Node):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("scan_player", **AUTO_DECLARE, **node_options)
-        options = NodeParameters(self, SCAN_PLAYER).made
+        options = NodeParameters(self, SCAN_PLAYER).options
         player: PlayerNodeOptions = options[PlayerNodeOptions]
         if not player.recording:
             raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
-        kind = PlayedBag if is_bag(player.recording) else PlayedRecording
-        self._played = kind(self, player)
+        played_class = PlayedBag if is_bag(player.recording) else PlayedRecording
+        self._played = played_class(self, player)
         self.finished = Playback(self, self._played, options[PlaybackOptions]).finished
 
     def destroy_node(self) -> None:
-        """End the node, and close what it plays."""
+        """Destroy the node and close the recording."""
         super().destroy_node()
         self._played.close()
 

@@ -1,4 +1,4 @@
-"""The node that stands in for a sonar: simulated detections, own ship and truth."""
+"""The node that simulates a sonar: detections, own ship and truth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class SonarSimulator(Node):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonar_simulator", **AUTO_DECLARE, **node_options)
-        options = NodeParameters(self, SONAR_SIMULATOR).made
+        options = NodeParameters(self, SONAR_SIMULATOR).options
         played = PlayedScenario(self, options[SimulatorNodeOptions])
         self.finished = Playback(self, played, options[PlaybackOptions]).finished
 

@@ -1,4 +1,4 @@
-"""Own-ship poses from tf, where tf2_ros is installed."""
+"""Own-ship poses from tf, if tf2_ros is installed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tsepm_ros.session.session import Session
 CACHE_TIME = 120.0
 """Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""
 SAMPLE_PERIOD = 0.2
-"""Time between the poses looked up over a scan's echoes, s: short beside a small boat's roll."""
+"""Interval of the poses over a scan's echoes, s: short compared to a small boat's roll period."""
 
 
 class TfOwnShip:
@@ -28,9 +28,9 @@ class TfOwnShip:
     ----------
     node : rclpy.node.Node
     session : Session
-        Asked for the times it needs, and given the poses.
+        Takes the poses.
     buffer : tf2_ros.Buffer, optional
-        For tests; made with a listener if not given.
+        By default a new buffer with a listener.
 
     Raises
     ------
@@ -55,27 +55,27 @@ class TfOwnShip:
         self._buffer = buffer
 
     def look_up(self, frame: str, first: float, last: float, axes: str) -> None:
-        """Give the session the poses of a frame from `first` to `last` (s), as far as tf knows.
+        """Give the session the poses of a frame from `first` to `last` (s), as far as tf has them.
 
-        Which of the frame's axes are ahead, port and up, `axes` says: see
+        `axes` names the frame's axes that point ahead, to port and up, as in
         `tsepm_ros.own_ship.attitude.AXES`.
         """
-        steps = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
-        for stamp in np.linspace(first, last, steps + 1).tolist():
+        intervals = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
+        for stamp in np.linspace(first, last, intervals + 1).tolist():
             newest = self._session.own_ship_stamp
             if stamp < 0 or (newest is not None and stamp <= newest):
                 continue
-            at = Time(nanoseconds=round(stamp * 1e9))
-            if not self._buffer.can_transform(self._fixed_frame, frame, at):
+            time = Time(nanoseconds=round(stamp * 1e9))
+            if not self._buffer.can_transform(self._fixed_frame, frame, time):
                 return
-            transform = self._buffer.lookup_transform(self._fixed_frame, frame, at).transform
+            transform = self._buffer.lookup_transform(self._fixed_frame, frame, time).transform
             self._session.add_own_ship(_sample(stamp, transform, axes, self._fixed_frame))
 
 
 def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
-    q, at = transform.rotation, transform.translation
+    q, position = transform.rotation, transform.translation
     try:
         yaw, pitch, roll = angles_of(rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
-    except ValueError:  # no direction, or straight up or down: the session refuses and counts nan
+    except ValueError:  # no heading: the session refuses and counts nan
         yaw = pitch = roll = math.nan
-    return PoseSample(stamp, at.x, at.y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)
+    return PoseSample(stamp, position.x, position.y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)

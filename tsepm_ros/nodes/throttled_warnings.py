@@ -1,4 +1,4 @@
-"""Warnings that may come with every message, said now and then only."""
+"""Warnings that are logged at a limited rate."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import time
 from rclpy.node import Node
 
 WARNING_PERIOD = 10.0
-"""Least time between warnings of the same kind, s."""
+"""Minimum time between warnings with the same reason, s."""
 
 
 class ThrottledWarnings:
-    """Warns of each kind of fault not more often than `WARNING_PERIOD`.
+    """Logs warnings with the same reason at most once per `WARNING_PERIOD`.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class ThrottledWarnings:
         self._warned: dict[str, float] = {}
 
     def warn(self, reason: str, sentence: str, total: int) -> None:
-        """Warn of a fault of which there were so many in all, unless it was just warned of."""
+        """Log a fault and the number of its occurrences, unless it was logged just before."""
         now = time.monotonic()
         if now - self._warned.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
             return

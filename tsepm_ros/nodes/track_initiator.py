@@ -33,7 +33,7 @@ from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, settings_from
 
 WAIT_PERIOD = 0.05
-"""Time between looks at the scans that wait for own-ship data, s."""
+"""Time between checks of the scans that wait for own-ship data, s."""
 OWN_SHIP_TOPIC = "own_ship/odometry"
 OWN_SHIP_DEPTH = 1000
 TRACKED_DEPTH = 10
@@ -44,12 +44,14 @@ class TrackInitiator(Node):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_initiator", **AUTO_DECLARE, **node_options)
-        made = NodeParameters(self, TRACK_INITIATOR, self._configure, self._rehearse, FAILURES).made
-        options: InitiatorNodeOptions = made[InitiatorNodeOptions]
+        parameters = NodeParameters(
+            self, TRACK_INITIATOR, self._configure, self._rehearse, FAILURES
+        ).options
+        options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._warnings = ThrottledWarnings(self)
-        self._session = Session(settings_from(made), self._report, live=True)
+        self._session = Session(settings_from(parameters), self._report, live=True)
         self._input = MessageInput(self._session, options, self.get_logger().warning)
-        self._health = Health(made[DiagnosticsOptions])
+        self._health = Health(parameters[DiagnosticsOptions])
         qos = QosWatch(self)
         self._outputs = TrackOutputs(self, self._session, qos, options.publish_potential_tracks)
 
@@ -83,7 +85,7 @@ class TrackInitiator(Node):
         return self._health.latency
 
     def take_detections(self, message: Any) -> None:
-        """Take a message of detections of any type that is read, as from the subscription."""
+        """Take a message of detections of any supported type."""
         entered = time.perf_counter()
         now = self._now()
         self._health.heard(DETECTIONS, now)
@@ -101,8 +103,8 @@ class TrackInitiator(Node):
         if self._session.source == "none":
             frame = self._session.settings.session.fixed_frame or "of the detections"
             self.get_logger().info(
-                "own_ship_source is none: the sensor is taken not to move, tracks are in the frame "
-                + frame
+                "own_ship_source is none: the sensor is assumed fixed, tracks are in the frame "
+                f"{frame}"
             )
             return
         if self._session.source == "tf":
@@ -115,11 +117,11 @@ class TrackInitiator(Node):
         self.create_timer(WAIT_PERIOD, lambda: self._process(time.perf_counter()), clock=steady)
 
     def _process(self, entered: float) -> None:
-        """Process what need not wait any longer, in a callback entered at a `perf_counter`."""
+        """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
         for result in self._session.process(self._now()):
             try:
                 latency = self._outputs.publish(result, entered)
-            except FAILURES as error:  # such as a stamp that no message can hold
+            except FAILURES as error:  # such as a stamp beyond the range of a message
                 self._session.drop("internal_error", f"a scan was not published: {error!r}")
             else:
                 self._health.processed(result.statistics.detections, latency, self._now())
@@ -130,26 +132,26 @@ class TrackInitiator(Node):
         self._diagnostics.reset()
         self._outputs.clear(header)
         response.success = True
-        response.message = "scans, tracks and counts are forgotten"
+        response.message = "scans, tracks and counts were cleared"
         return response
 
-    def _rehearse(self, made: Mapping[type[Any], Any]) -> None:
-        self._session.rehearse(settings_from(made))
+    def _rehearse(self, parameters: Mapping[type[Any], Any]) -> None:
+        self._session.rehearse(settings_from(parameters))
 
-    def _configure(self, made: Mapping[type[Any], Any]) -> None:
-        if not self._session.configure(settings_from(made)):
+    def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
+        if not self._session.configure(settings_from(parameters)):
             self.get_logger().info("parameters changed: potential tracks start over")
-        options: InitiatorNodeOptions = made[InitiatorNodeOptions]
+        options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._input.options = options
         self._outputs.with_potential_tracks = options.publish_potential_tracks
-        self._health.options = made[DiagnosticsOptions]
+        self._health.options = parameters[DiagnosticsOptions]
         self._diagnostics.set_period(options.diagnostics_period)
 
     def _report(self, reason: str, sentence: str) -> None:
         self._warnings.warn(reason, sentence, self._session.dropped[reason])
 
     def _now(self) -> tuple[float, float]:
-        """Times by which waiting is judged: the wall's, and the node's, which may be simulated."""
+        """Times that limit the waiting, s: wall clock and node clock, which may be simulated."""
         return time.monotonic(), clock_time(self)
 
 

@@ -1,4 +1,4 @@
-"""The topics of the track initiator: each is built for those who listen."""
+"""Topics of the track initiator; messages that are slow to build need a subscriber."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ def _latched(depth: int) -> QoSProfile:
 
 
 class TrackOutputs:
-    """Publishes what a scan gave.
+    """Publishes the result of each scan.
 
     Parameters
     ----------
     node : rclpy.node.Node
     session : Session
-        Asked for its potential tracks.
+        Source of the potential tracks.
     watch : QosWatch
     with_potential_tracks : bool
-        Publish the potential tracks too.
+        Whether potential tracks are published too.
 
     Attributes
     ----------
@@ -63,28 +63,30 @@ class TrackOutputs:
         self.with_potential_tracks = with_potential_tracks
 
         def publisher(
-            kind: type[Any],
+            message_type: type[Any],
             topic: str,
             qos: QoSProfile | int,
             matched: Callable[[Any], None] | None = None,
         ) -> Publisher:
             events = watch.publisher_events(topic, matched)
-            return node.create_publisher(kind, topic, qos, event_callbacks=events)
+            return node.create_publisher(message_type, topic, qos, event_callbacks=events)
 
         self._shown: tuple[Header, Sequence[ConfirmedTrack]] = make_header(0, ""), ()
-        self._afresh = True
+        self._redraw = True
         self._tracks = publisher(PointCloud2, "tracks", 100)
         self._current = publisher(PointCloud2, "tracks/current", _latched(1))
         self._odometry = publisher(Odometry, "tracks/odometry", 100)
-        self._markers = publisher(MarkerArray, "tracks/markers", _latched(10), self._joined)
+        self._markers = publisher(
+            MarkerArray, "tracks/markers", _latched(10), self._on_viewer_change
+        )
         self._potential = publisher(PointCloud2, "potential_tracks", 10)
         self._potential_markers = publisher(MarkerArray, "potential_tracks/markers", _latched(1))
         self._placed = publisher(PointCloud2, "detections/placed", 100)
 
     def publish(self, result: ScanResult, entered: float) -> Latency:
-        """Publish what a scan gave in a callback entered at a `perf_counter`; returns its latency.
+        """Publish the result of a scan, new tracks first, and return its latency.
 
-        The new tracks are first; what is not as urgent follows.
+        `entered` is the `perf_counter` at the beginning of the callback.
         """
         begin = time.perf_counter()
         header = make_header(result.stamp_ns, result.frame_id)
@@ -101,33 +103,35 @@ class TrackOutputs:
         )
 
     def _publish_more(self, header: Header, result: ScanResult) -> None:
-        if self._placed.get_subscription_count():  # first: a tracker waits for it
+        if self._placed.get_subscription_count():  # first: trackers wait for it
             self._publish_placed(header, result.scan)
         self._current.publish(track_cloud(header, result.current))
-        # Nested messages are slow to build in Python: only for those who listen.
+        # Nested messages are slow to build in Python: only if there is a subscriber.
         if self._odometry.get_subscription_count():
             for track in result.new:
                 self._odometry.publish(track_odometry(header, track))
         self._shown = header, result.current
         if self._markers.get_subscription_count():
             self._markers.publish(
-                track_markers(header, result.current, result.ended, afresh=self._afresh)
+                track_markers(header, result.current, result.ended, afresh=self._redraw)
             )
-            self._afresh = False
+            self._redraw = False
         if self.with_potential_tracks:
             self._publish_potential(header)
 
     def clear(self, header: Header) -> None:
-        """Publish that there are no tracks any more."""
+        """Publish empty tracks and markers."""
         self._shown = header, ()
         self._markers.publish(clear_markers(header))
         self._potential_markers.publish(clear_markers(header))
         self._current.publish(track_cloud(header, []))
 
     def _publish_placed(self, header: Header, scan: Scan) -> None:
-        found = convert(scan, self._session.settings.sensor, 0)
+        detections = convert(scan, self._session.settings.sensor, 0)
         offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
-        placed = PlacedDetections(found["position"], found["covariance"], offset, scan.features)
+        placed = PlacedDetections(
+            detections["position"], detections["covariance"], offset, scan.features
+        )
         self._placed.publish(placed_detections_cloud(header, placed))
 
     def _publish_potential(self, header: Header) -> None:
@@ -136,12 +140,12 @@ class TrackOutputs:
         if self._potential_markers.get_subscription_count():
             self._potential_markers.publish(potential_track_markers(header, tracks))
 
-    def _joined(self, event: Any) -> None:
-        """Give a viewer that joins the whole picture, in place of what it shows of another run.
+    def _on_viewer_change(self, event: Any) -> None:
+        """Publish all markers for a new viewer, after deletion of those of an earlier run.
 
-        It may not hear this yet (discovery has two sides), so the next scan does the same.
+        Discovery has two sides, so the viewer may miss this message: the next scan repeats it.
         """
         if event.current_count_change > 0:
             header, tracks = self._shown
             self._markers.publish(track_markers(header, tracks, afresh=True))
-            self._afresh = True
+            self._redraw = True
