@@ -1,10 +1,10 @@
-"""A downstream tracker, as an example: starts from `tracks`, follows, says so on `tracked`.
+"""An example of a downstream tracker: starts from `tracks`, follows, publishes `tracked`.
 
     python examples/kalman_tracker.py
 
-Every ping that `track_initiator` has processed comes as one message on `tracks`, even when it
-brings no track, and as one on `detections/placed` with the same stamp. When both are there, all
-targets take their detections, new tracks become targets, and `tracked` tells them all.
+For every processed ping `track_initiator` publishes one message on `tracks`, also without new
+tracks, and one on `detections/placed` with the same stamp. When both have arrived, all targets
+are updated with their detections, new tracks become targets, and `tracked` has all targets.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from msg_adapters import (
     tracker_report,
 )
 
-DEPTH = 1000  # messages of a kind that may queue up
+DEPTH = 1000  # queue depth of each topic
 
 
 class KalmanTracker(Node):
-    """Follows what `track_initiator` starts."""
+    """Follows the tracks that `track_initiator` starts."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("kalman_tracker", **node_options)
@@ -68,7 +68,7 @@ class KalmanTracker(Node):
         self.get_logger().info("waiting for tracks/current")
 
     def _on_current(self, message: PointCloud2) -> None:
-        """Take over, once, what was started before this node; from then on `tracks` tells."""
+        """Take over, once, the tracks of before this node's start; later ones are on `tracks`."""
         if self._has_current:
             return
         self._has_current = True
@@ -88,15 +88,15 @@ class KalmanTracker(Node):
         self._process()
 
     def _process(self) -> None:
-        """Process the pings of which both messages are there.
+        """Process the pings of which both messages have arrived.
 
-        Each topic keeps its order: where a later ping is complete, what an earlier one lacks is
-        lost, and the filters are simply carried over it.
+        Each topic keeps its order: once a later ping is complete, the missing message of an earlier
+        ping is lost, and the filters predict over that ping.
         """
         if not self._has_current:
             return
         for message in list(self._waiting):
-            stamps = [stamp_ns(one) for one in self._placed]
+            stamps = [stamp_ns(placed) for placed in self._placed]
             if stamp_ns(message) not in stamps:
                 continue
             for _ in range(stamps.index(stamp_ns(message))):
@@ -106,16 +106,18 @@ class KalmanTracker(Node):
             self._follow(message, self._placed.popleft())
 
     def _follow(self, message: PointCloud2, placed: PointCloud2) -> None:
-        new, seen = tracker_report(message), read_placed_detections(placed)
-        if new.stamp < self._tracker.stamp:
-            self.get_logger().warning(f"time went back to {new.stamp:.3f} s: starting over")
+        report, detections = tracker_report(message), read_placed_detections(placed)
+        if report.stamp < self._tracker.stamp:
+            self.get_logger().warning(f"time went back to {report.stamp:.3f} s: starting over")
             self._tracker.clear()
         before = set(self._tracker.targets)
-        self._tracker.step(new.stamp, seen.position, seen.covariance, seen.time_offset)
-        self._tracker.start(new.tracks)
+        self._tracker.step(
+            report.stamp, detections.position, detections.covariance, detections.time_offset
+        )
+        self._tracker.start(report.tracks)
         if before != set(self._tracker.targets):
-            self.get_logger().info(f"{new.stamp:.0f} s: follows {sorted(self._tracker.targets)}")
-        header = make_header(stamp_ns(message), new.frame_id)
+            self.get_logger().info(f"{report.stamp:.0f} s: follows {sorted(self._tracker.targets)}")
+        header = make_header(stamp_ns(message), report.frame_id)
         self._tracked.publish(track_cloud(header, self._tracker.tracks()))
 
 

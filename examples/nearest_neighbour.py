@@ -1,7 +1,7 @@
-"""A tracker as small as it can be: a Kalman filter per target, nearest-neighbour association.
+"""A minimal tracker: a Kalman filter per target, nearest-neighbour association.
 
-No ROS here; `kalman_tracker.py` is the node around it. What is special is `start`: the filter
-begins with the state and the full covariance of a new track.
+This module is without ROS; `kalman_tracker.py` is its node. `start` begins a filter with the
+state and the full covariance of a new track.
 """
 
 from __future__ import annotations
@@ -19,64 +19,65 @@ from tsepm_ros import ConfirmedTrack
 FloatArray = NDArray[np.float64]
 
 GATE = 9.21
-"""Squared distance within which a detection may be a target's: chi-square, 2 degrees, at 0.99."""
+"""Gate of the squared distance: chi-square, 2 degrees of freedom, at 0.99."""
 
 
 @dataclass
 class Target:
-    """A target that is followed: ``[x, vx, y, vy]`` with its covariance, and misses in a row."""
+    """A followed target: ``[x, vx, y, vy]`` with its covariance, and successive misses."""
 
     state: FloatArray
     covariance: FloatArray
     misses: int = 0
 
-    def predict(self, step: float, noise: float) -> None:
-        """Carry it over a time (s) at constant velocity: ``F x``, ``F P F' + Q``.
+    def predict(self, interval: float, noise: float) -> None:
+        """Predict over an interval (s) at constant velocity: ``F x``, ``F P F' + Q``.
 
         The velocity's variance grows by `noise` (m^2/s^3) per second.
         """
-        F = np.kron(np.eye(2), [[1.0, step], [0.0, 1.0]])
-        Q = noise * np.kron(np.eye(2), [[step**3 / 3.0, step**2 / 2.0], [step**2 / 2.0, step]])
+        F = np.kron(np.eye(2), [[1.0, interval], [0.0, 1.0]])
+        t = interval
+        Q = noise * np.kron(np.eye(2), [[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
         self.state = F @ self.state
         self.covariance = F @ self.covariance @ F.T + Q
 
     def innovations(
-        self, position: FloatArray, R: FloatArray, lag: FloatArray
+        self, position: FloatArray, R: FloatArray, time_offset: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """What each detection is off, (n, 2), and the covariance of that, (n, 2, 2).
+        """Innovation of each detection, (n, 2), and its covariance, (n, 2, 2).
 
-        An echo's position is valid some time `lag` (n,) after the ping, s: far ones later.
+        An echo's position is valid `time_offset` (n,) after the ping, s, which grows with range.
         """
-        H = measurement_matrix(lag)
+        H = measurement_matrix(time_offset)
         S = H @ self.covariance @ np.swapaxes(H, 1, 2) + R
         return position - H @ self.state, S
 
-    def update(self, innovation: FloatArray, S: FloatArray, lag: float) -> None:
-        """Take a detection: ``K = P H' S^-1``, ``x + K d``, ``P - K S K'``."""
-        [H] = measurement_matrix(np.array([lag]))
+    def update(self, innovation: FloatArray, S: FloatArray, time_offset: float) -> None:
+        """Update with a detection: ``K = P H' S^-1``, ``x + K d``, ``P - K S K'``."""
+        [H] = measurement_matrix(np.array([time_offset]))
         K = np.linalg.solve(S, H @ self.covariance).T
         self.state = self.state + K @ innovation
         self.covariance = self.covariance - K @ S @ K.T
         self.covariance = 0.5 * (self.covariance + self.covariance.T)
 
 
-def measurement_matrix(lag: FloatArray) -> FloatArray:
-    """From a state to the positions some times (n,) later, s: (n, 2, 4)."""
-    H = np.zeros((len(lag), 2, 4))
+def measurement_matrix(time_offset: FloatArray) -> FloatArray:
+    """Measurement matrix of the positions some times (n,) after a state, s: (n, 2, 4)."""
+    H = np.zeros((len(time_offset), 2, 4))
     H[:, 0, 0] = H[:, 1, 2] = 1.0
-    H[:, 0, 1] = H[:, 1, 3] = lag
+    H[:, 0, 1] = H[:, 1, 3] = time_offset
     return H
 
 
 class NearestNeighbourTracker:
-    """Follows targets from where they were started until they are missed too often.
+    """Follows targets from their start until they have too many successive misses.
 
     Parameters
     ----------
     noise : float, optional
         Spectral density of the targets' acceleration, m^2/s^3.
     max_misses : int, optional
-        A target with more misses in a row ends.
+        A target with more successive misses ends.
 
     Attributes
     ----------
@@ -90,54 +91,54 @@ class NearestNeighbourTracker:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all targets."""
         self.stamp = -math.inf
         self.targets: dict[int, Target] = {}
 
     def start(self, tracks: Iterable[ConfirmedTrack]) -> None:
-        """Start a filter with the state and the full covariance of each new track of this time."""
+        """Start a filter with the state and the full covariance of each new track."""
         for track in tracks:
             self.targets[track.track_id] = Target(track.state, track.covariance)
 
     def step(
-        self, stamp: float, position: FloatArray, R: FloatArray, lag: FloatArray
+        self, stamp: float, position: FloatArray, R: FloatArray, time_offset: FloatArray
     ) -> dict[int, int]:
-        """Carry all targets to a ping and give each its detection.
+        """Predict all targets to a ping and update each with its detection.
 
         Parameters
         ----------
         stamp : float
-            The ping's, s.
+            Stamp of the ping, s.
         position : (n, 2) ndarray
-            Of the detections, m.
+            Positions of the detections, m.
         R : (n, 2, 2) ndarray
-            Covariance of these, m^2.
-        lag : (n,) ndarray
-            Time after the ping's stamp for which each is valid, s.
+            Their covariances, m^2.
+        time_offset : (n,) ndarray
+            Time after the ping's stamp at which each position is valid, s.
 
         Returns
         -------
         dict of int to int
-            The detection that each target took.
+            Index of the detection of each updated target.
         """
-        step = stamp - self.stamp if self.targets else 0.0
+        interval = stamp - self.stamp if self.targets else 0.0
         self.stamp = stamp
         targets = list(self.targets.values())
         distance = np.full((len(targets), len(position)), GATE)
-        found = []
+        innovations = []
         for row, target in enumerate(targets):
-            target.predict(step, self.noise)
+            target.predict(interval, self.noise)
             target.misses += 1
-            innovation, S = target.innovations(position, R, lag)
+            innovation, S = target.innovations(position, R, time_offset)
             scaled = np.linalg.solve(S, innovation[..., None])[..., 0]
             distance[row] = np.minimum((innovation * scaled).sum(axis=1), GATE)
-            found.append((innovation, S))
+            innovations.append((innovation, S))
         taken = {}
         ids = list(self.targets)
         for row, column in zip(*linear_sum_assignment(distance), strict=True):
             if distance[row, column] < GATE:
-                innovation, S = found[row]
-                targets[row].update(innovation[column], S[column], lag[column])
+                innovation, S = innovations[row]
+                targets[row].update(innovation[column], S[column], time_offset[column])
                 targets[row].misses = 0
                 taken[ids[row]] = int(column)
         self.targets = {
@@ -148,7 +149,7 @@ class NearestNeighbourTracker:
         return taken
 
     def tracks(self) -> list[ConfirmedTrack]:
-        """Everything that is followed, as what `tracked` is to say."""
+        """All targets, as tracks for `tracked`."""
         return [
             ConfirmedTrack(name, self.stamp, target.state, target.covariance, (), math.nan)
             for name, target in self.targets.items()

@@ -164,20 +164,20 @@ def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
     from PIL import Image
 
     from tsepm_ros.kinematics.track import TrackArrays
-    from tsepm_ros.pictures.plan_animation import LAST, animate, shown_scans
+    from tsepm_ros.pictures.plan_animation import LAST_FRAME_REPEATS, animate, shown_scans
     from tsepm_ros.pictures.run_scene import RunScene, ScanView
 
     assert list(shown_scans(8, 3)) == [1, 4, 7]
     assert list(shown_scans(8, 8)) == list(range(8))
     nothing = TrackArrays.of([])
     views = [ScanView(float(k), np.zeros((0, 2)), None, nothing, nothing) for k in range(8)]
-    assert animate(RunScene("run", views), tmp_path / "run.gif", most_frames=3) == 3
+    assert animate(RunScene("run", views), tmp_path / "run.gif", max_frames=3) == 3
     with Image.open(tmp_path / "run.gif") as frames:
         shown = 0
         for number in range(frames.n_frames):
             frames.seek(number)
             shown += frames.info["duration"]
-    assert shown == 500 * (2 + LAST)
+    assert shown == 500 * (2 + LAST_FRAME_REPEATS)
 
 
 def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
@@ -232,8 +232,8 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["run", "/nowhere"], "/nowhere is not there"),
-        (["run", "/nowhere.mcap"], "/nowhere.mcap is not there"),
+        (["run", "/nowhere"], "/nowhere is neither"),
+        (["run", "/nowhere.mcap"], "/nowhere.mcap is neither"),
         (["run", "four_target"], "four_targets"),
         (["run", "nowhere.yaml"], "nowhere.yaml"),
         (["run", "box", "--animation", "a.mp4"], "a.mp4"),
@@ -253,7 +253,7 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
         (["evaluate", "--scene", "sensor.azimuth_std:=wide"], "sensor.azimuth_std"),
         (["evaluate", "box", "box"], "box is there twice"),
         (["evaluate", "box", "-p", "min_hits=4"], "min_hits=4"),
-        (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "/nowhere is not there"),
+        (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "/nowhere is neither"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_a_sentence(

@@ -124,7 +124,7 @@ def test_the_ship_points_to_its_heading(heading_deg, bow):
 @pytest.mark.parametrize("velocity", [(6.0, 8.0), (-6.0, 8.0), (0.0, -9.0), (9.0, 0.0), (0.0, 0.0)])
 def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.pictures.plan_position import Picture, draw
+    from tsepm_ros.pictures.plan_position import PlanPicture, draw
 
     track = ConfirmedTrack(
         track_id=1234,
@@ -138,7 +138,7 @@ def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
         age=0.0,
     )
     corners = np.array([[-1000.0, -1000.0], [1000.0, 1000.0]])
-    figure = draw(Picture("one", detections=[corners], on_target=[track]))
+    figure = draw(PlanPicture("one", detections=[corners], on_target=[track]))
     figure.canvas.draw()
     (axes,) = figure.axes
     (text,) = axes.texts
@@ -163,7 +163,8 @@ def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():
     for entry in plan_animation._legend(scene, 60.0):
         drawn = entry.get_linestyle() != "None" or entry.get_marker() not in ("", "None", None)
         assert drawn, entry.get_label()
-    held, new = (rgb_to_hsv(to_rgb(one))[0] for one in (plan_animation.GOOD, plan_animation.NEW))
+    colours = (plan_animation.TRACK_COLOUR, plan_animation.NEW_TRACK_COLOUR)
+    held, new = (rgb_to_hsv(to_rgb(colour))[0] for colour in colours)
     assert min(abs(held - new), 1 - abs(held - new)) > 0.15, "a sixth of the circle of hues"
 
 

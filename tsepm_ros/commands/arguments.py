@@ -1,4 +1,4 @@
-"""Arguments that several commands have."""
+"""Arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -18,17 +18,20 @@ def positive(text: str) -> int:
     return value
 
 
-def add_runs(parser: argparse.ArgumentParser, runs: int, what: str = "runs") -> None:
-    """Add how many runs are done, with which seed, and by how many processes."""
-    parser.add_argument("--runs", type=positive, default=runs, help=f"{what}; default {runs}")
-    parser.add_argument("--seed", type=int, default=1)
+def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") -> None:
+    """Add the number of runs, the seed and the number of processes."""
+    parser.add_argument("--runs", type=positive, default=runs, help=f"{meaning}; default {runs}")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the runs; default 1")
     parser.add_argument(
-        "--workers", type=positive, default=os.cpu_count() or 1, help="processes; default all"
+        "--workers",
+        type=positive,
+        default=os.cpu_count() or 1,
+        help="processes; default one per core",
     )
 
 
 def workers_of(options: argparse.Namespace) -> Workers:
-    """Who does the runs, from `add_runs` and a scheduler where the command has one."""
+    """Workers of the runs, from `add_runs` and the option `scheduler`, if the command has it."""
     scheduler = getattr(options, "scheduler", None)
     return Workers(processes=options.workers, scheduler=scheduler)
 
@@ -36,19 +39,19 @@ def workers_of(options: argparse.Namespace) -> Workers:
 def add_values(
     parser: argparse.ArgumentParser,
     *names: str,
-    help: str = "parameter as of the node track_initiator",
+    help: str = "parameter of the node track_initiator; may be repeated",
 ) -> None:
-    """Add an argument that gives a value to a name, and may be repeated; -p if not named."""
+    """Add a repeatable argument NAME:=VALUE, by default `-p`."""
     names = names or ("-p", "--parameter")
     parser.add_argument(*names, action="append", default=[], metavar="NAME:=VALUE", help=help)
 
 
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
-    """Add the folder of the runs done so far and of what is written."""
-    text = f"folder of the runs done so far and of what is written; default {folder}"
+    """Add the folder of the results and of the runs done so far."""
+    text = f"folder of the results and of the runs done so far; default {folder}"
     parser.add_argument("--out", type=Path, default=Path(folder), help=text)
 
 
 def scenario_names() -> str:
-    """What may be given as a scenario."""
+    """Names of the shipped scenarios, and the form of another one."""
     return f"{', '.join(shipped_scenarios())} or a .yaml file"

@@ -20,7 +20,7 @@ AddArguments = Callable[[argparse.ArgumentParser], None]
 Command = Callable[[argparse.Namespace], None]
 
 INTERRUPTED = 130
-"""What a shell takes for ended by an interrupt."""
+"""Exit code of a process that was ended by an interrupt."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,8 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 2 with a sentence on stderr where something given is not allowed; 1 where a file cannot
-        be read or written; 130 if interrupted.
+        0; 2 with a message on stderr if an argument is not allowed; 1 if a file cannot be read or
+        written; 130 if interrupted.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(arguments)
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader, such as head, has seen enough
+    except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         print(f"failed: {error}", file=sys.stderr)
@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=text)
         add_arguments(command)
         command.set_defaults(command=function)
-    # What was the command `study`; it names the new one until the next release.
+    # The former command `study` refers to its replacement until the next release.
     study = commands.add_parser("study", prefix_chars="+", add_help=False)
     study.add_argument("given", nargs="*")
     study.set_defaults(command=_study)
@@ -66,8 +66,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _methods(options: argparse.Namespace) -> None:
-    for name, kind in METHODS.items():
-        print(f"{name}: {str(kind.__doc__).splitlines()[0].strip()}")
+    for name, method in METHODS.items():
+        print(f"{name}: {str(method.__doc__).splitlines()[0].strip()}")
 
 
 def _add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
@@ -88,7 +88,7 @@ def _parameters(options: argparse.Namespace) -> None:
 
 def _study(options: argparse.Namespace) -> None:
     raise ValueError(
-        "tsepm study is now a point of tsepm evaluate: "
+        "tsepm study is now tsepm evaluate with one operating point: "
         "tsepm evaluate SCENARIO --method METHOD -p OPTION:=VALUE"
     )
 
@@ -101,12 +101,12 @@ COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
         _parameters,
     ),
     "run": (
-        "start tracks on a recording, a bag or a simulated scenario; as CSV, or a picture",
+        "start tracks on a recording, a bag or a simulated scenario; write CSV or a picture",
         add_recording_arguments,
         run_recording,
     ),
     "design": (
-        "what a sonar and a wish lead to: thresholds, rules, what is found and when",
+        "predict detection and false tracks of a sonar at a target false-track rate",
         add_design_arguments,
         run_design,
     ),
@@ -116,12 +116,12 @@ COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
         run_evaluation,
     ),
     "reproduce": (
-        "what the sources publish, regenerated beside the published values",
+        "regenerate the published results and compare them with the published values",
         add_reproduction_arguments,
         run_reproduction,
     ),
 }
-"""What each command does, its arguments, and its function."""
+"""Description, arguments and function of each command."""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The command `tsepm design`: its arguments, and what it prints."""
+"""The command `tsepm design`: arguments and printed report."""
 
 from __future__ import annotations
 
@@ -29,52 +29,59 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 from tsepm_ros.settings.value_text import parse_values
 
-REMEDY_RUNS = 100
-"""Targets simulated, at most, for each change that may help."""
+MAX_REMEDY_RUNS = 100
+"""Maximum number of targets simulated for each proposed change."""
 
 
 def add_design_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a design."""
     parser.add_argument("--interval", type=float, default=12.0, help="time between pings, s")
-    parser.add_argument("--scans", type=positive, default=16, help="pings to find a target in")
-    parser.add_argument("--speed", type=float, help="of the targets, m/s; default half max_speed")
     parser.add_argument(
-        "--range", type=float, help="of the targets, m; default all over the coverage"
+        "--scans", type=positive, default=16, help="pings within which a target is to be found"
     )
     parser.add_argument(
-        "--wanted", type=float, default=0.9, help="share of the targets to be found"
+        "--speed", type=float, help="speed of the targets, m/s; default half max_speed"
     )
-    add_runs(parser, 400, "targets simulated")
+    parser.add_argument(
+        "--range", type=float, help="range of the targets, m; default uniform over the coverage"
+    )
+    parser.add_argument(
+        "--wanted", type=float, default=0.9, help="required share of targets that are found"
+    )
+    add_runs(parser, 400, "simulated targets")
     parser.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
     add_values(parser)
 
 
 def run_design(options: argparse.Namespace) -> None:
-    """Design, print what to expect, and write parameters.
+    """Design, print the predicted performance, and write parameters.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_design_arguments`, and `line`, the command as it was given.
+        From `add_design_arguments`, and `line`, the command line.
 
     Raises
     ------
     ValueError
-        If something given is not allowed.
+        If an argument is not allowed.
     """
     values = parse_values(options.parameter)
     _check(options, values)
-    made = make_groups(TRACK_INITIATOR, values)
-    case = _case(options, made[SensorModel], made[CommonOptions])
-    score, tsepm = made[ScoreOptions], made[TsepmOptions]
-    wish = score.false_tracks_per_hour
-    print(case_lines(case, wish), flush=True)
+    groups = make_groups(TRACK_INITIATOR, values)
+    case = _case(options, groups[SensorModel], groups[CommonOptions])
+    score, tsepm = groups[ScoreOptions], groups[TsepmOptions]
+    target_rate = score.false_tracks_per_hour
+    print(case_lines(case, target_rate), flush=True)
     if "score.window" not in values:
         score = dataclasses.replace(score, window=search.score_window(case, score))
     [(threshold, _)] = search.score_thresholds(case, score, [score.window])
     print(worth_line(search.worth(case, score.gate_probability), threshold), flush=True)
-    rules = search.rules_within(case, tsepm, wish)
-    print("\nM/N rules of the method tsepm that keep the wish:" + ("" if rules else " none"))
+    rules = search.rules_within(case, tsepm, target_rate)
+    print(
+        "\nM/N rules of the method tsepm that keep the target false-track rate:"
+        + ("" if rules else " none")
+    )
     if rules:
         print(rule_table(rules), flush=True)
     simulation = {
@@ -83,26 +90,26 @@ def run_design(options: argparse.Namespace) -> None:
         "workers": workers_of(options),
         "progress": with_progress,
     }
-    found = list(search.candidates(case, score, tsepm, rules, **simulation))
-    hours = search.clutter_scans(case, wish) / case.scans_per_hour
+    candidates = list(search.candidates(case, score, tsepm, rules, **simulation))
+    hours = search.clutter_scans(case, target_rate) / case.scans_per_hour
     print(
         f"\nsimulated: {options.runs} targets, {hours:.1f} h of clutter alone, seed "
         f"{options.seed}; score with window {score.window}; 95 % intervals"
     )
-    print(candidate_table(found, case.sensor.coverage_area))
-    print(f"\n{verdict(found, options.wanted, wish)}", flush=True)
-    if max(one.found.detection.high for one in found) < options.wanted:
-        simulation["runs"] = min(options.runs, REMEDY_RUNS)
-        changed = search.with_remedies(
+    print(candidate_table(candidates, case.sensor.coverage_area))
+    print(f"\n{verdict(candidates, options.wanted, target_rate)}", flush=True)
+    if max(candidate.found.detection.high for candidate in candidates) < options.wanted:
+        simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
+        remedies = search.with_remedies(
             case, score, given_window="score.window" in values, **simulation
         )
-        print(remedy_table(list(changed)))
+        print(remedy_table(list(remedies)))
     if options.write:
-        _write_parameters(options, values, found)
+        _write_parameters(options, values, candidates)
 
 
 def _check(options: argparse.Namespace, values: dict[str, Value]) -> None:
-    """Refuse what would only be noticed at the end."""
+    """Refuse arguments early that would fail after the simulation."""
     if "method" in values:
         raise ValueError("method follows from the design; leave it out")
     if not 0.0 < options.wanted < 1.0:
@@ -123,10 +130,10 @@ def _case(options: argparse.Namespace, sensor: SensorModel, common: CommonOption
 
 
 def _write_parameters(
-    options: argparse.Namespace, values: dict[str, Value], found: list[Candidate]
+    options: argparse.Namespace, values: dict[str, Value], candidates: list[Candidate]
 ) -> None:
-    """Write what was given, the wish, and what follows for the best candidate."""
-    best = max(found, key=lambda one: one.found.detection.value)
+    """Write the given values, the target false-track rate, and the best candidate's options."""
+    best = max(candidates, key=lambda candidate: candidate.found.detection.value)
     own = ("window", "false_tracks_per_hour") if best.method == "score" else ("min_hits", "window")
     chosen: dict[str, Value] = {"method": best.method, "max_speed": best.options["max_speed"]}
     chosen |= {f"{best.method}.{name}": best.options[name] for name in own}

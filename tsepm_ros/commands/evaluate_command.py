@@ -1,4 +1,4 @@
-"""The command `tsepm evaluate`: its arguments, and what it writes."""
+"""The command `tsepm evaluate`: arguments and written files."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
         "--method", action="append", choices=available_methods(), help="default: every method"
     )
     add_runs(parser, 500)
-    parser.add_argument("--scans", type=positive, help="scans of a run, if not the scenario's")
-    parser.add_argument("--scheduler", help="address of a dask.distributed scheduler to run on")
+    parser.add_argument("--scans", type=positive, help="scans of a run; default as in the scenario")
+    parser.add_argument("--scheduler", help="address of a dask.distributed scheduler for the runs")
     parser.add_argument(
         "--horizon",
         type=positive,
         action="append",
         default=[],
-        help="figures after the first so many scans as well as after all",
+        help="evaluate also after this number of scans; may be repeated",
     )
     add_values(
         parser,
         "--scene",
-        help="value in place of the scenario's, such as sensor.clutter_density:=2.0e-6",
+        help="change of the scenario, such as sensor.clutter_density:=2.0e-6; may be repeated",
     )
     add_values(
-        parser, help="option for the methods that have it; it replaces a sweep that varies it"
+        parser, help="option of the methods that have it, in place of its sweep; may be repeated"
     )
     add_out(parser, "build/evaluation")
 
@@ -58,14 +58,14 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_evaluation_arguments`, and `line`, the command as it was given.
+        From `add_evaluation_arguments`, and `line`, the command line.
     more : sequence of OperatingPoint, optional
-        What is evaluated beside the package's own methods.
+        Points evaluated in addition to those of the package's methods.
 
     Raises
     ------
     ValueError
-        If something given is not allowed.
+        If an argument is not allowed.
     """
     changes = parse_values(options.scene)
     if options.scans:
@@ -79,8 +79,8 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
         horizons=options.horizon,
     )
     evaluated = evaluate(plan, options.out / "runs", workers_of(options), with_progress)
-    for one in evaluated:
-        print(short_text(plan, one) + "\n")
+    for evaluation in evaluated:
+        print(short_text(plan, evaluation) + "\n")
     _write(plan, evaluated, options.out, options.line)
 
 
@@ -97,11 +97,15 @@ def _pictures(plan: Plan, evaluated: Sequence[Evaluated], folder: Path) -> list[
     try:
         from tsepm_ros.pictures.operating_curve_picture import draw
     except ImportError:
-        print("no pictures: they need matplotlib, which comes with the extra plot")
+        print("no pictures: they need matplotlib, see the extra plot")
         return []
     caption = f"{plan.runs} runs, seed {plan.seed}; 95 % intervals"
     return [
         path
         for scenario in plan.scenarios
-        for path in draw([one for one in evaluated if one.scenario is scenario], folder, caption)
+        for path in draw(
+            [evaluation for evaluation in evaluated if evaluation.scenario is scenario],
+            folder,
+            caption,
+        )
     ]

@@ -1,4 +1,4 @@
-"""The command `tsepm reproduce`: its arguments, and what it writes."""
+"""The command `tsepm reproduce`: arguments and written files."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_reproduction(options: argparse.Namespace) -> None:
-    """Regenerate what the sources publish and write the report.
+    """Regenerate the published results and write the report.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_reproduction_arguments`, and `line`, the command as it was given.
+        From `add_reproduction_arguments`, and `line`, the command line.
 
     Raises
     ------
     ValueError
-        If there is no such source, or the seed is below 0.
+        If a source is unknown, or the seed is below 0.
     """
     names = list(dict.fromkeys(options.source or SOURCES))
     for name in names:

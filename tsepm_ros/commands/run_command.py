@@ -36,7 +36,7 @@ TOPIC_OPTIONS = {
     TRACKED: "tracked",
     TRUTH: "ground-truth",
 }
-"""Options that name the topics of a bag, by role."""
+"""Names of the topic options of a bag, by role."""
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,8 +50,10 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, help="folder for tracks.csv, tracks.mcap and picture.png"
     )
     parser.add_argument("--picture", type=Path, help="plan-position picture, such as run.png")
-    parser.add_argument("--animation", type=Path, help="the same as an animation, a .gif file")
-    parser.add_argument("--seed", type=int, default=1, help="of a simulated scenario")
+    parser.add_argument("--animation", type=Path, help="plan-position animation, a .gif file")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of a simulated scenario; default 1"
+    )
     for role, name in TOPIC_OPTIONS.items():
         parser.add_argument(
             f"--{name}",
@@ -65,7 +67,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass
 class Run:
-    """A run that is ready to begin.
+    """A prepared run.
 
     Attributes
     ----------
@@ -75,11 +77,11 @@ class Run:
     truth : list of (m, 3) ndarray
         Time (s), x and y (m) of each target.
     judge : callable, optional
-        Judges the starts of a scene where it is known which detections are a target's.
+        Judges the starts of a scene, if the origin of the detections is known.
     notes : dict of str to str
-        What was said and not counted, the first sentence of a kind.
+        First message by reason.
     duration : float
-        Time that was recorded, s.
+        Duration of the recording, s.
     mounting_yaw : float or None
         As in `ScanView.of`.
     """
@@ -95,35 +97,33 @@ class Run:
 
 
 def run_recording(options: argparse.Namespace) -> None:
-    """Start tracks on what is given, and write them.
+    """Start tracks on a recording, a bag or a scenario, and write them.
 
     Raises
     ------
     ValueError
-        If something given is not allowed, or a recording cannot be read.
+        If an argument is not allowed, or a recording cannot be read.
     """
     if options.animation and options.animation.suffix != ".gif":
         raise ValueError(f"--animation must be a .gif file; got {options.animation}")
     if options.picture or options.animation:
-        _need_matplotlib()
+        _require_matplotlib()
     with ExitStack() as stack:
         run = _open(options, stack)
         if options.out:
             options.out.mkdir(parents=True, exist_ok=True)
-        began = time.perf_counter()
+        begin = time.perf_counter()
         scene = _process(run, options)
-        seconds = time.perf_counter() - began
-    _tell(run, scene, seconds, options)
+        seconds = time.perf_counter() - begin
+    _report(run, scene, seconds, options)
     _draw(run, scene, options)
 
 
-def _need_matplotlib() -> None:
+def _require_matplotlib() -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError:
-        raise ValueError(
-            "pictures and animations need matplotlib, which comes with the extra plot"
-        ) from None
+        raise ValueError("pictures and animations need matplotlib, see the extra plot") from None
 
 
 def _open(options: argparse.Namespace, stack: ExitStack) -> Run:
@@ -134,7 +134,7 @@ def _open(options: argparse.Namespace, stack: ExitStack) -> Run:
         return _simulation(load_scenario(name), options)
     if not Path(name).exists():
         scenarios = ", ".join(shipped_scenarios())
-        raise ValueError(f"{name} is not there, and no scenario that is shipped: {scenarios}")
+        raise ValueError(f"{name} is neither an existing path nor a shipped scenario: {scenarios}")
     if is_bag(name):
         return _bag(stack.enter_context(Bag(name)), options)
     return _recording(options)
@@ -143,17 +143,17 @@ def _open(options: argparse.Namespace, stack: ExitStack) -> Run:
 def _session(
     options: argparse.Namespace, defaults: dict[str, Value]
 ) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
-    """Make a session from what is given; what it reports once per kind is noted."""
-    made = make_groups(TRACK_INITIATOR, {**defaults, **parse_values(options.parameter)})
+    """Make a session from the arguments, with its node options and its notes by reason."""
+    groups = make_groups(TRACK_INITIATOR, {**defaults, **parse_values(options.parameter)})
     notes: dict[str, str] = {}
 
     def note(reason: str, sentence: str) -> None:
         notes.setdefault(reason, sentence)
 
-    session = Session(settings_from(made), note)
+    session = Session(settings_from(groups), note)
     if session.settings.session.own_ship_source == "tf":
-        raise ValueError("own_ship_source tf is for the node only; offline it is odometry or none")
-    return session, made[InitiatorNodeOptions], notes
+        raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
+    return session, groups[InitiatorNodeOptions], notes
 
 
 def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
@@ -186,12 +186,12 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
     source = "odometry" if OWN_SHIP in topics else "none"
     session, node, notes = _session(options, {"own_ship_source": source})
     if session.settings.session.own_ship_source == "none":
-        topics.pop(OWN_SHIP, None)  # the node does not listen to it either
+        topics.pop(OWN_SHIP, None)  # as in the node
     return Run(
         title=_title(options, session),
         session=session,
         results=_with_assumptions(bag, topics, session, node, notes),
-        truth=bag_truth(bag, topics) if _wants_scene(options) else [],
+        truth=bag_truth(bag, topics) if _needs_scene(options) else [],
         notes=notes,
         duration=bag.duration,
         mounting_yaw=_mounting_yaw(session, node),
@@ -205,9 +205,9 @@ def _with_assumptions(
     node: InitiatorNodeOptions,
     notes: dict[str, str],
 ) -> Iterator[ScanResult]:
-    given = MessageInput(session, node)
-    yield from bag_results(bag, topics, session, given)
-    notes.update({sentence: sentence for sentence in sorted(given.assumptions)})
+    message_input = MessageInput(session, node)
+    yield from bag_results(bag, topics, session, message_input)
+    notes.update({sentence: sentence for sentence in sorted(message_input.assumptions)})
 
 
 def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
@@ -240,14 +240,14 @@ def _title(options: argparse.Namespace, session: Session) -> str:
     return f"{name or path.resolve().name}, method {session.settings.session.method}"
 
 
-def _wants_scene(options: argparse.Namespace) -> bool:
+def _needs_scene(options: argparse.Namespace) -> bool:
     return bool(options.out or options.picture or options.animation)
 
 
 def _process(run: Run, options: argparse.Namespace) -> RunScene:
-    """Run it and write the tracks; the scene is empty where nobody wants to see it."""
+    """Process the run and write the tracks; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
-    wanted = _wants_scene(options)
+    needs_scene = _needs_scene(options)
     with ExitStack() as stack:
         file = sys.stdout
         if options.out:
@@ -259,7 +259,7 @@ def _process(run: Run, options: argparse.Namespace) -> RunScene:
             table.write(result)
             if bag is not None:
                 bag.write(result)
-            if wanted:
+            if needs_scene:
                 scene.scans.append(
                     ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)
                 )
@@ -271,11 +271,11 @@ def _track_bag(folder: Path) -> TrackBag | nullcontext[None]:
     try:
         return TrackBag(folder / "tracks.mcap")
     except ImportError:
-        print("no tracks.mcap: it needs rosbags, which comes with the extra bags", file=sys.stderr)
+        print("no tracks.mcap: it needs rosbags, see the extra bags", file=sys.stderr)
         return nullcontext()
 
 
-def _tell(run: Run, scene: RunScene, seconds: float, options: argparse.Namespace) -> None:
+def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespace) -> None:
     dropped = run.session.dropped
     for reason, sentence in run.notes.items():
         if reason not in dropped:
@@ -297,7 +297,7 @@ def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:
         from tsepm_ros.pictures.plan_animation import animate
         from tsepm_ros.pictures.plan_position import picture_of, save
     except ImportError:
-        print("no picture: it needs matplotlib, which comes with the extra plot", file=sys.stderr)
+        print("no picture: it needs matplotlib, see the extra plot", file=sys.stderr)
         return
     if picture:
         save(picture_of(scene), picture, scene.insets)

@@ -1,7 +1,7 @@
-"""Judging and drawing a recorded run.
+"""Evaluation and picture of a recorded run.
 
-The track messages do not name their hits. The same messages are therefore run through the same
-algorithm offline, which does; that both give the same tracks, bit for bit, is part of the review.
+The track messages do not contain the hits. The recorded messages are therefore processed offline
+by the same algorithm. The review checks that both give the same tracks, bit for bit.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tsepm_ros.analysis.truth import Judged, Outcome, origins_of
 from tsepm_ros.demo.topic_collector import TopicCollector
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.pictures.plan_position import Picture
+from tsepm_ros.pictures.plan_position import PlanPicture
 from tsepm_ros.pictures.run_scene import position_at, truth_paths
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.recording import Recording
@@ -34,28 +34,30 @@ from tsepm_ros.simulation import Scenario, Simulator
 
 @dataclass
 class Review:
-    """What to tell of a run.
+    """Tables, lines and picture of a run.
 
     Attributes
     ----------
     table : str
     lines : list of str
-    picture : Picture
+    picture : PlanPicture
     insets : list of (2,) ndarray
         Points to enlarge.
     failure : str
-        Why the run is not good; empty if it is.
+        Reason of the failure; empty if the run succeeded.
     """
 
     table: str
-    picture: Picture
+    picture: PlanPicture
     lines: list[str] = field(default_factory=list)
     insets: list[FloatArray] = field(default_factory=list)
     failure: str = ""
 
 
-def replay(recorder: TopicCollector, parameters: Sequence[str]) -> tuple[list[ScanResult], Session]:
-    """Run the recorded messages through the algorithm offline.
+def replay(
+    collector: TopicCollector, parameters: Sequence[str]
+) -> tuple[list[ScanResult], Session]:
+    """Process the recorded messages offline.
 
     Raises
     ------
@@ -63,23 +65,23 @@ def replay(recorder: TopicCollector, parameters: Sequence[str]) -> tuple[list[Sc
         If a parameter is unknown or its value is not allowed.
     """
     values = {"own_ship_source": "odometry", **parse_values(parameters)}
-    made = make_groups(TRACK_INITIATOR, values)
-    session = Session(settings_from(made))
-    given = MessageInput(session, made[InitiatorNodeOptions])
-    for message in recorder.own_ship:
-        given.take_own_ship(message)
+    groups = make_groups(TRACK_INITIATOR, values)
+    session = Session(settings_from(groups))
+    message_input = MessageInput(session, groups[InitiatorNodeOptions])
+    for message in collector.own_ship:
+        message_input.take_own_ship(message)
     results: list[ScanResult] = []
-    for message in sorted(recorder.detections, key=lambda m: time_to_ns(m.header.stamp)):
-        given.take_detections(message, now=0.0)
+    for message in sorted(collector.detections, key=lambda m: time_to_ns(m.header.stamp)):
+        message_input.take_detections(message, now=0.0)
         results.extend(session.process())
     return results, session
 
 
 def review_simulation(
-    recorder: TopicCollector, scenario: Scenario, seed: int, parameters: Sequence[str]
+    collector: TopicCollector, scenario: Scenario, seed: int, parameters: Sequence[str]
 ) -> Review:
-    """Judge a simulated run against its truth."""
-    results, session = replay(recorder, parameters)
+    """Evaluate a simulated run against its truth."""
+    results, session = replay(collector, parameters)
     simulator = Simulator(scenario, seed)
     scans = list(simulator)
     tracks = [track for result in results for track in result.new]
@@ -87,14 +89,22 @@ def review_simulation(
     stamps = [simulated.scan.stamp for simulated in scans]
     origins = origins_of(processed, stamps, [simulated.origin for simulated in scans])
     judged = judge_starts(simulator, tracks, origins)
-    starts = {one.target: one.track for one in judged if one.outcome is Outcome.TRUE}
+    starts = {
+        judgement.target: judgement.track
+        for judgement in judged
+        if judgement.outcome is Outcome.TRUE
+    }
     number = len(simulator.targets)
     scan_of = {result.stamp: index + 1 for index, result in enumerate(results)}
     times = np.linspace(0.0, scenario.duration, 2)
-    on_target = [one.track for one in judged if one.outcome in (Outcome.TRUE, Outcome.REDUNDANT)]
+    on_target = [
+        judgement.track
+        for judgement in judged
+        if judgement.outcome in (Outcome.TRUE, Outcome.REDUNDANT)
+    ]
     review = Review(
         table=target_table(judged, simulator, scan_of),
-        picture=Picture(
+        picture=PlanPicture(
             title=f"{scenario.name}, seed {seed}, method {session.settings.session.method}",
             detections=_positions(results, session),
             truth=[
@@ -102,7 +112,9 @@ def review_simulation(
                 for target in range(number)
             ],
             on_target=list(starts.values()),
-            off_target=[one.track for one in judged if one.outcome is not Outcome.TRUE],
+            off_target=[
+                judgement.track for judgement in judged if judgement.outcome is not Outcome.TRUE
+            ],
             off_target_label="false, misplaced and redundant starts",
         ),
         lines=[
@@ -112,18 +124,18 @@ def review_simulation(
         ],
         insets=[simulator.truth(scenario.duration / 2)[target][0::2] for target in range(number)],
     )
-    if not _same_as_node(recorder, tracks):
-        review.failure = "the node's tracks differ from the same messages run offline"
+    if not _same_as_node(collector, tracks):
+        review.failure = "the node's tracks differ from the same messages processed offline"
     elif len(starts) < number:
         review.failure = f"{number - len(starts)} of {number} targets were not truly started"
     return review
 
 
 def review_recording(
-    recorder: TopicCollector, recording: Recording, parameters: Sequence[str], tolerance: float
+    collector: TopicCollector, recording: Recording, parameters: Sequence[str], tolerance: float
 ) -> Review:
-    """Judge a recorded run by the distance of its starts from the recorded targets."""
-    results, session = replay(recorder, parameters)
+    """Evaluate a recorded run by the distance of its starts from the recorded targets."""
+    results, session = replay(collector, parameters)
     tracks = [track for result in results for track in result.new]
     shift = results[0].stamp - recording.scans[0].time if results else 0.0
     truth = truth_paths(recording.targets)
@@ -151,7 +163,7 @@ def review_recording(
     ).reshape(-1, 3)
     review = Review(
         table=f"starts within {tolerance:g} m of a target\n" + text_table(header, rows),
-        picture=Picture(
+        picture=PlanPicture(
             title=f"recording, method {session.settings.session.method}",
             detections=_positions(results, session),
             truth=[path[:, 1:] for path in truth],
@@ -167,8 +179,8 @@ def review_recording(
             _timing(results),
         ],
     )
-    if not _same_as_node(recorder, tracks):
-        review.failure = "the node's tracks differ from the same messages run offline"
+    if not _same_as_node(collector, tracks):
+        review.failure = "the node's tracks differ from the same messages processed offline"
     elif recording.targets and not near:
         review.failure = "no recorded target was started"
     return review
@@ -187,20 +199,24 @@ def _timing(results: Sequence[ScanResult]) -> str:
     )
 
 
-def _same_as_node(recorder: TopicCollector, tracks: Sequence[ConfirmedTrack]) -> bool:
-    if len(recorder.tracks) != len(tracks):
+def _same_as_node(collector: TopicCollector, tracks: Sequence[ConfirmedTrack]) -> bool:
+    if len(collector.tracks) != len(tracks):
         return False
-    records = np.array([record for _, record in recorder.tracks])
+    records = np.array([record for _, record in collector.tracks])
     if not len(records):
         return True
     return bool((track_states(records) == np.array([track.state for track in tracks])).all())
 
 
 def _distance(track: ConfirmedTrack, truth: Sequence[FloatArray], shift: float) -> float:
-    """Distance from the nearest recorded target at the track's time, m; infinite without one."""
-    places = (position_at(path, track.stamp - shift) for path in truth)
+    """Distance from the nearest recorded target at the track's time, m; infinite if none."""
+    positions = (position_at(path, track.stamp - shift) for path in truth)
     return min(
-        (float(np.hypot(*(track.position - place))) for place in places if place is not None),
+        (
+            float(np.hypot(*(track.position - position)))
+            for position in positions
+            if position is not None
+        ),
         default=math.inf,
     )
 
@@ -216,7 +232,9 @@ def target_table(judged: Sequence[Judged], simulator: Simulator, scan_of: dict[f
     scan_of : dict of float to int
         Number of the scan, from 1, by its stamp.
     """
-    starts = {one.target: one for one in judged if one.outcome is Outcome.TRUE}
+    starts = {
+        judgement.target: judgement for judgement in judged if judgement.outcome is Outcome.TRUE
+    }
     rows = [
         _target_row(target, starts.get(target), simulator, scan_of)
         for target in range(len(simulator.targets))
@@ -226,26 +244,26 @@ def target_table(judged: Sequence[Judged], simulator: Simulator, scan_of: dict[f
 
 
 def _target_row(
-    target: int, one: Judged | None, simulator: Simulator, scan_of: dict[float, int]
+    target: int, start: Judged | None, simulator: Simulator, scan_of: dict[float, int]
 ) -> list[str]:
-    if one is None:
+    if start is None:
         return [str(target), "not started", *[""] * 6]
-    truth, state = simulator.truth(one.track.stamp)[target], one.track.state
-    sigma = np.sqrt(np.diag(one.track.covariance))
+    truth, state = simulator.truth(start.track.stamp)[target], start.track.state
+    sigma = np.sqrt(np.diag(start.track.covariance))
     return [
         str(target),
-        str(scan_of[one.track.stamp]),
+        str(scan_of[start.track.stamp]),
         f"{truth[0]:.0f}, {truth[2]:.0f}",
         f"{state[0]:.0f}, {state[2]:.0f}",
-        f"{one.position_error:.0f} ({np.hypot(sigma[0], sigma[2]):.0f})",
+        f"{start.position_error:.0f} ({np.hypot(sigma[0], sigma[2]):.0f})",
         f"{truth[1]:.1f}, {truth[3]:.1f}",
         f"{state[1]:.1f}, {state[3]:.1f}",
-        f"{one.velocity_error:.1f} ({np.hypot(sigma[1], sigma[3]):.1f})",
+        f"{start.velocity_error:.1f} ({np.hypot(sigma[1], sigma[3]):.1f})",
     ]
 
 
 def counts_line(judged: Sequence[Judged], scans: int, area: float) -> str:
-    """One line that counts the tracks by what they are.
+    """One line that counts the tracks by outcome.
 
     Parameters
     ----------
@@ -254,7 +272,9 @@ def counts_line(judged: Sequence[Judged], scans: int, area: float) -> str:
     area : float
         Area covered, m^2.
     """
-    number = {outcome: sum(one.outcome is outcome for one in judged) for outcome in Outcome}
+    number = {
+        outcome: sum(judgement.outcome is outcome for judgement in judged) for outcome in Outcome
+    }
     wrong = number[Outcome.FALSE] + number[Outcome.MISPLACED]
     return (
         f"{len(judged)} confirmed tracks: {number[Outcome.TRUE]} true, "

@@ -1,4 +1,4 @@
-"""A node that remembers what a source and the track initiator publish."""
+"""A node that stores the messages of a detection source and of the track initiator."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class TopicCollector(Node):
     tracks : list of (int, record)
         Stamp (ns) and record of each confirmed track.
     processed : int
-        Scans that the initiator has answered.
+        Scans that the initiator has processed.
     heard : int
-        Messages in all.
+        Number of all messages.
     """
 
     def __init__(self, **node_options: Any) -> None:

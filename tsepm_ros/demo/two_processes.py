@@ -1,4 +1,4 @@
-"""A source of scans and the track initiator as two processes, watched, judged and drawn.
+"""A source of scans and the track initiator as two processes, evaluated and drawn.
 
 With a scenario the source is `sonar_simulator`, with a recording it is `scan_player`.
 """
@@ -27,11 +27,11 @@ from tsepm_ros.pictures.plan_position import save
 from tsepm_ros.replay.recording import Recording, read_recording
 from tsepm_ros.simulation import Scenario, load_scenario
 
-PATIENCE = 20.0
-"""Time without any progress after which a run has failed, s."""
+MAX_IDLE_TIME = 20.0
+"""Time without a message after which a run has failed, s."""
 
 NAMESPACE = f"/tsepm_demo_{os.getpid()}"
-"""Keeps the demonstration apart from whatever else runs on this machine."""
+"""Separates the demonstration from other nodes on the machine."""
 PROCESS = "from tsepm_ros.nodes.{0} import main; raise SystemExit(main())"
 
 
@@ -41,8 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 only where both nodes ran through, every scan was processed, and every target was truly
-        started.
+        0 if both nodes ended without an error, every scan was processed, and every target has a
+        true start.
     """
     options = _parse(arguments)
     try:
@@ -50,18 +50,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2
-    began = time.monotonic()
+    begin = time.monotonic()
     scans = scene.scans if isinstance(scene, Scenario) else len(scene.scans)
-    recorder, codes = _run(options, scans)
-    print(f"both nodes ended with {codes}; {time.monotonic() - began:.1f} s")
-    if any(codes) or recorder.processed < scans:
-        print(f"failed: {recorder.processed} of {scans} scans were processed", file=sys.stderr)
+    collector, codes = _run(options, scans)
+    print(f"both nodes ended with {codes}; {time.monotonic() - begin:.1f} s")
+    if any(codes) or collector.processed < scans:
+        print(f"failed: {collector.processed} of {scans} scans were processed", file=sys.stderr)
         return 1
     if isinstance(scene, Scenario):
-        review = review_simulation(recorder, scene, options.seed, options.parameter)
+        review = review_simulation(collector, scene, options.seed, options.parameter)
     else:
-        review = review_recording(recorder, scene, options.parameter, options.tolerance)
-    return _tell(review, options.picture)
+        review = review_recording(collector, scene, options.parameter, options.tolerance)
+    return _report(review, options.picture)
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -69,7 +69,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--scenario", default="four_targets", help="shipped name or .yaml file")
     parser.add_argument("--seed", type=int, default=2, help="seed of the simulation")
     parser.add_argument("--recording", help="folder of a recording, in place of a scenario")
-    parser.add_argument("--rate", type=float, default=60.0, help="times faster than real time")
+    parser.add_argument("--rate", type=float, default=60.0, help="speed relative to real time")
     parser.add_argument(
         "-p",
         "--parameter",
@@ -82,9 +82,11 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--tolerance",
         type=float,
         default=60.0,
-        help="distance from a recorded target that counts as on it, m",
+        help="maximum distance of a start from its recorded target, m",
     )
-    parser.add_argument("--picture", type=Path, default=Path("build/demo.png"))
+    parser.add_argument(
+        "--picture", type=Path, default=Path("build/demo.png"), help="default build/demo.png"
+    )
     return parser.parse_args(arguments)
 
 
@@ -95,7 +97,7 @@ def _scene(options: argparse.Namespace) -> Scenario | Recording:
 
 
 def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, tuple[int, int]]:
-    """Run both nodes; returns what was recorded and their exit codes."""
+    """Run both nodes; returns the collected messages and the exit codes."""
     domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     source = ["sonar_simulator", "-p", f"scenario:={options.scenario}", "-p"]
@@ -107,20 +109,20 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, tuple
     for parameter in options.parameter:
         initiator += ["-p", parameter]
     rclpy.init(domain_id=domain)
-    recorder = TopicCollector(namespace=NAMESPACE)
+    collector = TopicCollector(namespace=NAMESPACE)
     executor = SingleThreadedExecutor()
-    executor.add_node(recorder)
+    executor.add_node(collector)
     try:
         with _process(*initiator) as tracker:
-            _wait_for_initiator(executor, recorder, tracker)
+            _wait_for_initiator(executor, collector, tracker)
             with _process(*source) as player:
-                _watch(executor, recorder, scans, tracker)
+                _watch(executor, collector, scans, tracker)
                 codes = (_end(player), _end(tracker, interrupt=True))
     finally:
         executor.shutdown()
-        recorder.destroy_node()
+        collector.destroy_node()
         rclpy.try_shutdown()
-    return recorder, codes
+    return collector, codes
 
 
 @contextmanager
@@ -138,48 +140,48 @@ def _process(name: str, *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
 
 def _watch(
     executor: SingleThreadedExecutor,
-    recorder: TopicCollector,
+    collector: TopicCollector,
     scans: int,
     tracker: subprocess.Popen[bytes],
 ) -> None:
-    """Spin until every scan is processed, or nothing happens any more."""
+    """Spin until every scan is processed, or no message arrives any more."""
     from tqdm import tqdm
 
     heard, last = -1, time.monotonic()
     with tqdm(total=scans, unit="scan", desc="scans", dynamic_ncols=True, mininterval=0.5) as bar:
-        while recorder.processed < scans:
+        while collector.processed < scans:
             executor.spin_once(timeout_sec=0.1)
-            if recorder.heard != heard:
-                heard, last = recorder.heard, time.monotonic()
-                bar.set_postfix_str(f"{len(recorder.tracks)} confirmed tracks", refresh=False)
-                bar.update(recorder.processed - bar.n)
-            if time.monotonic() - last > PATIENCE or tracker.poll() is not None:
+            if collector.heard != heard:
+                heard, last = collector.heard, time.monotonic()
+                bar.set_postfix_str(f"{len(collector.tracks)} confirmed tracks", refresh=False)
+                bar.update(collector.processed - bar.n)
+            if time.monotonic() - last > MAX_IDLE_TIME or tracker.poll() is not None:
                 return
 
 
 def _wait_for_initiator(
-    executor: SingleThreadedExecutor, recorder: TopicCollector, tracker: subprocess.Popen[bytes]
+    executor: SingleThreadedExecutor, collector: TopicCollector, tracker: subprocess.Popen[bytes]
 ) -> None:
-    """Spin until the initiator publishes tracks, or has died."""
-    until = time.monotonic() + PATIENCE
-    while not recorder.count_publishers("tracks") and time.monotonic() < until:
+    """Spin until the initiator publishes tracks, or has ended."""
+    until = time.monotonic() + MAX_IDLE_TIME
+    while not collector.count_publishers("tracks") and time.monotonic() < until:
         executor.spin_once(timeout_sec=0.1)
         if tracker.poll() is not None:
             return
 
 
 def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
-    """Let a process end by itself, or interrupt it; returns its exit code."""
+    """Wait for the end of a process, interrupted or not; returns its exit code."""
     if interrupt:
         process.send_signal(signal.SIGINT)
     try:
-        return process.wait(timeout=PATIENCE)
+        return process.wait(timeout=MAX_IDLE_TIME)
     except subprocess.TimeoutExpired:
         process.kill()
         return process.wait()
 
 
-def _tell(review: Review, picture: Path) -> int:
+def _report(review: Review, picture: Path) -> int:
     save(review.picture, picture, review.insets)
     print()
     print(review.table)

@@ -71,8 +71,8 @@ class OfferedSubscription:
         self._watch.heard[self.topic_name] += 1
         if self._fixed:
             self._node.get_logger().error(
-                f"a publisher of {self.topic_name} does not offer reliable delivery, so its messages "
-                "are not received; set detections_reliability to auto or best_effort"
+                f"a publisher of {self.topic_name} does not offer reliable delivery, so its "
+                "messages are not received; set detections_reliability to auto or best_effort"
             )
             return
         self._node.get_logger().warning(

@@ -36,11 +36,11 @@ def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> list[Pat
     Parameters
     ----------
     evaluated : sequence of Evaluated
-        The scenario's horizons, a panel each.
+        Evaluations of the scenario by horizon, a panel each.
     folder : Path
-        Where they go.
+        Folder of the pictures.
     caption : str
-        What all of them say below their title.
+        Text below the title of each picture.
 
     Returns
     -------
@@ -58,11 +58,11 @@ def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> list[Pat
         "nees": (_nees, "NEES of pure starts (full) and of all true starts (hollow)", height),
     }
     written = []
-    for kind, (panel, title, high) in panels.items():
-        figure = _picture(evaluated, panel, f"{name}: {title}\n{caption}", high)
-        if panel is _operating_curve:  # once all else is in its place
-            for axis, one in zip(figure.axes, evaluated, strict=True):
-                label_points(axis, _point_labels(one))
+    for kind, (panel, title, panel_height) in panels.items():
+        figure = _picture(evaluated, panel, f"{name}: {title}\n{caption}", panel_height)
+        if panel is _operating_curve:  # after all other elements are placed
+            for axis, evaluation in zip(figure.axes, evaluated, strict=True):
+                label_points(axis, _point_labels(evaluation))
         written.append(folder / f"{name}_{kind}.png")
         figure.savefig(written[-1], dpi=DOTS_PER_INCH)
         plt.close(figure)
@@ -75,37 +75,37 @@ def _picture(
     title: str,
     height: float,
 ) -> Figure:
-    """A panel per horizon, side by side."""
+    """Panels side by side, one per horizon."""
     width = 1.5 + 6.5 * len(evaluated)
     figure, axes = plt.subplots(
         1, len(evaluated), figsize=(width, height), squeeze=False, sharey=True, layout="constrained"
     )
-    for axis, one in zip(axes[0], evaluated, strict=True):
-        panel(axis, one)
-        axis.set_title(f"after {one.scans} scans", loc="left", fontsize=10)
+    for axis, evaluation in zip(axes[0], evaluated, strict=True):
+        panel(axis, evaluation)
+        axis.set_title(f"after {evaluation.scans} scans", loc="left", fontsize=10)
         axis.grid(alpha=0.3)
     figure.suptitle(title, fontsize=11)
     return figure
 
 
-def _looks(one: Evaluated) -> dict[str, tuple[str, str]]:
+def _styles(evaluation: Evaluated) -> dict[str, tuple[str, str]]:
     """Colour and marker of each method."""
-    methods = dict.fromkeys(point.method for point in one.points)
-    turns = [divmod(place, len(COLOURS)) for place in range(len(methods))]
+    methods = dict.fromkeys(point.method for point in evaluation.points)
+    cycles = [divmod(index, len(COLOURS)) for index in range(len(methods))]
     return {
-        method: (COLOURS[place], MARKERS[(place + turn) % len(MARKERS)])
-        for method, (turn, place) in zip(methods, turns, strict=True)
+        method: (COLOURS[index], MARKERS[(index + cycle) % len(MARKERS)])
+        for method, (cycle, index) in zip(methods, cycles, strict=True)
     }
 
 
-def _operating_curve(axis: Axes, one: Evaluated) -> None:
-    """A marker per point with its intervals, and the line that its method is compared by."""
-    x, y = _places(one)
-    false = [figures.false_density for figures in one.figures]
-    detection = [figures.detection for figures in one.figures]
+def _operating_curve(axis: Axes, evaluation: Evaluated) -> None:
+    """A marker with intervals per point, and the operating curve of each method."""
+    x, y = _coordinates(evaluation)
+    false = [figures.false_density for figures in evaluation.figures]
+    detection = [figures.detection for figures in evaluation.figures]
     x_bars, y_bars = error_bars(x, false), error_bars(y, detection)
-    methods = np.array([point.method for point in one.points])
-    for method, (colour, marker) in _looks(one).items():
+    methods = np.array([point.method for point in evaluation.points])
+    for method, (colour, marker) in _styles(evaluation).items():
         rows = methods == method
         curve = Curve.of(x[rows], y[rows])
         axis.plot(np.exp(curve.log_false), curve.detection, color=colour, linewidth=1, alpha=0.6)
@@ -125,29 +125,29 @@ def _operating_curve(axis: Axes, one: Evaluated) -> None:
         xlabel="false + misplaced per scan and km² (none: half a start in all runs)", ylabel="P_D"
     )
     axis.legend(loc="lower right")
-    _hours(axis, one)
+    _add_hourly_axis(axis, evaluation)
 
 
-def _places(one: Evaluated) -> tuple[FloatArray, FloatArray]:
-    """Where the points are: their false starts per scan and km^2, and P_D."""
-    unit = one.scans * one.scenario.area / 1e6
-    least = LEAST_FALSE / one.figures[0].runs / unit
-    false = np.array([figures.false_density.value for figures in one.figures])
-    detection = np.array([figures.detection.value for figures in one.figures])
-    return np.maximum(false, least), detection
+def _coordinates(evaluation: Evaluated) -> tuple[FloatArray, FloatArray]:
+    """Coordinates of the points: false starts per scan and km^2, and P_D."""
+    unit = evaluation.scans * evaluation.scenario.area / 1e6
+    min_false = LEAST_FALSE / evaluation.figures[0].runs / unit
+    false = np.array([figures.false_density.value for figures in evaluation.figures])
+    detection = np.array([figures.detection.value for figures in evaluation.figures])
+    return np.maximum(false, min_false), detection
 
 
-def _point_labels(one: Evaluated) -> list[PointLabel]:
-    looks = _looks(one)
+def _point_labels(evaluation: Evaluated) -> list[PointLabel]:
+    styles = _styles(evaluation)
     return [
-        PointLabel(point.label, x, y, looks[point.method][0])
-        for point, x, y in zip(one.points, *_places(one), strict=True)
+        PointLabel(point.label, x, y, styles[point.method][0])
+        for point, x, y in zip(evaluation.points, *_coordinates(evaluation), strict=True)
     ]
 
 
-def _hours(axis: Axes, one: Evaluated) -> None:
-    """The same axis per hour, above."""
-    factor = one.scenario.area / 1e6 * SECONDS_PER_HOUR / one.scenario.period
+def _add_hourly_axis(axis: Axes, evaluation: Evaluated) -> None:
+    """Second axis above: false starts per hour."""
+    factor = evaluation.scenario.area / 1e6 * SECONDS_PER_HOUR / evaluation.scenario.period
     above = axis.secondary_xaxis(
         "top",
         functions=(
@@ -158,13 +158,13 @@ def _hours(axis: Axes, one: Evaluated) -> None:
     above.set_xlabel("per hour")
 
 
-def _time_to_confirm(axis: Axes, one: Evaluated) -> None:
-    _rows(axis, one, "confirmation_median", "confirmation_95")
+def _time_to_confirm(axis: Axes, evaluation: Evaluated) -> None:
+    _rows(axis, evaluation, "confirmation_median", "confirmation_95")
     axis.set(xlabel="s after the first scan", xlim=(0.0, None))
 
 
-def _nees(axis: Axes, one: Evaluated) -> None:
-    _rows(axis, one, "pure_nees", "nees")
+def _nees(axis: Axes, evaluation: Evaluated) -> None:
+    _rows(axis, evaluation, "pure_nees", "nees")
     axis.axvline(IDEAL_NEES, color="grey", linestyle="--", linewidth=1)
     axis.annotate(
         " ideal 4", (IDEAL_NEES, 0.0), xycoords=("data", "axes fraction"), va="bottom", color="grey"
@@ -174,11 +174,11 @@ def _nees(axis: Axes, one: Evaluated) -> None:
     axis.minorticks_off()
 
 
-def _rows(axis: Axes, one: Evaluated, full: str, hollow: str) -> None:
-    """Two figures of every point, a row each."""
-    looks = _looks(one)
-    for row, (point, figures) in enumerate(zip(one.points, one.figures, strict=True)):
-        colour, marker = looks[point.method]
+def _rows(axis: Axes, evaluation: Evaluated, full: str, hollow: str) -> None:
+    """Two figures per operating point, one row per point."""
+    styles = _styles(evaluation)
+    for row, (point, figures) in enumerate(zip(evaluation.points, evaluation.figures, strict=True)):
+        colour, marker = styles[point.method]
         for name, face, shift in ((full, colour, -0.12), (hollow, "white", 0.12)):
             estimate: Estimate = getattr(figures, name)
             value = np.array([estimate.value])
@@ -192,6 +192,6 @@ def _rows(axis: Axes, one: Evaluated, full: str, hollow: str) -> None:
                 markersize=5,
                 elinewidth=0.9,
             )
-    labels = [f"{point.method}  {point.label}" for point in one.points]
+    labels = [f"{point.method}  {point.label}" for point in evaluation.points]
     axis.set_yticks(range(len(labels)), labels, fontsize=9)
     axis.set_ylim(len(labels) - 0.4, -0.6)

@@ -25,18 +25,24 @@ from matplotlib.patheffects import withStroke
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.pictures.run_scene import RunScene, velocity_seconds
 
-CHI_95 = 2.447746830680816
-"""Axis factor of the ellipse that holds a bivariate Gaussian with 95 %."""
+ELLIPSE_FACTOR = 2.447746830680816
+"""Axes of the 95 % ellipse of a bivariate Gaussian, in standard deviations."""
 
-SHIP = np.array([[0.0, 1.0], [0.6, -0.8], [0.0, -0.4], [-0.6, -0.8], [0.0, 1.0]])
-"""Outline of the own ship's symbol, its bow up."""
+SHIP_OUTLINE = np.array([[0.0, 1.0], [0.6, -0.8], [0.0, -0.4], [-0.6, -0.8], [0.0, 1.0]])
+"""Outline of the own ship's symbol, bow up."""
 
-SEA, INK, TRUTH, GOOD, BAD = "#f7fafc", "#1a202c", "#2b6cb0", "#c05621", "#718096"
+BACKGROUND_COLOUR, INK_COLOUR, TRUTH_COLOUR, TRACK_COLOUR, FAINT_COLOUR = (
+    "#f7fafc",
+    "#1a202c",
+    "#2b6cb0",
+    "#c05621",
+    "#718096",
+)
 
 
 @dataclass
-class Picture:
-    """What to draw, in the fixed frame, m.
+class PlanPicture:
+    """Content of a plan-position picture, in the fixed frame, m.
 
     Attributes
     ----------
@@ -46,13 +52,13 @@ class Picture:
     truth : list of (m, 2) ndarray
         A path per target.
     on_target, off_target : list of ConfirmedTrack
-        Tracks drawn in full, and those drawn faintly.
+        Tracks drawn in full; tracks drawn faintly.
     own_ship : (m, 3) ndarray, optional
-        Path of the sensor, with headings, rad, nan where not known.
+        Path of the sensor: x, y (m) and heading (rad, nan if unknown).
     velocity_seconds : float
         Length of the velocity lines, s of travel.
     on_target_label, off_target_label : str
-        What the legend calls the tracks; the number is added. Empty: such tracks are not named.
+        Legend of the tracks, completed by their number; no entry if empty.
     """
 
     title: str
@@ -66,11 +72,11 @@ class Picture:
     off_target_label: str = "false starts"
 
 
-def picture_of(scene: RunScene) -> Picture:
+def picture_of(scene: RunScene) -> PlanPicture:
     """Return the picture of a whole run: every detection, every start, the truth where known."""
     seconds = velocity_seconds(scene)
     judged = scene.judged is not None
-    return Picture(
+    return PlanPicture(
         title=scene.title,
         detections=[view.detections for view in scene.scans],
         truth=[path[:, 1:] for path in scene.truth],
@@ -84,12 +90,12 @@ def picture_of(scene: RunScene) -> Picture:
     )
 
 
-def draw(picture: Picture, insets: Sequence[FloatArray] = ()) -> Figure:
+def draw(picture: PlanPicture, insets: Sequence[FloatArray] = ()) -> Figure:
     """Draw the picture.
 
     Parameters
     ----------
-    picture : Picture
+    picture : PlanPicture
     insets : sequence of (2,) ndarray
         Points around which the scene is also drawn enlarged, up to four.
 
@@ -115,7 +121,7 @@ def draw(picture: Picture, insets: Sequence[FloatArray] = ()) -> Figure:
     return figure
 
 
-def save(picture: Picture, path: Path, insets: Sequence[FloatArray] = ()) -> None:
+def save(picture: PlanPicture, path: Path, insets: Sequence[FloatArray] = ()) -> None:
     """Draw the picture into a file; the suffix gives the format."""
     figure = draw(picture, insets)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -123,41 +129,41 @@ def save(picture: Picture, path: Path, insets: Sequence[FloatArray] = ()) -> Non
     plt.close(figure)
 
 
-def _scene(axes: Axes, picture: Picture, inset: bool = False) -> None:
+def _scene(axes: Axes, picture: PlanPicture, inset: bool = False) -> None:
     ages = np.linspace(0.12, 0.6, max(len(picture.detections), 1))
     for alpha, points in zip(ages, picture.detections, strict=False):
-        axes.scatter(points[:, 0], points[:, 1], s=5, color=INK, alpha=alpha, linewidths=0)
+        axes.scatter(points[:, 0], points[:, 1], s=5, color=INK_COLOUR, alpha=alpha, linewidths=0)
     if picture.own_ship is not None:
         draw_own_ship(axes, picture.own_ship)
     for track in picture.off_target:
-        draw_track(axes, track, picture.velocity_seconds, BAD, 0.55, 0.7)
+        draw_track(axes, track, picture.velocity_seconds, FAINT_COLOUR, 0.55, 0.7)
     for number, path in enumerate(picture.truth):
-        axes.plot(*path.T, color=TRUTH, linewidth=2.2)
-        axes.plot(*path[0], marker="o", color=TRUTH, markersize=4)
-        if not inset:  # behind its beginning, where no track is yet
-            _label(axes, f"target {number}", path[0], _direction(path[0] - path[-1]), TRUTH)
+        axes.plot(*path.T, color=TRUTH_COLOUR, linewidth=2.2)
+        axes.plot(*path[0], marker="o", color=TRUTH_COLOUR, markersize=4)
+        if not inset:  # before the start of the path, clear of tracks
+            _label(axes, f"target {number}", path[0], _direction(path[0] - path[-1]), TRUTH_COLOUR)
     for track in picture.on_target:
-        draw_track(axes, track, picture.velocity_seconds, GOOD, 1.0, 1.6)
-    dress(axes, "box" if inset else "datalim")
+        draw_track(axes, track, picture.velocity_seconds, TRACK_COLOUR, 1.0, 1.6)
+    style_plan(axes, "box" if inset else "datalim")
 
 
 def draw_own_ship(axes: Axes, path: FloatArray) -> None:
-    """Draw the own ship's path, (m, 3), and at its end the ship: a dot without a heading."""
-    axes.plot(*path[:, :2].T, color=INK, linewidth=1.2)
+    """Draw the own ship's path, (m, 3), and the ship at its end, a dot without a heading."""
+    axes.plot(*path[:, :2].T, color=INK_COLOUR, linewidth=1.2)
     for x, y, heading in path[-1:].tolist():
         known = np.isfinite(heading)
-        axes.plot(x, y, marker=ship(heading) if known else "o", color=INK, markersize=11)
+        axes.plot(x, y, marker=ship(heading) if known else "o", color=INK_COLOUR, markersize=11)
 
 
 def ship(heading: float) -> MarkerPath:
     """Return a marker that points to a heading, rad counter-clockwise from the x axis."""
     sine, cosine = np.sin(heading - np.pi / 2), np.cos(heading - np.pi / 2)
-    return MarkerPath(SHIP @ np.array([[cosine, sine], [-sine, cosine]]))
+    return MarkerPath(SHIP_OUTLINE @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
-def dress(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
-    """Give axes of a plan their background, scale, names and grid."""
-    axes.set_facecolor(SEA)
+def style_plan(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
+    """Set background, scale, labels and grid of a plan's axes."""
+    axes.set_facecolor(BACKGROUND_COLOUR)
     axes.set_aspect("equal", adjustable=adjustable)
     axes.set(xlabel="east, m", ylabel="north, m")
     axes.grid(color="#e2e8f0", linewidth=0.6)
@@ -181,7 +187,7 @@ def draw_track(
     axes.add_patch(
         Ellipse(
             (float(start[0]), float(start[1])),
-            *(2 * CHI_95 * np.sqrt(np.maximum(values, 0.0))),
+            *(2 * ELLIPSE_FACTOR * np.sqrt(np.maximum(values, 0.0))),
             angle=float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0]))),
             facecolor="none",
             edgecolor=colour,
@@ -189,15 +195,15 @@ def draw_track(
             linewidth=width,
         )
     )
-    # Abeam of its way, where neither its velocity nor its target's path is, and off its ellipse.
+    # Abeam and outside the ellipse, clear of the velocity line and of the target's path.
     ahead = _direction(track.velocity)
     abeam = np.array([ahead[1], -ahead[0]]) * (1.0 if ahead[1] > 0 else -1.0)
-    half = CHI_95 * float(np.sqrt(abeam @ track.position_covariance @ abeam))
+    half = ELLIPSE_FACTOR * float(np.sqrt(abeam @ track.position_covariance @ abeam))
     _label(axes, str(track.track_id), start + half * abeam, abeam, colour, alpha)
 
 
 def _direction(vector: FloatArray) -> FloatArray:
-    """The unit vector; up for none."""
+    """Unit vector; up for a zero vector."""
     length = float(np.hypot(*vector))
     return vector / length if length > 0 else np.array([0.0, 1.0])
 
@@ -217,44 +223,48 @@ def _label(
         color=colour,
         alpha=alpha,
         fontsize=10,
-        path_effects=[withStroke(linewidth=2.5, foreground=SEA)],
+        path_effects=[withStroke(linewidth=2.5, foreground=BACKGROUND_COLOUR)],
     )
 
 
-def _legend(picture: Picture) -> list[Line2D]:
+def _legend(picture: PlanPicture) -> list[Line2D]:
     number = sum(len(points) for points in picture.detections)
-    handles = [legend_dots(INK, f"detections, fading with age ({number})", markersize=3, alpha=0.6)]
+    handles = [
+        legend_dots(INK_COLOUR, f"detections, fading with age ({number})", markersize=3, alpha=0.6)
+    ]
     if picture.own_ship is not None and len(picture.own_ship):
         handles.append(legend_own_ship())
     if picture.truth:
-        handles.append(Line2D([], [], color=TRUTH, linewidth=2.2, label="truth"))
-    tracks = Line2D([], [], color=GOOD, marker="o", markersize=4)
+        handles.append(Line2D([], [], color=TRUTH_COLOUR, linewidth=2.2, label="truth"))
+    tracks = Line2D([], [], color=TRACK_COLOUR, marker="o", markersize=4)
     tracks.set_label(f"{picture.on_target_label}: {len(picture.on_target)}")
     handles.append(tracks)
     if picture.off_target_label:
-        tracks = Line2D([], [], color=BAD, marker="o", markersize=2, alpha=0.7)
+        tracks = Line2D([], [], color=FAINT_COLOUR, marker="o", markersize=2, alpha=0.7)
         tracks.set_label(f"{picture.off_target_label}: {len(picture.off_target)}")
         handles.append(tracks)
     return handles
 
 
 def legend_own_ship() -> Line2D:
-    """Return a legend's entry for the own ship."""
-    entry = legend_dots(INK, "own ship", markersize=11)
+    """Return the legend entry of the own ship."""
+    entry = legend_dots(INK_COLOUR, "own ship", markersize=11)
     entry.set_marker(ship(np.pi / 2))
     return entry
 
 
 def legend_dots(colour: str, label: str, **style: Any) -> Line2D:
-    """Return a legend's entry for points."""
+    """Return the legend entry of points."""
     return Line2D([], [], color=colour, marker="o", linestyle="", label=label, **style)
 
 
-def _inset_reach(picture: Picture, insets: Sequence[FloatArray]) -> float:
+def _inset_reach(picture: PlanPicture, insets: Sequence[FloatArray]) -> float:
     """Half the width of an inset: wide enough for the paths and ellipses in it."""
     reach = 300.0
     for track in picture.on_target:
-        reach = max(reach, 2.0 * CHI_95 * float(np.sqrt(np.trace(track.position_covariance))))
+        reach = max(
+            reach, 2.0 * ELLIPSE_FACTOR * float(np.sqrt(np.trace(track.position_covariance)))
+        )
     for path in picture.truth:
         reach = max(reach, 0.9 * float(np.linalg.norm(path[-1] - path[0])))
     return reach

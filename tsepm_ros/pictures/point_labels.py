@@ -1,4 +1,4 @@
-"""Labels beside the points of a picture that do not lie on each other. Needs matplotlib."""
+"""Labels of the points of a picture, without overlap. Needs matplotlib."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
 POINTS_PER_INCH = 72.0
-DISTANCES = (9.0, 15.0, 22.0, 30.0, 40.0, 50.0)
-"""Distances from its point at which a label is tried, points."""
-ANGLES = np.radians([40.0, -40.0, 140.0, -140.0, 90.0, -90.0, 65.0, -65.0, 115.0, -115.0])
-CLEAR = 4.0
-"""What a marker takes around its centre, pixels."""
+LABEL_DISTANCES = (9.0, 15.0, 22.0, 30.0, 40.0, 50.0)
+"""Candidate distances of a label from its point, typographic points."""
+LABEL_ANGLES = np.radians([40.0, -40.0, 140.0, -140.0, 90.0, -90.0, 65.0, -65.0, 115.0, -115.0])
+MARKER_RADIUS = 4.0
+"""Half the width of a marker, pixels."""
 
 
 class PointLabel(NamedTuple):
@@ -29,19 +29,19 @@ class PointLabel(NamedTuple):
 
 
 def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
-    """Write a text beside each point, where there is room, with a line to the point.
+    """Write a text beside each point without overlap, with a line to the point.
 
     Parameters
     ----------
     axes : Axes
-        Of an Agg figure that is complete but for this.
+        Axes of an Agg figure that is otherwise complete.
     labels : sequence of PointLabel
     """
     canvas: Any = axes.figure.canvas
     canvas.draw()
     renderer = canvas.get_renderer()
     frame = axes.get_window_extent()
-    taken = [_around(*axes.transData.transform((label.x, label.y))) for label in labels]
+    occupied = [_around(*axes.transData.transform((label.x, label.y))) for label in labels]
     for label in labels:
         note = axes.annotate(
             label.text,
@@ -56,11 +56,11 @@ def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
             arrowprops={"arrowstyle": "-", "color": label.colour, "alpha": 0.4, "linewidth": 0.6},
         )
         note.set_in_layout(False)
-        taken.append(_place(note, taken, frame, renderer))
+        occupied.append(_place(note, occupied, frame, renderer))
 
 
-def _place(note: Annotation, taken: Sequence[Bbox], frame: Bbox, renderer: Any) -> Bbox:
-    """Move a label to the first place that is free and inside the frame, or else the last."""
+def _place(note: Annotation, occupied: Sequence[Bbox], frame: Bbox, renderer: Any) -> Bbox:
+    """Move a label to the first free position inside the frame, otherwise to the last."""
     box = Text.get_window_extent(note)
     half_width = 0.5 * box.width * POINTS_PER_INCH / note.figure.dpi
     for offset in _offsets(half_width):
@@ -68,18 +68,20 @@ def _place(note: Annotation, taken: Sequence[Bbox], frame: Bbox, renderer: Any) 
         note.update_positions(renderer)
         box = Text.get_window_extent(note)  # without the line
         inside = frame.contains(box.x0, box.y0) and frame.contains(box.x1, box.y1)
-        if inside and not box.count_overlaps(taken):
+        if inside and not box.count_overlaps(occupied):
             break
     return box
 
 
 def _offsets(half_width: float) -> Iterator[tuple[float, float]]:
-    """Where a text of some width may have its middle, beside the point or above and below it."""
-    for distance in DISTANCES:
-        for angle in ANGLES:
+    """Candidate positions of a text's centre relative to its point."""
+    for distance in LABEL_DISTANCES:
+        for angle in LABEL_ANGLES:
             along, up = float(np.cos(angle)), float(np.sin(angle))
             yield along * (distance + half_width), up * distance
 
 
 def _around(x: float, y: float) -> Bbox:
-    return Bbox.from_extents(x - CLEAR, y - CLEAR, x + CLEAR, y + CLEAR)
+    return Bbox.from_extents(
+        x - MARKER_RADIUS, y - MARKER_RADIUS, x + MARKER_RADIUS, y + MARKER_RADIUS
+    )

@@ -1,4 +1,4 @@
-"""What a plan-position picture or animation of a run shows, scan by scan."""
+"""Content of a plan-position picture or animation of a run, by scan."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class ScanView:
     detections : (n, 2) ndarray
         Positions, m.
     sensor : (3,) ndarray or None
-        Position of the sensor at the nearest echo, m, and the heading of the vessel, rad, nan where
-        it is not known; None where the scan does not say.
+        Position of the sensor at the nearest echo, m, and the heading of the vessel, rad, nan if
+        unknown; None without a sensor pose.
     new, held : TrackArrays
-        Tracks confirmed in this scan, and all that are held after it.
+        Tracks confirmed in this scan; all held tracks after it.
     """
 
     stamp: float
@@ -43,21 +43,21 @@ class ScanView:
     def of(
         cls, result: ScanResult, sensor: SensorModel, mounting_yaw: float | None = 0.0
     ) -> ScanView:
-        """What is seen of a processed scan.
+        """View of a processed scan.
 
-        `mounting_yaw`, rad, is that of the sensor's azimuth 0 from the bow; None where its
-        detections do not need a heading, and their poses do not have it.
+        `mounting_yaw`, rad, is the angle from the bow to the sensor's azimuth 0; None if the
+        detections need no heading and the poses have none.
         """
         scan = result.scan
         poses = np.reshape(scan.sensor_pose, (-1, 3))
         nearest = 0
         if len(poses) > 1 and scan.time_offset is not None:
             nearest = int(np.argmin(scan.time_offset))
-        turn = np.nan if mounting_yaw is None else mounting_yaw
+        yaw = np.nan if mounting_yaw is None else mounting_yaw
         return cls(
             stamp=result.stamp,
             detections=convert(scan, sensor, 0)["position"],
-            sensor=poses[nearest] - [0.0, 0.0, turn] if len(poses) else None,
+            sensor=poses[nearest] - [0.0, 0.0, yaw] if len(poses) else None,
             new=result.new,
             held=result.current,
         )
@@ -75,7 +75,7 @@ class RunScene:
     truth : list of (m, 3) ndarray
         Time (s), x and y (m) of each target.
     judged : list of Judged, optional
-        What each start is, where it is known which detections are a target's.
+        Outcome of each start, if the origin of the detections is known.
     """
 
     title: str
@@ -85,25 +85,29 @@ class RunScene:
 
     @property
     def starts(self) -> list[ConfirmedTrack]:
-        """Every confirmed track, as it was when confirmed."""
+        """All confirmed tracks, with their states at confirmation."""
         return [track for view in self.scans for track in view.new]
 
     def starts_by(self, true: bool) -> list[ConfirmedTrack]:
-        """The starts that were judged to be true, or the others; unjudged ones are true."""
+        """True starts, or those with another outcome; starts without judgement count as true."""
         if self.judged is None:
             return self.starts if true else []
-        return [one.track for one in self.judged if (one.outcome is Outcome.TRUE) is true]
+        return [
+            judgement.track
+            for judgement in self.judged
+            if (judgement.outcome is Outcome.TRUE) is true
+        ]
 
     @property
     def insets(self) -> list[FloatArray]:
-        """Points to enlarge, (2,) m: where the targets are halfway, if the starts are judged."""
+        """Points to enlarge, (2,) m: the targets' mid-run positions, if the starts are judged."""
         if self.judged is None:
             return []
         return [path[len(path) // 2, 1:] for path in self.truth]
 
     @property
     def own_ship(self) -> FloatArray:
-        """Path of the sensor, (m, 3): x, y (m) and heading (rad, nan where it is not known)."""
+        """Path of the sensor, (m, 3): x, y (m) and heading (rad, nan if unknown)."""
         return own_ship_path(self.scans)
 
 
@@ -121,7 +125,7 @@ def truth_paths(targets: Mapping[int, Sequence[RecordedMotion]]) -> list[FloatAr
 
 
 def position_at(path: FloatArray, stamp: float) -> FloatArray | None:
-    """Position of a target at a time (s), (2,) m; None where it is not known."""
+    """Position of a target at a time (s), (2,) m; None outside of the path."""
     if not path[0, 0] <= stamp <= path[-1, 0]:
         return None
     return np.array([np.interp(stamp, path[:, 0], path[:, axis]) for axis in (1, 2)])
@@ -130,10 +134,10 @@ def position_at(path: FloatArray, stamp: float) -> FloatArray | None:
 def velocity_seconds(scene: RunScene) -> float:
     """Time for which velocities are drawn, s: a fast track's line is a 25th of the scene."""
     points = [view.detections for view in scene.scans] + [path[:, 1:] for path in scene.truth]
-    every = np.concatenate([*points, np.zeros((0, 2))])
+    everything = np.concatenate([*points, np.zeros((0, 2))])
     speeds = [float(np.hypot(*track.velocity)) for track in scene.starts]
-    if not len(every) or not speeds:
+    if not len(everything) or not speeds:
         return 60.0
-    extent = float(np.ptp(every, axis=0).max())
-    wanted = 0.04 * extent / max(float(np.quantile(speeds, 0.9)), 1e-3)
-    return float(f"{wanted:.0e}") or 1.0
+    extent = float(np.ptp(everything, axis=0).max())
+    duration = 0.04 * extent / max(float(np.quantile(speeds, 0.9)), 1e-3)
+    return float(f"{duration:.0e}") or 1.0
