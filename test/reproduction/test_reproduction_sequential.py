@@ -50,13 +50,13 @@ def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan()
 
 def test_the_plain_reading_is_the_default_of_the_method():
     options = SequentialOptions()
-    gate, matching = hexagon.PLAIN
+    gate, matching = hexagon.DEFAULT_READING
     assert (gate, hexagon.MATCHINGS[matching]) == (options.gate_error, options.matching)
 
 
 def counts(period, rows):
     array = np.array(rows, float)
-    return Counts(period, 0.9, *hexagon.PLAIN, array, array, array)
+    return Counts(period, 0.9, *hexagon.DEFAULT_READING, array, array, array)
 
 
 def test_times_become_scans():
@@ -78,13 +78,13 @@ def test_the_published_shares_exclude_each_other():
     assert sequential_2014.four_or_more(share) == pytest.approx(binom.sf(3, 6, share))
     # Rounded to 1.00 it would be at least 0.995.
     assert sequential_2014.four_or_more(share) < 0.99
-    assert sequential_2014.most_formed() == pytest.approx(5.52)
-    assert sequential_2014.most_formed() < published.FORMED[108.0]
+    assert sequential_2014.max_formed() == pytest.approx(5.52)
+    assert sequential_2014.max_formed() < published.FORMED[108.0]
 
 
 def test_no_unbiased_estimate_has_the_published_speed_error():
     closed = math.sqrt(2.0 / math.pi) * 90.0 / (12.0 * math.sqrt(82.5))
-    assert sequential_2014.least_speed_error(10, 12.0) == pytest.approx(closed, rel=1e-3)
+    assert sequential_2014.min_speed_error(10, 12.0) == pytest.approx(closed, rel=1e-3)
     assert closed > published.TABLE_1["least_squares"][1]
 
 

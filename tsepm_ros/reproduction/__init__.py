@@ -1,4 +1,4 @@
-"""Regenerating what the sources publish, beside the published values.
+"""Regeneration of published results, compared with the published values.
 
 A source is a module with a function that takes a `runs.Setting` and returns the parts of its
 chapter, and a line in `sources.SOURCES`.

@@ -31,7 +31,7 @@ class Column:
     spec: str = ""
 
     def text(self, cell: Cell) -> str:
-        """A cell as it is shown, a dash where there is no figure."""
+        """Text of a cell, a dash for nan."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
         if isinstance(cell, Estimate):
@@ -41,12 +41,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table, which becomes a CSV file too.
+    """A table in the report, also written as a CSV file.
 
     Attributes
     ----------
     name : str
-        Of its file, without an ending.
+        Name of its file, without suffix.
     columns : sequence of Column
     rows : sequence of sequence of Cell
     """
@@ -64,31 +64,38 @@ class Table:
         return markdown_table([column.heading for column in self.columns], rows)
 
     def write_csv(self, path: Path) -> None:
-        """Write the numbers, those with an interval as three columns."""
-        wide = [any(isinstance(row[k], Estimate) for row in self.rows) for k in self._places]
+        """Write the numbers; a number with an interval has three columns."""
+        has_interval = [
+            any(isinstance(row[index], Estimate) for row in self.rows)
+            for index in self._column_indices
+        ]
         with path.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(
                 heading
-                for k in self._places
-                for heading in _headings(self.columns[k].heading, wide[k])
+                for index in self._column_indices
+                for heading in _headings(self.columns[index].heading, has_interval[index])
             )
             for row in self.rows:
-                writer.writerow(value for k in self._places for value in _values(row[k], wide[k]))
+                writer.writerow(
+                    value
+                    for index in self._column_indices
+                    for value in _values(row[index], has_interval[index])
+                )
 
     @property
-    def _places(self) -> range:
+    def _column_indices(self) -> range:
         return range(len(self.columns))
 
 
-def _headings(heading: str, wide: bool) -> list[str]:
-    return [heading, f"{heading}, low", f"{heading}, high"] if wide else [heading]
+def _headings(heading: str, has_interval: bool) -> list[str]:
+    return [heading, f"{heading}, low", f"{heading}, high"] if has_interval else [heading]
 
 
-def _values(cell: Cell, wide: bool) -> list[str | float]:
+def _values(cell: Cell, has_interval: bool) -> list[str | float]:
     if isinstance(cell, Estimate):
         return [cell.value, cell.low, cell.high]
-    return [cell, "", ""] if wide else [cell]
+    return [cell, "", ""] if has_interval else [cell]
 
 
 @dataclass(frozen=True)
@@ -98,7 +105,7 @@ class Picture:
     Attributes
     ----------
     name : str
-        Of its file, without an ending.
+        Name of its file, without suffix.
     caption : str
     draw : callable
         Draws it on an empty matplotlib figure.
@@ -128,7 +135,7 @@ def write(parts: Sequence[Part], report: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        Everything written. Without matplotlib there are no pictures, which the report says.
+        All written files. Without matplotlib the report has a note in place of each picture.
     """
     report.parent.mkdir(parents=True, exist_ok=True)
     texts, written = [], [report]
@@ -151,11 +158,11 @@ def write(parts: Sequence[Part], report: Path) -> list[Path]:
 def _picture_text(picture: Picture, path: Path, drawn: bool) -> str:
     if drawn:
         return f"![{picture.caption}]({path.name})\n\n*{picture.caption}*"
-    return f"*{picture.caption}: not drawn, which needs matplotlib (the extra plot)*"
+    return f"*{picture.caption}: not drawn, since it needs matplotlib (the extra plot)*"
 
 
 def _draw(picture: Picture, path: Path) -> bool:
-    """Draw a picture, if matplotlib is there."""
+    """Draw a picture, if matplotlib is installed; returns whether it was drawn."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure

@@ -20,17 +20,17 @@ from tsepm_ros.sensing.plot_features import decision
 
 FEATURES = 3
 TRIALS = 50
-"""Decisions per run asked for."""
+"""Simulated decisions per run."""
 OFFSETS = (0.5, 1.0, 2.0, 3.0)
 """Differences between the targets' features, standard deviations of one plot."""
 HISTORIES = ((10, 10), (3, 3), (30, 5))
-"""Plots of the tracks A and B before."""
+"""Numbers of earlier plots of the tracks A and B."""
 TIME_STEP = 1.0
-"""s."""
+"""Interval of the curves, s."""
 
 
 def reproduce(setting: Setting) -> list[Part]:
-    """The parts of its chapter."""
+    """Parts of the source's chapter."""
     return [*_encounter_parts(), *_decision_parts(setting)]
 
 
@@ -40,7 +40,7 @@ def encounter(azimuth_from: str = "y") -> FloatArray:
     Parameters
     ----------
     azimuth_from : {"y", "x"}
-        Whether positions have their azimuth clockwise from north, as the headings have, or
+        Whether the azimuths of the positions are clockwise from north, as the headings, or
         counter-clockwise from the x axis.
     """
     distance, azimuth, speed, heading = np.array(published.ENCOUNTER).T
@@ -62,7 +62,7 @@ class Equations:
     slope : callable
         Numerator and denominator of Eq. 2 from the targets' velocities (2, 2) as x, y.
     quadrants : bool
-        Whether both arctangents know their quadrant.
+        Whether both arctangents take account of the quadrant.
     time : callable
         T_cpa from ``R cos(phi_r - theta) / v_r``.
     """
@@ -85,8 +85,8 @@ class Equations:
         return np.asarray(self.time(along_course))
 
 
-def _principal(one: Any, other: Any) -> Any:
-    return np.arctan(one / other)
+def _principal(across: Any, along: Any) -> Any:
+    return np.arctan(across / along)
 
 
 def _as_printed(velocity: FloatArray) -> tuple[float, float]:
@@ -112,7 +112,7 @@ EQUATIONS = (
     Equations("and with quadrants", _from_north, True, np.positive),
     Equations("and with the other sign", _from_north, True, np.negative),
 )
-"""Readings, each a correction of the one before."""
+"""Readings; each adds a correction to the previous reading."""
 
 
 def all_equations() -> list[Equations]:
@@ -135,41 +135,45 @@ def all_equations() -> list[Equations]:
 
 
 def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
-    """Whether T_cpa (n,) behaves as the text says: 0 or more before, below 0 after, |.| with it."""
+    """Whether T_cpa (n,) is as in the text: >= 0 before, < 0 after, |T_cpa| falls, then rises."""
     before, after = times < closest, times > closest
     size = np.abs(values)
-    said = (
+    conditions = (
         (values[before] >= 0.0).all(),
         (values[after] < 0.0).all(),
         (np.diff(size[before]) <= 0.0).all(),
         (np.diff(size[after]) >= 0.0).all(),
     )
-    return HOLDS if all(said) else FAILS
+    return HOLDS if all(conditions) else FAILS
 
 
 def _encounter_parts() -> list[Part]:
     states = encounter()
     time, distance = (float(value) for value in closest_approach(states[0], states[1]))
     start = float(np.hypot(*(states[1] - states[0])[0::2]))
-    apart = closest_approach(*encounter("x"))
+    separating = closest_approach(*encounter("x"))
     times = np.arange(0.0, 2.0 * time, TIME_STEP)
     exact = np.array(
         [closest_approach(*_moved(states, elapsed))[0] for elapsed in times], np.float64
     )
     curves = {"closest approach, -r.v / |v|^2": exact}
-    curves |= {one.name: one.times(states, times) for one in EQUATIONS}
-    combined = all_equations()
-    right = [one for one in combined if holds(times, one.times(states, times), time) == HOLDS]
+    curves |= {equations.name: equations.times(states, times) for equations in EQUATIONS}
+    combinations = all_equations()
+    valid = [
+        equations
+        for equations in combinations
+        if holds(times, equations.times(states, times), time) == HOLDS
+    ]
     return [
         "### Fig. 4: the time of closest approach",
         f"With azimuths and headings clockwise from north the targets are {start:.0f} m apart at "
         f"first and meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths "
         "counter-clockwise from the x axis and headings from north they only separate (closest "
-        f"{-float(apart[0]):.0f} s before). The text: t_c is at least 0 at first, gets smaller, "
-        "is below 0 when the targets separate, and then grows in size. Each line of the table "
-        "corrects one thing more in Eqs. 2, 8 and 9; the last is the usual formula. Of all "
-        f"{len(combined)} combinations the text's description holds for: "
-        f"{'; '.join(one.name for one in right)}.",
+        f"{-float(separating[0]):.0f} s before). The text: t_c is at least 0 at first, gets "
+        "smaller, is below 0 when the targets separate, and then grows in size. Each line of the "
+        "table corrects one thing more in Eqs. 2, 8 and 9; the last is the usual formula. Of all "
+        f"{len(combinations)} combinations the text's description holds for: "
+        f"{'; '.join(equations.name for equations in valid)}.",
         Table(
             "environment_2018_figure_4",
             [
@@ -182,11 +186,11 @@ def _encounter_parts() -> list[Part]:
             ],
             [_figure_4_row(name, times, values, time) for name, values in curves.items()],
         ),
-        "So three things are wrong besides the missing minus: Eq. 2 measures phi_r from the x axis "
-        "and Eq. 8 theta from the y axis; an arctangent without quadrant cannot tell approach from "
-        "separation; and what Eq. 9 has between its bars is *below* 0 while they approach. T_cpa "
-        "says when, not how near: two targets that pass at any distance have it small, so that "
-        "alone it is no measure of density.",
+        "The equations have three errors besides the missing minus: Eq. 2 measures phi_r from the "
+        "x axis and Eq. 8 theta from the y axis; an arctangent without quadrant does not "
+        "distinguish approach from separation; and the argument of the bars in Eq. 9 is *negative* "
+        "during the approach. T_cpa is a time without a distance: it is small for two targets that "
+        "pass at any distance, so T_cpa alone does not measure density.",
         _figure_4(states, times, curves, time),
     ]
 
@@ -242,16 +246,16 @@ def _figure_4(
 
 
 @dataclass(frozen=True)
-class Decided:
+class DecisionShares:
     """Shares of right decisions.
 
     Attributes
     ----------
     each : Estimate
-        Of the plots, each given to the track of its smaller J.
+        Share of the plots, if each goes to the track of its smaller J.
     pairs : Estimate
-        Of the encounters, in which the pair of the smallest J is taken and the others are left to
-        each other.
+        Share of the encounters, if the pair of the smallest J is taken first and the other plot
+        goes to the other track.
     """
 
     each: Estimate
@@ -259,7 +263,7 @@ class Decided:
 
 
 def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Who gets plot 1 and who plot 2, by two rules.
+    """Whether plot 1 goes to A and plot 2 to B, by two rules.
 
     Parameters
     ----------
@@ -269,9 +273,9 @@ def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
     Returns
     -------
     each : (..., 2) ndarray of bool
-        Whether plot 1 is A's and plot 2 B's by the smaller J of each plot.
+        Whether plot 1 goes to A and plot 2 to B by the smaller J of each plot.
     pairs : (...) ndarray of bool
-        Whether both are by the smallest J of all, the others left to each other.
+        Whether both do, if the pair of the smallest J of all is taken first.
     """
     each = np.stack(
         [
@@ -286,7 +290,7 @@ def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
 
 def decide(
     rng: np.random.Generator, trials: int, offset: float, histories: tuple[int, int]
-) -> Decided:
+) -> DecisionShares:
     """Simulate encounters of a target A and a target B, a plot of each, decided by Eqs. 10-11.
 
     The three features are independent and Gaussian, in units of one plot's standard deviation.
@@ -296,20 +300,20 @@ def decide(
     rng : Generator
     trials : int
     offset : float
-        By how much B's features differ from A's, each.
+        Difference of each feature of B from that of A.
     histories : (int, int)
-        Plots of A and of B before.
+        Numbers of earlier plots of A and of B.
     """
     centres = (0.0, offset)
     plots = rng.standard_normal((trials, 2, FEATURES)) + np.array(centres)[:, None]
-    before = [
+    earlier = [
         rng.standard_normal((trials, 1, count, FEATURES)) + centre
         for count, centre in zip(histories, centres, strict=True)
     ]
-    distances = np.stack([decision(history, plots) for history in before], axis=-1)
+    distances = np.stack([decision(history, plots) for history in earlier], axis=-1)
     each, pairs = smallest(distances)
     # The two plots of an encounter meet the same histories.
-    return Decided(mean(each.mean(axis=1)), proportion(int(pairs.sum()), trials))
+    return DecisionShares(mean(each.mean(axis=1)), proportion(int(pairs.sum()), trials))
 
 
 def _decision_parts(setting: Setting) -> list[Part]:
@@ -320,8 +324,8 @@ def _decision_parts(setting: Setting) -> list[Part]:
     rows = []
     for histories in HISTORIES:
         for offset in OFFSETS:
-            made = decide(rng, trials, offset, histories)
-            rows.append(["{}, {}".format(*histories), offset, made.each, made.pairs])
+            shares = decide(rng, trials, offset, histories)
+            rows.append(["{}, {}".format(*histories), offset, shares.each, shares.pairs])
     (a1, b1), (a2, b2) = table
     alone = ", ".join(
         f"plot {number} to {right if own else other}"
@@ -330,7 +334,7 @@ def _decision_parts(setting: Setting) -> list[Part]:
         )
     )
     return [
-        "### Table 1: whose plot it is",
+        "### Table 1: association of the plots",
         f"Published: J of plot 1 is {a1:g} with A and {b1:g} with B, of plot 2 {a2:g} and {b2:g}; "
         "plot 1 is said to be A's, plot 2 B's. By the smaller J of each plot alone it would be "
         f"{alone}; that each track takes the plot of its smaller J, or the pair of the smallest J "
@@ -338,10 +342,10 @@ def _decision_parts(setting: Setting) -> list[Part]:
         f"{'gives' if pairs else 'does not give'} the published decision ({a1:g} + {b2:g} is also "
         f"the smaller sum). A threshold epsilon must then be at least {max(a1, b2):g}, and lets "
         f"plot 1 ({b1:g}) pass for B's too.",
-        "Neither the features' units nor their spread are printed, so that the numbers cannot be "
-        "made again. Simulated instead: three independent Gaussian features, in units of one "
-        f"plot's standard deviation, which differ between the targets by an offset each; {trials} "
-        "encounters with a plot of each target; J by Eqs. 10 and 11.",
+        "The source prints neither the units nor the variances of the features, so the numbers "
+        "cannot be reproduced. Simulated instead: three independent Gaussian features, in units of "
+        "one plot's standard deviation, each with an offset between the targets; "
+        f"{trials} encounters with a plot of each target; J by Eqs. 10 and 11.",
         Table(
             "environment_2018_table_1",
             [
@@ -352,7 +356,7 @@ def _decision_parts(setting: Setting) -> list[Part]:
             ],
             rows,
         ),
-        "J falls with the square of the number of plots before (u' moves by 1/(n+1) of the "
-        "difference): with unlike histories the longer one draws all plots to it, and no one "
-        "epsilon fits both. It also adds squares of unlike units.",
+        "J falls with the square of the number of earlier plots (u' moves by 1/(n+1) of the "
+        "difference). With unequal histories the longer history attracts all plots, and no single "
+        "epsilon fits both. J also adds squares of different units.",
     ]

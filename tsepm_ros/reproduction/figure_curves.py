@@ -31,7 +31,7 @@ class Curves:
     runs: Sequence[Sequence[Result]]
 
     def counted(self, name: str, place: int) -> FloatArray:
-        """Whether the target was found, wrong tracks (false or misplaced) and starts, (3, runs)."""
+        """Target found (0 or 1), wrong tracks (false or misplaced) and starts, (3, runs)."""
         return np.array([run[name] for run in self.runs[place]], float).T
 
     def found(self, name: str, place: int) -> FloatArray:
@@ -49,8 +49,8 @@ class Curves:
 
     def detection(self, name: str) -> list[Estimate]:
         """P_D along the curve."""
-        found = (self.found(name, place) for place in self.places)
-        return [proportion(int(one.sum()), len(one)) for one in found]
+        runs_found = (self.found(name, place) for place in self.places)
+        return [proportion(int(found.sum()), len(found)) for found in runs_found]
 
     def per_start(self, name: str) -> list[Estimate]:
         """False and misplaced tracks per start along the curve."""
@@ -60,7 +60,7 @@ class Curves:
         """False and misplaced tracks per scan and km^2 along the curve."""
         units = [point.scenario.scans * point.scenario.area / 1e6 for point in self.points]
         wrong = [mean_count(self.counted(name, place)[1]) for place in self.places]
-        return [one / unit for one, unit in zip(wrong, units, strict=True)]
+        return [count / unit for count, unit in zip(wrong, units, strict=True)]
 
     def rise(self, name: str, first: int = 0, last: int = -1) -> Estimate:
         """Difference of P_D from one point to a later one."""
@@ -112,7 +112,8 @@ class Curves:
     ) -> Picture:
         """P_D, P_F per start, and false tracks per scan and km^2, side by side.
 
-        `theory` is the P_D of one start by the value, without clutter; `marks` are values to mark.
+        `theory` is P_D of one start without clutter as a function of the value; `marks` are values
+        with a vertical line.
         """
 
         def draw(figure: Any) -> None:
@@ -130,9 +131,9 @@ class Curves:
                 axis.set_xlabel(label)
                 axis.grid(alpha=0.3)
             for axis, (_, values_of) in zip(axes[1:], panels[1:], strict=True):
-                values = [one.value for curve in CURVES for one in values_of(curve)]
-                least = min((v for v in values if v > 0.0), default=1.0)
-                axis.set(yscale="log", ylim=(0.5 * least, None))
+                values = [estimate.value for curve in CURVES for estimate in values_of(curve)]
+                min_value = min((v for v in values if v > 0.0), default=1.0)
+                axis.set(yscale="log", ylim=(0.5 * min_value, None))
             if theory:
                 axes[0].plot(x, [theory(e) for e in x], "k:", label="one start, no clutter")
             for axis in axes:
@@ -148,7 +149,7 @@ class Curves:
 
 
 def _draw_curve(axis: Any, x: FloatArray, estimates: Sequence[Estimate], name: str, k: int) -> None:
-    value = np.array([one.value for one in estimates])
+    value = np.array([estimate.value for estimate in estimates])
     style = {"clutter": "--", "multiple": "-."}.get(name.split()[0], "-")
     axis.errorbar(
         x,

@@ -1,4 +1,4 @@
-"""TSEPM 2018, Figs. 5-8: what the text says of the curves, and whether it holds."""
+"""TSEPM 2018, Figs. 5-8: claims of the text about the curves, and their verdicts."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from tsepm_ros.reproduction.published_tsepm_2018 import (
 from tsepm_ros.reproduction.runs import Setting
 from tsepm_ros.sensing.conversion import position_covariance
 
-EQUAL = 0.05
-"""Difference up to which two P_D count as approximately equal: a choice."""
+MAX_EQUAL_DIFFERENCE = 0.05
+"""Maximum difference of two approximately equal P_D: a choice."""
 MODEL = "multiple model"
 READINGS = (
     ("tsepm, f1 literal", "clutter test, size 0.05"),
@@ -44,27 +44,27 @@ READINGS = (
     ("tsepm, f2 size 0.05", "clutter test, size 0.05"),
     ("tsepm, f2 size 0.5", "clutter test, size 0.5"),
 )
-"""Curves that may be the source's: its evaluation and the test's size are not said."""
+"""Possible curves of the source, which states neither its evaluation nor the test's size."""
 
 
 def gate_hit_probability(error: float, k: int) -> float:
-    """Probability that a target's detection lies in the gate of the one k scans before (Eq. 4).
+    """Probability that a target's detection lies in the gate of that k scans before (Eq. 4).
 
-    Both detections have an error, of which the gate's margin knows one.
+    Both detections have an error; the gate's margin covers only one.
 
     Parameters
     ----------
     error : float
-        Larger axis of the measurement error where the target is, m.
+        Larger axis of the measurement error at the target, m.
     k : int
-        Scans between the two.
+        Interval of the two detections, scans.
     """
     sensor = sensor_at(error)
     range_, azimuth = float(np.hypot(*TARGET)), np.arctan2(TARGET[1], TARGET[0])
-    spread = 2.0 * position_covariance(
+    covariance = 2.0 * position_covariance(
         range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std
     )
-    variances, axes = np.linalg.eigh(spread)
+    variances, axes = np.linalg.eigh(covariance)
     sigma = np.sqrt(variances)
     offset = axes.T @ np.array([5.0 * k * PERIOD, 0.0])
     radius = MAX_SPEED * k * PERIOD + gate_factor(GATE_PROBABILITY) * error
@@ -77,18 +77,18 @@ def gate_hit_probability(error: float, k: int) -> float:
 
 
 def one_start(error: float) -> float:
-    """P_D of one start without clutter or pruning at a measurement error, with its gate's size."""
+    """P_D of one start without clutter or pruning, with the gate of a measurement error."""
     return rule_detection_probability(*RULE, 0.9, gate_hit_probability(error, 1))
 
 
 def parts(
     setting: Setting, by_density: Sequence[Point] = DENSITIES, by_error: Sequence[Point] = ERRORS
 ) -> list[Part]:
-    """The curves, and what the text says of them."""
+    """The curves, and the claims of the text about them."""
     results = setting.results(run_comparison, [*by_density, *by_error])
     densities = Curves(by_density, results[: len(by_density)])
     errors = Curves(by_error, results[len(by_density) :])
-    said = claims(densities, errors)
+    verdicts = claims(densities, errors)
     return [
         "### Figs. 5-8",
         "The figures survive as orderings and two marks. Not said: p_d (here 0.9), the densities, "
@@ -104,16 +104,16 @@ def parts(
                 Column("the text says"),
                 *(Column(f"{a}; {b}".replace("clutter test", "test")) for a, b in READINGS),
             ],
-            said,
+            verdicts,
         ),
-        f"Claims that hold, of {len(said)}: "
+        f"Claims that hold, of {len(verdicts)}: "
         + "; ".join(
-            f"{a} and {b} {sum(row[2 + place] == paired.HOLDS for row in said)}"
+            f"{a} and {b} {sum(row[2 + place] == paired.HOLDS for row in verdicts)}"
             for place, (a, b) in enumerate(READINGS)
         )
         + ". No reading of the evaluation and of the test's size was chosen for that.",
-        f"Approximately equal is within {EQUAL:g}, which is a choice; a verdict *cannot tell* is "
-        "one that the 95 % intervals leave open.",
+        f"Approximately equal is within {MAX_EQUAL_DIFFERENCE:g}, which is a choice; a verdict "
+        "*cannot tell* is one that the 95 % intervals leave open.",
         densities.table("tsepm_2018_figures_5_6", "density [1/m²]", ".1e"),
         errors.table("tsepm_2018_figures_7_8", "error [m]", "g"),
         densities.picture("tsepm_2018_figures_5_6", "Figs. 5 and 6", "clutter density [1/m²]"),
@@ -131,23 +131,23 @@ def parts(
 Judge = Callable[[str, str], str]
 """Verdict on a claim, for the curves that stand for TSEPM and for the clutter test."""
 UNITS = ("per start", "per run")
-"""Readings of what P_F is a share of."""
+"""Readings of the denominator of P_F."""
 
 
 def claims(densities: Curves, errors: Curves) -> list[list[str]]:
-    """What the text says of the figures, and whether it holds under each reading."""
+    """Claims of the text about the figures, with a verdict under each reading."""
     mark = errors.place(FIGURE_7_MARKS[1])
     listed: list[tuple[str, str, Judge]] = [
         ("5", "P_D of TSEPM and of the test approximately equal", partial(equal, densities)),
         (
             "5",
             "TSEPM's P_D does not decrease with density",
-            lambda a, b: paired.is_not_below(densities.rise(a), EQUAL),
+            lambda a, b: paired.is_not_below(densities.rise(a), MAX_EQUAL_DIFFERENCE),
         ),
         (
             "5",
             "the test's P_D does not decrease with density",
-            lambda a, b: paired.is_not_below(densities.rise(b), EQUAL),
+            lambda a, b: paired.is_not_below(densities.rise(b), MAX_EQUAL_DIFFERENCE),
         ),
         (
             "5",
@@ -169,7 +169,7 @@ def claims(densities: Curves, errors: Curves) -> list[list[str]]:
         (
             "7",
             "TSEPM's P_D does not vary beyond 120 m",
-            lambda a, b: paired.is_within(errors.rise(a, mark), EQUAL),
+            lambda a, b: paired.is_within(errors.rise(a, mark), MAX_EQUAL_DIFFERENCE),
         ),
         *_false_claims("8", errors),
         *(
@@ -201,18 +201,18 @@ def _false_claims(figure: str, curves: Curves) -> list[tuple[str, str, Judge]]:
     ]
 
 
-def equal(curves: Curves, one: str, other: str) -> str:
+def equal(curves: Curves, first: str, second: str) -> str:
     """Whether P_D of two curves is about the same at each point."""
     differences = [
-        paired.share_difference(curves.found(one, place), curves.found(other, place))
+        paired.share_difference(curves.found(first, place), curves.found(second, place))
         for place in curves.places
     ]
-    return paired.everywhere([paired.is_within(d, EQUAL) for d in differences])
+    return paired.everywhere([paired.is_within(d, MAX_EQUAL_DIFFERENCE) for d in differences])
 
 
-def fewer(curves: Curves, one: str, other: str, unit: str) -> str:
+def fewer(curves: Curves, first: str, second: str, unit: str) -> str:
     """Whether P_F of a curve is below another's at each point."""
-    pairs = [((other, place), (one, place)) for place in curves.places]
+    pairs = [((second, place), (first, place)) for place in curves.places]
     return _all_fall(curves, pairs, unit)
 
 
@@ -227,13 +227,13 @@ def _all_fall(
 ) -> str:
     """Whether P_F of the second of each pair of points is below that of the first."""
     differences = [curves.rise_of_false(*pair, unit == "per start") for pair in pairs]
-    return paired.everywhere([paired.is_below(one) for one in differences])
+    return paired.everywhere([paired.is_below(difference) for difference in differences])
 
 
 def falls(curves: Curves, name: str) -> str:
     """Whether P_D falls from each point to the next."""
-    steps = [curves.rise(name, place - 1, place) for place in curves.places[1:]]
-    return paired.everywhere([paired.is_below(step) for step in steps])
+    rises = [curves.rise(name, place - 1, place) for place in curves.places[1:]]
+    return paired.everywhere([paired.is_below(rise) for rise in rises])
 
 
 def falls_faster(curves: Curves, name: str) -> str:
@@ -243,8 +243,8 @@ def falls_faster(curves: Curves, name: str) -> str:
     values = np.array([point.value for point in curves.points])
     slopes = (np.diff(found, axis=0) / np.diff(values)[:, None])[:last]
     between, below = slopes[first:], slopes[:first]
-    verdicts = [paired.is_below(mean(one)) for one in between]
-    verdicts += [paired.is_below(mean(one - other)) for one in between for other in below]
+    verdicts = [paired.is_below(mean(slope)) for slope in between]
+    verdicts += [paired.is_below(mean(slope - lower)) for slope in between for lower in below]
     return paired.everywhere(verdicts)
 
 

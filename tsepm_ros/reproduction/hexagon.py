@@ -27,9 +27,9 @@ from tsepm_ros.simulation.own_ship_motion import WaypointMotion
 
 DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
 ASSUMED = 0.9
-"""Detection probability of the interval of the list."""
+"""Detection probability of the scene with the listed interval."""
 TURN_RADIUS = 1.0
-"""Of the platform at a corner, m: the published one turns on the spot."""
+"""Turn radius of the platform at a corner, m; the published platform turns on the spot."""
 
 
 MATCHINGS = {
@@ -40,9 +40,9 @@ MATCHINGS = {
 """Values of `SequentialOptions.matching`, in the words of the tables."""
 GATES = ("range", "major_axis")
 READINGS = tuple(itertools.product(GATES, MATCHINGS))
-"""What sigma in Eq. 7 is, and who gets a detection that several tracks match (Step 3)."""
-PLAIN = (GATES[0], "oldest track first")
-"""The reading that is the default of the method."""
+"""Meaning of sigma in Eq. 7, and track of a detection that several tracks match (Step 3)."""
+DEFAULT_READING = (GATES[0], "oldest track first")
+"""The default reading of the method."""
 
 
 def case(period: float, detection_probability: float) -> Scenario:
@@ -84,53 +84,53 @@ def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
 
 
 def cases() -> dict[tuple[float, float], Scenario]:
-    """Scenes by interval (s) and p_d, neither of which is certain."""
-    first, other = published.PERIODS
-    likely = [(first, p_d) for p_d in DETECTION_PROBABILITIES]
-    return {key: case(*key) for key in (*likely, (other, ASSUMED))}
+    """Scenes by interval (s) and p_d; the source leaves both open."""
+    text_period, list_period = published.PERIODS
+    keys = [(text_period, p_d) for p_d in DETECTION_PROBABILITIES]
+    return {key: case(*key) for key in (*keys, (list_period, ASSUMED))}
 
 
 def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every reading.
 
-    Gives per reading and scan: targets with a true track so far, targets with a track of which they
-    gave more than half of the hits, and all tracks; and of the plain reading's tracks of the second
-    kind the errors by each estimator, and the bounds.
+    Returns cumulative counts per reading and scan: targets with a true track; targets with a track
+    that has more than half of its hits from the target; all tracks. For the second kind of tracks
+    of the default reading it also returns the errors of each estimator, and the bounds.
     """
     targets = hexagon(np.random.default_rng([*seed, 1]))
     scene = SimulatedScene.drawn(dataclasses.replace(scenario, targets=targets), seed)
     results: Result = {}
     for gate, matching in READINGS:
-        starter = Sequential(
+        method = Sequential(
             scenario.sensor,
             CommonOptions(max_speed=published.MAX_SPEED),
             SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
         )
-        started = Started.on(scene, Initiator(starter), scenario.scans)
+        started = Started.on(scene, Initiator(method), scenario.scans)
         judged = started.judged()
-        true = [one for one in judged if one.outcome is Outcome.TRUE]
+        true = [judgement for judgement in judged if judgement.outcome is Outcome.TRUE]
         for name, stamps in (
-            ("true", [one.track.stamp for one in true]),
-            ("near", [one.track.stamp for one in _first_of_each(judged)]),
+            ("true", [judgement.track.stamp for judgement in true]),
+            ("near", [judgement.track.stamp for judgement in _first_of_each(judged)]),
             ("all", started.tracks.stamp.tolist()),
         ):
             scan = np.round(np.array(stamps) / scenario.period)
             counts = np.histogram(scan, np.arange(scenario.scans + 1) - 0.5)[0]
             results[f"{gate}, {matching}: {name}"] = np.cumsum(counts).astype(float).tolist()
-        if (gate, matching) == PLAIN:
+        if (gate, matching) == DEFAULT_READING:
             results |= errors(started, _first_of_each(judged))
     return results
 
 
 def _first_of_each(judged: list[Judged]) -> list[Judged]:
     first: dict[int, Judged] = {}
-    for one in judged:
-        first.setdefault(one.target, one)
+    for judgement in judged:
+        first.setdefault(judgement.target, judgement)
     return list(first.values())
 
 
 def errors(started: Started, judged: list[Judged]) -> Result:
-    """Errors of the estimators on the same hits, and the least that they allow.
+    """Errors of the estimators on the same hits, and their Cramer-Rao bounds.
 
     Returns
     -------
@@ -142,11 +142,11 @@ def errors(started: Started, judged: list[Judged]) -> Result:
     """
     scene = started.scene
     results: Result = {name: [] for name in (*initial_state.ESTIMATORS, "bound")}
-    for one in judged:
-        truth = scene.simulator.truth(one.track.stamp)[one.target]
+    for judgement in judged:
+        truth = scene.simulator.truth(judgement.track.stamp)[judgement.target]
         for name in initial_state.ESTIMATORS:
-            results[name] += _errors(_estimated(scene, one.track, name) - truth, truth)
-        results["bound"] += [*_bound(scene, one), float(one.pure)]
+            results[name] += _errors(_estimated(scene, judgement.track, name) - truth, truth)
+        results["bound"] += [*_bound(scene, judgement), float(judgement.pure)]
     return results
 
 
@@ -158,21 +158,21 @@ def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> 
 
 
 def _errors(error: FloatArray, truth: FloatArray) -> list[float]:
-    true, found = truth[1::2], truth[1::2] + error[1::2]
-    angle = math.atan2(true[0] * found[1] - true[1] * found[0], float(true @ found))
+    true, estimated = truth[1::2], truth[1::2] + error[1::2]
+    angle = math.atan2(true[0] * estimated[1] - true[1] * estimated[0], float(true @ estimated))
     return [
         float(np.hypot(error[0], error[2])),
         float(np.hypot(error[1], error[3])),
-        float(np.hypot(*found) - np.hypot(*true)),
+        float(np.hypot(*estimated) - np.hypot(*true)),
         abs(math.degrees(angle)),
     ]
 
 
-def _bound(scene: SimulatedScene, one: Judged) -> list[float]:
-    """Bounds of the mean square errors from the hits' times, as if all were the target's."""
-    stamps = np.array([scene.scans[scan].stamp for scan, _ in one.track.hits])
+def _bound(scene: SimulatedScene, judgement: Judged) -> list[float]:
+    """Bounds of the mean square errors at the hits' times, all taken as the target's."""
+    stamps = np.array([scene.scans[scan].stamp for scan, _ in judgement.track.hits])
     scenario = scene.scenario
-    positions = np.array([scene.simulator.truth(t)[one.target, 0::2] for t in stamps])
+    positions = np.array([scene.simulator.truth(t)[judgement.target, 0::2] for t in stamps])
     own_ship = np.array([scenario.own_ship.pose(t)[:2] for t in stamps])
-    bound = cramer_rao(positions, stamps, own_ship, scenario.sensor, one.track.stamp)
+    bound = cramer_rao(positions, stamps, own_ship, scenario.sensor, judgement.track.stamp)
     return [float(np.trace(bound[place::2, place::2])) for place in (0, 1)]

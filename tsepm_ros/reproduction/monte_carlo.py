@@ -1,4 +1,4 @@
-"""The simulated runs of the reproductions: what is drawn, and what is counted."""
+"""Simulated runs of the reproductions: scenes and counts."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from tsepm_ros.stages.splitting import Gated, gate_within
 
 RULE = (5, 8)
 TARGET = np.array([COORDINATE, COORDINATE])
-OWN = {"min_hits": RULE[0], "window": RULE[1], "gate_probability": GATE_PROBABILITY}
+SHARED_OPTIONS = {"min_hits": RULE[0], "window": RULE[1], "gate_probability": GATE_PROBABILITY}
 STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
 """alpha times the range error at a range of 5000 m, m."""
 KENNEDY = {"evaluation": "clutter_statistic"}
@@ -61,18 +61,18 @@ CURVES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
         "multiple model": ("multiple_model", {}),
     }
 )
-"""Method and options of each curve, besides `OWN`."""
+"""Method and options of each curve, besides `SHARED_OPTIONS`."""
 
 
 @dataclass(frozen=True)
 class Table1Case:
-    """What a simulated run of the table depends on.
+    """Parameters of a simulated run of the table.
 
     Attributes
     ----------
     scenario : Scenario
     fixed_margin : bool
-        Whether every gate has `STATED_MARGIN`, instead of that of Eq. 4 where the detection is.
+        Whether every gate has `STATED_MARGIN`, instead of the margin of Eq. 4 at the detection.
     """
 
     scenario: Scenario
@@ -82,7 +82,7 @@ class Table1Case:
 class FixedMargin(Tsepm):
     """TSEPM 2018 with one gate margin, `STATED_MARGIN`, for all detections.
 
-    Only the gate has it; estimating, pruning and merging have each detection's own errors.
+    Only the gate uses this margin; estimation, pruning and merging use each detection's errors.
     """
 
     def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:
@@ -94,9 +94,9 @@ class FixedMargin(Tsepm):
 def table_1_cases() -> dict[str, Table1Case]:
     """Scenes of Section 5.1, a disc of clutter and one target, by the reading of the errors.
 
-    P_F(1) has one gate margin everywhere, that of the errors at 5000 m. The simulation may have had
-    the margin alone, or the errors too; errors of the same size across the line of sight as along
-    it take another azimuth error than the stated one.
+    P_F(1) has one gate margin everywhere, that of the errors at 5000 m. The published simulation
+    may have used this margin alone, or these errors too. Errors of equal size across and along the
+    line of sight need an azimuth error other than the stated value.
     """
     target = np.array([COORDINATE, 5.0, COORDINATE, 0.0])
     window = max(row.rule[1] for row in TABLE_1)
@@ -123,14 +123,14 @@ def table_1_cases() -> dict[str, Table1Case]:
 
 
 class Counted(IntEnum):
-    """Places of the counts that `run_table_1` gives."""
+    """Indices of the counts of `run_table_1`."""
 
     FIRST_SCAN_STARTS = 0
     """Clutter starts of the first scan."""
     FIRST_SCAN_TRACKS = 1
-    """Tracks of these."""
+    """Tracks of these starts."""
     STARTS_WITH_TRACK = 2
-    """How many of these have a track."""
+    """Number of these starts with a track."""
     STARTS = 3
     """All starts of the N scans."""
     WRONG = 4
@@ -139,11 +139,11 @@ class Counted(IntEnum):
     """Whether the target was found."""
 
 
-def run_table_1(what: Table1Case, seed: list[int]) -> Result:
+def run_table_1(case: Table1Case, seed: list[int]) -> Result:
     """Start tracks by every rule and reading on one scene, and count as in `Counted`."""
-    scene = SimulatedScene.drawn(what.scenario, seed)
+    scene = SimulatedScene.drawn(case.scenario, seed)
     return {
-        f"{row.name} {reading}": _table_1_counts(scene, row, reading, what.fixed_margin)
+        f"{row.name} {reading}": _table_1_counts(scene, row, reading, case.fixed_margin)
         for row in TABLE_1
         for reading in READINGS
     }
@@ -159,17 +159,17 @@ def _table_1_counts(
         gate_probability=GATE_PROBABILITY,
         pruning_reading=reading,
     )
-    kind = FixedMargin if fixed_margin else Tsepm
-    method = kind(scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
-    starter = Initiator(method)
-    started = Started.on(scene, starter, window)
+    method_class = FixedMargin if fixed_margin else Tsepm
+    method = method_class(scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
+    initiator = Initiator(method)
+    started = Started.on(scene, initiator, window)
     found, wrong = started.counts()
     first = _of_first_scan(started)
     counts: dict[Counted, float] = {
         Counted.FIRST_SCAN_STARTS: int(np.count_nonzero(scene.origins[0] == CLUTTER)),
         Counted.FIRST_SCAN_TRACKS: len(first),
         Counted.STARTS_WITH_TRACK: len(np.unique(first)),
-        Counted.STARTS: starter.totals.started,
+        Counted.STARTS: initiator.totals.started,
         Counted.WRONG: wrong,
         Counted.FOUND: found,
     }
@@ -193,7 +193,7 @@ class Point:
     Attributes
     ----------
     value : float
-        Where it is on the axis of its figure.
+        Value on the axis of its figure.
     scenario : Scenario
     """
 
@@ -202,7 +202,7 @@ class Point:
 
 
 def sensor_at(error: float) -> SensorModel:
-    """The sensor of Section 5.1, its errors scaled to a major axis (m) where the target is."""
+    """The sensor of Section 5.1, its errors scaled to a major axis (m) at the target."""
     sensor = SensorModel()
     factor = error / measurement_sigma(sensor, TARGET)
     return dataclasses.replace(
@@ -214,8 +214,10 @@ def sensor_at(error: float) -> SensorModel:
 
 def _scenario(sensor: SensorModel, density: float) -> Scenario:
     box = load_scenario("box", {"scans": RULE[1]})
-    largest = dataclasses.replace(sensor, max_range=box.sensor.max_range, clutter_density=density)
-    return dataclasses.replace(box, sensor=largest)
+    box_sensor = dataclasses.replace(
+        sensor, max_range=box.sensor.max_range, clutter_density=density
+    )
+    return dataclasses.replace(box, sensor=box_sensor)
 
 
 DENSITIES = tuple(
@@ -235,35 +237,35 @@ def run_comparison(point: Point, seed: list[int]) -> Result:
     scene = SimulatedScene.drawn(point.scenario, seed)
     results = {}
     for name, (method, options) in CURVES.items():
-        starter = make_initiator(
-            method, sensor=point.scenario.sensor, max_speed=MAX_SPEED, **OWN, **options
+        initiator = make_initiator(
+            method, sensor=point.scenario.sensor, max_speed=MAX_SPEED, **SHARED_OPTIONS, **options
         )
-        found, wrong = Started.on(scene, starter, RULE[1]).counts()
-        results[name] = [float(found), float(wrong), float(starter.totals.started)]
+        found, wrong = Started.on(scene, initiator, RULE[1]).counts()
+        results[name] = [float(found), float(wrong), float(initiator.totals.started)]
     return results
 
 
 class SplitOnly(SplitMerge):
-    """Split-merge 2016 before its merging: every confirmed track is put out."""
+    """Split-merge 2016 without merging: every confirmed track is an output."""
 
     def merge(self, candidates: Candidates) -> TrackArrays:
-        """Every candidate is a track of its own."""
+        """One track per candidate."""
         return self.tracks(candidates)
 
 
 def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     """Count tracks after splitting and after merging.
 
-    Gives for the coverage: tracks after each, and targets found; and for the area of interest round
-    each target: all tracks after each, and of these those of which the target gave more than half
-    of the hits.
+    Returns after each stage, for the coverage: tracks, and targets found; for the area of interest
+    round each target: all tracks, and tracks that have more than half of their hits from the
+    target.
     """
     scene = SimulatedScene.drawn(scenario, seed)
     options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
     results: Result = {}
-    for name, kind in (("split", SplitOnly), ("merged", SplitMerge)):
-        starter = Initiator(kind(scenario.sensor, CommonOptions(), options))
-        started = Started.on(scene, starter, scenario.scans)
+    for name, method_class in (("split", SplitOnly), ("merged", SplitMerge)):
+        initiator = Initiator(method_class(scenario.sensor, CommonOptions(), options))
+        started = Started.on(scene, initiator, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = np.zeros(len(started.tracks), bool)
         near[started.from_targets()] = True

@@ -1,4 +1,4 @@
-"""Ratios and differences over paired runs, and what they say of a published claim."""
+"""Ratios and differences over paired runs, and verdicts on published claims."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from tsepm_ros.analysis.intervals import Z_95, Estimate, mean
 from tsepm_ros.numerics.arrays import FloatArray
 
-NO_EVENT = -math.log(0.025)
-"""Upper 95 % bound, two-sided, of a Poisson mean of which no event was seen."""
+MAX_MEAN_WITHOUT_EVENT = -math.log(0.025)
+"""Upper bound of a Poisson mean without an event, of the two-sided 95 % interval."""
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell"
 
 
@@ -20,9 +20,9 @@ def ratio(part: ArrayLike, whole: ArrayLike) -> Estimate:
     """Ratio of two sums of counts over independent runs, with the interval of the delta method."""
     value, influence = _linear(part, whole)
     if value == 0.0:  # Garwood's bound of no event
-        return Estimate(0.0, 0.0, NO_EVENT / float(np.sum(whole)))
-    one = _around(value, influence)
-    return Estimate(value, max(one.low, 0.0), one.high)
+        return Estimate(0.0, 0.0, MAX_MEAN_WITHOUT_EVENT / float(np.sum(whole)))
+    estimate = _around(value, influence)
+    return Estimate(value, max(estimate.low, 0.0), estimate.high)
 
 
 def ratio_difference(
@@ -35,7 +35,7 @@ def ratio_difference(
 
 
 def _linear(part: ArrayLike, whole: ArrayLike) -> tuple[float, FloatArray]:
-    """Ratio of two sums, and how much each run moves it."""
+    """Ratio of two sums, and the influence of each run on it."""
     a, b = np.asarray(part, float), np.asarray(whole, float)
     if not b.sum() > 0.0:
         return math.nan, np.zeros(len(b))
@@ -54,8 +54,8 @@ def share_difference(one: ArrayLike, other: ArrayLike) -> Estimate:
     """Difference of two shares over the same runs, with Bonett and Price's interval.
 
     "Adjusted Wald confidence interval for a difference of binomial proportions based on paired
-    data", J. Educ. Behav. Stat. 37(4), 2012: one more run is counted for each way of being
-    different, so that equal runs leave an interval too.
+    data", J. Educ. Behav. Stat. 37(4), 2012: one run is added for each kind of difference,
+    so that equal runs have an interval too.
     """
     first, second = np.asarray(one, bool), np.asarray(other, bool)
     n = len(first) + 2
@@ -79,21 +79,21 @@ def is_below(difference: Estimate) -> str:
 
 
 def is_within(difference: Estimate, tolerance: float) -> str:
-    """Whether a difference is no more than a tolerance, by its interval."""
+    """Whether the size of a difference is within a tolerance, by its interval."""
     if difference.low > -tolerance and difference.high < tolerance:
         return HOLDS
     return FAILS if difference.low > tolerance or difference.high < -tolerance else OPEN
 
 
 def is_not_below(difference: Estimate, tolerance: float) -> str:
-    """Whether a difference is no less than 0 but for a tolerance, by its interval."""
+    """Whether a difference is not below 0 by more than a tolerance, by its interval."""
     if difference.low > -tolerance:
         return HOLDS
     return FAILS if difference.high < -tolerance else OPEN
 
 
 def everywhere(verdicts: Sequence[str]) -> str:
-    """Verdict on a claim for all points of a curve, with the points at which each was found."""
+    """Verdict on a claim for all points of a curve, with the number of points where it holds."""
     counts = {verdict: verdicts.count(verdict) for verdict in (FAILS, OPEN, HOLDS)}
     worst = next(verdict for verdict, count in counts.items() if count)
     if counts[worst] == len(verdicts):

@@ -1,4 +1,4 @@
-"""Seeded runs of a reproduction, kept in files to which an interrupted one comes back."""
+"""Seeded runs of a reproduction, stored in files so that it can be resumed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tsepm_ros.analysis.run_files import RunFile, complete
 from tsepm_ros.analysis.workers import Progress, Workers, silent
 
 Result = dict[str, list[float]]
-"""What a run gave: some numbers by name."""
+"""Result of a run: numbers by name."""
 RunFunction = Callable[[Any, list[int]], Result]
-"""Does one run of a case, a dataclass, with a seed; importable by its name."""
+"""Performs one run of a case, a dataclass, with a seed; importable by its name."""
 
-JUDGES = tuple(
+COUNTING_MODULES = tuple(
     Path(__file__).parents[1] / name
     for name in (
         "analysis/simulated_run.py",
@@ -30,22 +30,22 @@ JUDGES = tuple(
         "reproduction/published_split_merge_2016.py",
     )
 )
-"""Modules that decide what is counted, besides the one of the run's function."""
+"""Modules that determine the counts, besides the module of the run's function."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """How much is done, and by whom.
+    """Number, seeds, storage and workers of the runs.
 
     Attributes
     ----------
     folder : Path
-        Where the runs are kept.
+        Folder of the stored runs.
     runs, seed : int
-        Run i is seeded with (seed, i), whoever does it.
+        Run i is seeded with (seed, i) on every worker.
     workers : Workers
     progress : callable
-        Shows how many of the missing runs are done.
+        Shows the progress of the missing runs.
     """
 
     folder: Path
@@ -55,13 +55,13 @@ class Setting:
     progress: Progress = silent
 
     def results(self, function: RunFunction, cases: Sequence[Any]) -> list[list[Result]]:
-        """Do the runs of some cases that are not in the folder yet.
+        """Perform the runs of some cases that are not stored yet.
 
         Parameters
         ----------
         function : callable
         cases : sequence
-            Dataclasses whose values are all that a run depends on.
+            Dataclasses whose values determine a run, with its seed.
 
         Returns
         -------
@@ -80,7 +80,7 @@ class Setting:
     def _file(self, function: RunFunction, case: Any) -> RunFile:
         header = {
             "version": package_version(),
-            "counted_by": digest([*JUDGES, Path(inspect.getfile(function))]),
+            "counted_by": digest([*COUNTING_MODULES, Path(inspect.getfile(function))]),
             "function": function.__name__,
             "case": dataclasses.asdict(case),
             "seed": self.seed,

@@ -16,8 +16,8 @@ from tsepm_ros.reproduction import published_2014 as published
 from tsepm_ros.reproduction.document import Column, Part, Picture, Table
 from tsepm_ros.reproduction.hexagon import (
     ASSUMED,
+    DEFAULT_READING,
     MATCHINGS,
-    PLAIN,
     READINGS,
     case,
     cases,
@@ -48,8 +48,8 @@ class Counts:
     period, detection_probability : float
     gate, matching : str
     true, near, every : (runs, scans) ndarray
-        By the end of each scan: targets with a true track, targets with a track of which they gave
-        more than half of the hits, all tracks.
+        Counts by the end of each scan: targets with a true track; targets with a track that has
+        more than half of its hits from the target; all tracks.
     """
 
     period: float
@@ -62,21 +62,21 @@ class Counts:
 
     @classmethod
     def of(cls, key: tuple[float, float], reading: tuple[str, str], runs: list[Result]) -> Counts:
-        """What the runs of a scene, by interval and p_d, give for a reading."""
+        """Counts of a reading in the runs of a scene, given by interval and p_d."""
         name = ", ".join(reading)
         counts = (np.array([run[f"{name}: {kind}"] for run in runs]) for kind in _KINDS)
         return cls(*key, *reading, *counts)
 
     @property
     def name(self) -> str:
-        """Its reading in words."""
+        """The reading in words."""
         return (
             f"T {self.period:g} s, p_d {self.detection_probability:g}, "
             f"sigma {self.gate}, {self.matching}"
         )
 
     def place(self, time: float, earlier: bool = False) -> int:
-        """Index of the last scan by a time (s): the first comes after an interval, or at 0."""
+        """Index of the last scan by a time (s); the first scan is after an interval, or at 0."""
         return int(time // self.period) - (0 if earlier else 1)
 
     def formed(self, counts: FloatArray, earlier: bool = False) -> list[Estimate]:
@@ -84,12 +84,12 @@ class Counts:
         return [mean(counts[:, self.place(time, earlier)]) for time in TIMES]
 
     def at_least(self, number: int, earlier: bool = False) -> Estimate:
-        """Share of the runs in which so many targets are started within two minutes."""
+        """Share of the runs with at least this number of targets started within two minutes."""
         return _share_of_at_least(self.true[:, self.place(published.DURATION, earlier)], number)
 
     def distance(self, earlier: bool = False) -> float:
         """Root mean square difference from Fig. 9, tracks."""
-        means = np.array([one.value for one in self.formed(self.true, earlier)])
+        means = np.array([estimate.value for estimate in self.formed(self.true, earlier)])
         return float(np.sqrt(np.square(means - FORMED).mean()))
 
 
@@ -111,32 +111,34 @@ def reproduce(setting: Setting, scenes: Scenes | None = None) -> list[Part]:
 
 
 def same_share() -> float:
-    """Share p of each target, if all are started independently, that makes p^6 the published."""
+    """Probability p of each target, started independently, with p^6 as published."""
     return float(published.ALL_SIX ** (1.0 / published.TARGETS))
 
 
 def four_or_more(share: float) -> float:
-    """Probability that four or more of six are started, each independently with a share."""
+    """Probability that four or more of six targets are started, each independently."""
     n = published.TARGETS
     return sum(math.comb(n, k) * share**k * (1.0 - share) ** (n - k) for k in range(4, n + 1))
 
 
-def most_formed() -> float:
-    """Most tracks on average, one per target, that the published P(all six) allows."""
+def max_formed() -> float:
+    """Maximum mean number of tracks, one per target, at the published P(all six)."""
     n = published.TARGETS
     return n * published.ALL_SIX + (n - 1) * (1.0 - published.ALL_SIX)
 
 
 def closest(counts: Sequence[Counts], earlier: bool = False) -> Counts:
     """The reading whose means are nearest to Fig. 9."""
-    return min(counts, key=lambda one: one.distance(earlier))
+    return min(counts, key=lambda reading: reading.distance(earlier))
 
 
 def _start_parts(counts: list[Counts]) -> list[Part]:
     nearest, shifted = closest(counts), closest(counts, earlier=True)
-    agree = [one.name for one in counts if _within(published.ALL_SIX, one.at_least(6))]
-    whole = [one for one in counts if one.at_least(4).value == 1.0]
-    likely = [one for one in whole if (one.period, one.detection_probability) == MAIN]
+    agree = [reading.name for reading in counts if _within(published.ALL_SIX, reading.at_least(6))]
+    certain = [reading for reading in counts if reading.at_least(4).value == 1.0]
+    certain_in_main = [
+        reading for reading in certain if (reading.period, reading.detection_probability) == MAIN
+    ]
     share = same_share()
     return [
         "### Figs. 8 and 9: targets started",
@@ -173,22 +175,26 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         f"{nearest.distance():.2f} tracks); with the first scan at 0 to those of *{shifted.name}* "
         f"({shifted.distance(earlier=True):.2f}). P(all six) = {published.ALL_SIX} lies in the "
         f"interval of: {'; '.join(agree) or 'none'}. Four or more are started in every run by "
-        f"{len(whole)} of {len(counts)} readings; with T {MAIN[0]:g} s and p_d {MAIN[1]:g}: "
-        f"{'; '.join(f'sigma {one.gate}, {one.matching}' for one in likely) or 'none'}. No reading "
+        f"{len(certain)} of {len(counts)} readings; with T {MAIN[0]:g} s and p_d {MAIN[1]:g}: "
+        f"{_listed(certain_in_main) or 'none'}. No reading "
         "was chosen by these figures.",
         "Where the nearest pair is matched first, an echo outside its target's gate starts a "
         "second track, which is nearer to the next echoes: the hits are divided between the two, "
-        "and the seventh to ninth scans start fewer. Where the oldest track is served first, it "
-        "goes on.",
-        "The published figures do not go together. If the targets are started independently, "
+        "and fewer targets are started by the seventh to ninth scans. Where the oldest track is "
+        "served first, that track continues.",
+        "The published figures are inconsistent. If the targets are started independently, "
         f"P(all six) = {published.ALL_SIX} means {share:.3f} for each, and P(>= 4) = "
         f"{four_or_more(share):.3f}: that four or more be started in all of {published.RUNS} runs "
         f"then has the probability {four_or_more(share) ** published.RUNS:.1g}. Whatever the "
-        f"dependence, P(all six) = {published.ALL_SIX} allows {most_formed():.2f} started targets "
+        f"dependence, P(all six) = {published.ALL_SIX} allows {max_formed():.2f} started targets "
         "on average, not the 5.8 and 6.0 of Fig. 9, which therefore counts something else, such "
         "as all tracks.",
         _starts_picture(counts),
     ]
+
+
+def _listed(readings: Sequence[Counts]) -> str:
+    return "; ".join(f"sigma {reading.gate}, {reading.matching}" for reading in readings)
 
 
 def _within(value: float, interval: Estimate) -> bool:
@@ -211,38 +217,40 @@ def _published_row() -> list[Any]:
     ]
 
 
-def _row(one: Counts) -> list[Any]:
-    last = one.place(published.DURATION)
+def _row(reading: Counts) -> list[Any]:
+    last = reading.place(published.DURATION)
     return [
-        one.period,
-        one.detection_probability,
-        one.gate,
-        one.matching,
-        one.at_least(4),
-        one.at_least(6),
-        _share_of_at_least(one.near[:, last], 6),
-        one.at_least(6, earlier=True),
-        *one.formed(one.true),
-        mean(one.every[:, last]),
-        one.distance(),
+        reading.period,
+        reading.detection_probability,
+        reading.gate,
+        reading.matching,
+        reading.at_least(4),
+        reading.at_least(6),
+        _share_of_at_least(reading.near[:, last], 6),
+        reading.at_least(6, earlier=True),
+        *reading.formed(reading.true),
+        mean(reading.every[:, last]),
+        reading.distance(),
     ]
 
 
 def _starts_picture(counts: list[Counts]) -> Picture:
-    shown = [one for one in counts if (one.period, one.detection_probability) == MAIN]
+    shown = [
+        reading for reading in counts if (reading.period, reading.detection_probability) == MAIN
+    ]
 
     def draw(figure: Any) -> None:
         left, right = figure.subplots(1, 2)
         numbers = range(1, published.TARGETS + 1)
-        for one in shown:
+        for reading in shown:
             style = {
-                "color": f"C{list(MATCHINGS).index(one.matching)}",
-                "linestyle": "-" if one.gate == PLAIN[0] else "--",
+                "color": f"C{list(MATCHINGS).index(reading.matching)}",
+                "linestyle": "-" if reading.gate == DEFAULT_READING[0] else "--",
                 "marker": ".",
-                "label": f"{one.matching}, {one.gate}",
+                "label": f"{reading.matching}, {reading.gate}",
             }
-            left.plot(numbers, [one.at_least(k).value for k in numbers], **style)
-            right.plot(TIMES, [point.value for point in one.formed(one.true)], **style)
+            left.plot(numbers, [reading.at_least(k).value for k in numbers], **style)
+            right.plot(TIMES, [point.value for point in reading.formed(reading.true)], **style)
         marks = {"color": "k", "marker": "x", "ms": 9, "mew": 2, "label": "published"}
         left.plot([4, 6], [published.FOUR_OR_MORE, published.ALL_SIX], linestyle="", **marks)
         right.plot(TIMES, FORMED, linestyle=":", **marks)
@@ -261,11 +269,11 @@ def _starts_picture(counts: list[Counts]) -> Picture:
     )
 
 
-def least_speed_error(hits: int, period: float) -> float:
-    """Least mean size of the speed's error (m/s), without bias, from hits in successive scans.
+def min_speed_error(hits: int, period: float) -> float:
+    """Minimum mean absolute speed error (m/s), without bias, from hits in successive scans.
 
-    The bound of the velocity's component along the line of sight, which is the smaller one, where
-    the targets are.
+    It follows from the Cramer-Rao bound of the velocity component along the line of sight, the
+    smaller component, at the targets' distance.
     """
     positions = np.tile([published.DISTANCE, 0.0], (hits, 1))
     times = np.arange(hits) * period
@@ -286,7 +294,7 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
         rows.append([f"T {period:g} s, p_d {p_d:g}", "Cramer-Rao bound", *_bounds(runs)])
     pure = np.concatenate([_stacked(runs, "bound", 3)[:, 2] for runs in results.values()])
     period, _ = MAIN
-    six, ten = (least_speed_error(hits, period) for hits in (6, published.SCANS))
+    six, ten = (min_speed_error(hits, period) for hits in (6, published.SCANS))
     _, speed, angle = published.TABLE_1["least_squares"]
     across = published.TARGET_SPEED * math.sin(math.radians(angle))
     return [
@@ -316,11 +324,11 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
         f"the mean size of the speed's error: without bias, six hits in six scans of {period:g} s "
         f"leave {six:.2f} m/s at least, ten in ten {ten:.2f} m/s (Cramer-Rao, Gaussian). A mean "
         "with its sign could be so small. If it is the length of the velocity's error, as the "
-        "caption of Fig. 10 has it, it does not go with "
+        "caption of Fig. 10 has it, it is inconsistent with "
         f"the {angle:g} degrees beside it, which alone are {across:.2f} m/s across "
         f"{published.TARGET_SPEED:g} m/s. The published Kalman filter errs by more than the "
-        "targets' speed, so that to call them at rest is better; begun by two hits, without much "
-        "process noise, it is least squares.",
+        "targets' speed, so that a state at rest has a smaller error; a Kalman filter from two "
+        "hits with little process noise equals least squares.",
         _errors_picture(results[MAIN]),
     ]
 

@@ -1,4 +1,4 @@
-"""The sources that can be reproduced. A new one is a module here and a row in this table."""
+"""The sources that can be reproduced. A new source is a module here and a row in this table."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Source:
     ----------
     title : str
     reproduce : callable
-        Makes the parts of its chapter.
+        Returns the parts of its chapter.
     """
 
     title: str

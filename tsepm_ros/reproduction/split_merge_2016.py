@@ -44,18 +44,18 @@ def shared_hits() -> IntArray:
     return (ids[:, None, :, None] == ids[None, :, None, :]).sum(axis=(2, 3))
 
 
-def may_merge(one: int, other: int) -> bool:
+def may_merge(first_track: int, second_track: int) -> bool:
     """Whether two tracks of Table I, by their indices there, meet conditions (i) and (iii).
 
     Condition (ii), close states, needs the positions, which are not printed.
     """
-    first, second = np.array([one - 1]), np.array([other - 1])
-    together = confirmed_in()[one - 1] == confirmed_in()[other - 1]
-    return bool(together and merging.overlap(track_ids(), first, second)[0])
+    first, second = np.array([first_track - 1]), np.array([second_track - 1])
+    same_scan = bool(np.all(confirmed_in()[first] == confirmed_in()[second]))
+    return bool(same_scan and merging.overlap(track_ids(), first, second)[0])
 
 
 def table_i_groups() -> list[tuple[int, ...]]:
-    """Groups of Table I's tracks if all states are close, as the package's merging makes them."""
+    """Groups of Table I's tracks by the package's merging, if all states are close."""
     groups = []
     index, ids, scans = np.array(list(TABLE_I)), track_ids(), confirmed_in()
     for scan in np.unique(scans):
@@ -68,27 +68,27 @@ def table_i_groups() -> list[tuple[int, ...]]:
 
 
 def disjoint_pairs() -> list[tuple[int, int]]:
-    """The pairs that the text merges, each track in one of them at most, as they are named."""
-    taken: set[int] = set()
+    """Pairs that the text merges, in its order, without pairs that share a track."""
+    used: set[int] = set()
     pairs = []
     for pair in SAID_TO_MERGE:
-        if not taken & set(pair):
-            taken |= set(pair)
+        if not used & set(pair):
+            used |= set(pair)
             pairs.append(pair)
     return pairs
 
 
 def chained() -> int:
-    """Tracks left of Table I if the text's pairs are chained to groups."""
+    """Number of tracks of Table I after chaining of the text's pairs to groups."""
     label = {track: track for track in TABLE_I}
     for one, other in SAID_TO_MERGE:
-        kept, gone = label[one], label[other]
-        label = {track: kept if name == gone else name for track, name in label.items()}
+        kept, merged = label[one], label[other]
+        label = {track: kept if name == merged else name for track, name in label.items()}
     return len(set(label.values()))
 
 
 def reproduce(setting: Setting) -> list[Part]:
-    """The parts of its chapter."""
+    """Parts of the source's chapter."""
     scenario = load_scenario("four_targets", {"scans": TABLE_I_RULE[1]})
     [runs] = setting.results(run_four_targets, [scenario])
     return [*_table_i_parts(), *_scene_parts(runs)]
@@ -97,17 +97,17 @@ def reproduce(setting: Setting) -> list[Part]:
 def _table_i_parts() -> list[Part]:
     groups = table_i_groups()
     shared, scans = shared_hits(), confirmed_in()
-    said = [*((pair, "merge") for pair in SAID_TO_MERGE)]
-    said += [(pair, "do not merge") for pair in SAID_NOT_TO_MERGE]
+    claims = [*((pair, "merge") for pair in SAID_TO_MERGE)]
+    claims += [(pair, "do not merge") for pair in SAID_NOT_TO_MERGE]
     rows = [
         [
             f"{one}, {other}",
-            what,
+            verdict,
             int(shared[one - 1, other - 1]),
             f"{scans[one - 1]}, {scans[other - 1]}",
             "may merge" if may_merge(one, other) else "do not merge",
         ]
-        for (one, other), what in said
+        for (one, other), verdict in claims
     ]
     left = AFTER_SPLITTING - len(disjoint_pairs())
     majority = [t for t in TABLE_II if 2 * shared[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
@@ -146,7 +146,7 @@ def _table_i_parts() -> list[Part]:
                 ],
             ],
         ),
-        f"The published {AFTER_MERGING} is what pairs give of which no track is in two, although "
+        f"Disjoint pairs give the published {AFTER_MERGING}, although "
         "the text names both 8, 9 and 8, 11. The package takes connected components, as 2018 "
         "merges n tracks (Eqs. 31-33). Of the tracks that the text lets split, "
         + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
@@ -162,7 +162,7 @@ def _split_text(one: int, other: int) -> str:
     place = next(k for k in range(len(first)) if first[k] != second[k])
     if place == 0:
         return f"{one} and {other} have different first measurements, so they never were one"
-    return f"{one} and {other} part at hit {place + 1}"
+    return f"{one} and {other} split at hit {place + 1}"
 
 
 def _shared_picture() -> Picture:

@@ -1,4 +1,4 @@
-"""All the tracks that a method starts in the scans of a scene, thousands of them, as arrays."""
+"""All tracks that a method starts in the scans of a scene, as arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tsepm_ros.simulation import CLUTTER
 
 @dataclass(frozen=True)
 class Started:
-    """Tracks started in a scene, of equally many hits each.
+    """Tracks started in a scene, with equal numbers of hits.
 
     Attributes
     ----------
@@ -28,14 +28,14 @@ class Started:
     tracks: TrackArrays
 
     @classmethod
-    def on(cls, scene: SimulatedScene, starter: Initiator, scans: int) -> Started:
+    def on(cls, scene: SimulatedScene, initiator: Initiator, scans: int) -> Started:
         """The tracks that a method starts in the first scans."""
-        parts = [starter.process(scan) for scan in scene.scans[:scans]]
+        parts = [initiator.process(scan) for scan in scene.scans[:scans]]
         return cls(scene, TrackArrays.of([]).joined(*map(TrackArrays.of, parts)))
 
     @property
     def hits(self) -> IntArray:
-        """(scan, detection) of each track's hits, (n, m, 2), for tracks of equally many hits."""
+        """(scan, detection) of each track's hits, (n, m, 2)."""
         count = int(self.tracks.hit_count.max(initial=0))
         return np.array(self.tracks.hits, np.int64).reshape(len(self.tracks), count, 2)
 
@@ -47,18 +47,18 @@ class Started:
         return origin[offsets[hits[..., 0]] + hits[..., 1]]
 
     def from_targets(self) -> IntArray:
-        """Rows of the tracks of which one target gave more than half of the hits."""
+        """Rows of the tracks that have more than half of their hits from one target."""
         origins = self.origins()
         same = (origins[:, :, None] == origins[:, None, :]).sum(axis=2)
-        most = np.where(origins == CLUTTER, 0, same).max(axis=1, initial=0)
-        return np.flatnonzero(2 * most > origins.shape[1])
+        max_hits = np.where(origins == CLUTTER, 0, same).max(axis=1, initial=0)
+        return np.flatnonzero(2 * max_hits > origins.shape[1])
 
     def judged(self) -> list[Judged]:
-        """What the tracks from targets are; all others are false."""
+        """Judgements of the tracks from targets; all other tracks are false."""
         return self.scene.judge([self.tracks[int(row)] for row in self.from_targets()])
 
     def counts(self) -> tuple[int, int]:
         """Targets found, and false and misplaced tracks."""
-        outcomes = [one.outcome for one in self.judged()]
+        outcomes = [judgement.outcome for judgement in self.judged()]
         wrong = len(self.tracks) - len(outcomes) + outcomes.count(Outcome.MISPLACED)
         return outcomes.count(Outcome.TRUE), wrong

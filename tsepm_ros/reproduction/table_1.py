@@ -1,4 +1,4 @@
-"""TSEPM 2018, Table 1: the rules M/N, what they find and what clutter makes of them."""
+"""TSEPM 2018, Table 1: detection and false tracks of the rules M/N."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages.pruning import READINGS
 
 FITTED_MARGIN = 159.78
-"""g that fits most of P_F(1), m. It is fitted to the column, so it shows only the form."""
+"""g that fits most of P_F(1), m. The fit confirms only the form of the equation."""
 SLIP_RULE = (4, 6)
-DETECTION_WITHIN = 1e-4
-FALSE_WITHIN = 1e-3
+MAX_DETECTION_DIFFERENCE = 1e-4
+MAX_FALSE_DIFFERENCE = 1e-3
 
 
 def true_margin() -> float:
-    """G from the larger axis of the error where the target is, m."""
+    """G from the larger axis of the error at the target, m."""
     target = np.array([COORDINATE, COORDINATE])
     return GATE_FACTOR * measurement_sigma(SensorModel(), target)
 
@@ -57,7 +57,7 @@ def detection(row: Table1Row) -> list[float]:
 
 
 def detection_with_slip(row: Table1Row) -> list[float]:
-    """P_D with one factor P p_d too many where the fourth hit comes in the sixth scan.
+    """P_D with an additional factor P p_d in the term of a fourth hit in the sixth scan.
 
     That term of 4/6 and 4/7 is ``p_d C(4, 2) h^3 (1 - h)^2`` with ``h = P p_d``.
     """
@@ -67,7 +67,7 @@ def detection_with_slip(row: Table1Row) -> list[float]:
         min_hits, scan = SLIP_RULE
         term = math.comb(scan - 2, min_hits - 2) * hit ** (min_hits - 1)
         lost.append(p_d * term * (1.0 - hit) ** (scan - min_hits) * (1.0 - hit))
-    return [one - other for one, other in zip(detection(row), lost, strict=True)]
+    return [exact - term for exact, term in zip(detection(row), lost, strict=True)]
 
 
 def false_before(row: Table1Row, margin: float) -> float:
@@ -77,20 +77,20 @@ def false_before(row: Table1Row, margin: float) -> float:
 
 
 def unmatched_detection() -> list[str]:
-    """Rows whose P_D the closed form does not give."""
+    """Rows whose P_D differs from the closed form."""
     return [
         row.name
         for row in TABLE_1
-        if not np.allclose(detection(row), row.detection, rtol=0.0, atol=DETECTION_WITHIN)
+        if not np.allclose(detection(row), row.detection, rtol=0.0, atol=MAX_DETECTION_DIFFERENCE)
     ]
 
 
 def unmatched_false_before() -> list[str]:
-    """Rows whose P_F(1) the chain does not give, even with the fitted margin."""
+    """Rows whose P_F(1) differs from the chain, even with the fitted margin."""
     return [
         row.name
         for row in TABLE_1
-        if abs(false_before(row, FITTED_MARGIN) - row.false_before) > FALSE_WITHIN
+        if abs(false_before(row, FITTED_MARGIN) - row.false_before) > MAX_FALSE_DIFFERENCE
     ]
 
 
@@ -102,11 +102,11 @@ DENOMINATORS = {
     "tracks per first-scan start": (Counted.FIRST_SCAN_TRACKS, Counted.FIRST_SCAN_STARTS),
     "false + misplaced per start, N scans": (Counted.WRONG, Counted.STARTS),
 }
-"""Readings of P_F(2): what is counted, and of what."""
+"""Readings of P_F(2): numerator and denominator."""
 HALF_DIGIT = 0.5e-4
 """Half a unit of the last digit that the table prints."""
-AS_CLOSE = 1.1
-"""Readings whose factor is at most this many times the smallest count as equally close."""
+MAX_RELATIVE_FACTOR = 1.1
+"""Maximum factor of the closest readings, relative to the smallest."""
 
 
 def parts(setting: Setting) -> list[Part]:
@@ -158,18 +158,21 @@ def _detection_parts(found: list[Estimate]) -> list[Part]:
         rows.append([*cells, simulated])
     missed = unmatched_detection()
     slips = [
-        np.allclose(detection_with_slip(row), row.detection, rtol=0.0, atol=DETECTION_WITHIN)
+        np.allclose(
+            detection_with_slip(row), row.detection, rtol=0.0, atol=MAX_DETECTION_DIFFERENCE
+        )
         for row in TABLE_1
         if row.name in missed
     ]
     return [
         "**P_D** is the closed form `p_d P(Binomial(N-1, P p_d) >= M-1)` with P = 0.9: a start in "
         f"the first scan, no clutter, no pruning. It gives {3 * (len(TABLE_1) - len(missed))} of "
-        f"{3 * len(TABLE_1)} entries within {DETECTION_WITHIN:g}; the rows {' and '.join(missed)} "
-        "are lower in print. Closest reading: the term of the sixth scan, `6 p_d h^3 (1-h)^2` with "
-        "h = P p_d, has one factor h too many there; with that slip "
-        f"{3 * sum(slips)} of their {3 * len(missed)} entries fit. The column is no simulation; "
-        "the last one is, by this package's definition of a true track (literal pruning).",
+        f"{3 * len(TABLE_1)} entries within {MAX_DETECTION_DIFFERENCE:g}; the rows "
+        f"{' and '.join(missed)} are lower in print. Closest reading: the term of "
+        "the sixth scan, `6 p_d h^3 (1-h)^2` with h = P p_d, has one factor h too many there; with that slip "
+        f"{3 * sum(slips)} of their {3 * len(missed)} entries fit. The published column is "
+        "this closed form and no simulation; the last column is simulated, by this package's "
+        "definition of a true track (literal pruning).",
         Table("tsepm_2018_table_1_detection", columns, rows),
     ]
 
@@ -208,7 +211,7 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
     }
     apart = {name: math.exp(_log_distance(values)) for name, values in named.items()}
     order = sorted(apart, key=apart.__getitem__)
-    close = [name for name in order if apart[name] <= AS_CLOSE * apart[order[0]]]
+    close = [name for name in order if apart[name] <= MAX_RELATIVE_FACTOR * apart[order[0]]]
     parts: list[Part] = [
         "**P_F(2)** is simulated: the method with the rule, N scans, the whole 9 km disc, one "
         "target, p_d = 0.9. What it is a share of, and whether Eq. 26's threshold is squared, the "
@@ -220,8 +223,8 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
         "and how many published values lie inside the intervals, give or take half a unit of "
         "their last digit. Left out are 8/9, printed as 0, 7/9, printed above its own P_F(1), "
         "which pruning and merging cannot do, and rows where nothing false was seen. Closest, "
-        f"within {AS_CLOSE - 1:.0%} of the smallest factor: {_listed(close, apart)}. The closest "
-        f"of {len(apart)} readings is close by choice, too.",
+        f"within {MAX_RELATIVE_FACTOR - 1:.0%} of the smallest factor: {_listed(close, apart)}. "
+        f"The closest of {len(apart)} readings is close by choice, too.",
         Table(
             "tsepm_2018_table_1_readings",
             [
@@ -260,9 +263,9 @@ def _listed(names: list[str], apart: Mapping[str, float]) -> str:
 
 
 def _log_ratios(values: list[Estimate]) -> dict[str, float]:
-    """ln(ours / published) of the rows where both are above 0 and can be right.
+    """ln(ours / published) of the rows where both are above 0 and possible.
 
-    Pruning and merging only remove tracks, so a P_F(2) above its P_F(1) is wrong in print.
+    Pruning and merging only remove tracks, so a published P_F(2) above its P_F(1) is wrong.
     """
     return {
         row.name: math.log(one.value / row.false_after)
@@ -278,7 +281,7 @@ def _log_distance(values: list[Estimate]) -> float:
 
 
 def _worst(values: list[Estimate]) -> str:
-    """The row farthest from print, and its factor."""
+    """Row with the largest deviation from the published value, and its factor."""
     ratios = _log_ratios(values)
     if not ratios:
         return "-"
@@ -301,7 +304,7 @@ def _inside(values: list[Estimate]) -> int:
 
 
 def _claims_table(after: Mapping[str, dict[str, list[Estimate]]]) -> Table:
-    """What the text says of the table, by the published values and by ours."""
+    """Claims of the text about the table, by the published values and by ours."""
     published = {row.name: row.false_after for row in TABLE_1}
     rows = [
         ["published", _recommended(published), _falls_with_hits(published)],

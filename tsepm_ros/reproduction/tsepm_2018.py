@@ -8,5 +8,5 @@ from tsepm_ros.reproduction.runs import Setting
 
 
 def reproduce(setting: Setting) -> list[Part]:
-    """The parts of its chapter."""
+    """Parts of the source's chapter."""
     return [*table_1.parts(setting), *figures_5_to_8.parts(setting)]
