@@ -169,7 +169,8 @@ def _detection_parts(found: list[Estimate]) -> list[Part]:
         f"the first scan, no clutter, no pruning. It gives {3 * (len(TABLE_1) - len(missed))} of "
         f"{3 * len(TABLE_1)} entries within {MAX_DETECTION_DIFFERENCE:g}; the rows "
         f"{' and '.join(missed)} are lower in print. Closest reading: the term of "
-        "the sixth scan, `6 p_d h^3 (1-h)^2` with h = P p_d, has one factor h too many there; with that slip "
+        "the sixth scan, `6 p_d h^3 (1-h)^2` with h = P p_d, has one factor h too many "
+        "there; with that slip "
         f"{3 * sum(slips)} of their {3 * len(missed)} entries fit. The published column is "
         "this closed form and no simulation; the last column is simulated, by this package's "
         "definition of a true track (literal pruning).",
