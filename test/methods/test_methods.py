@@ -280,9 +280,11 @@ class Toy(Method):
     def step(self, observed: Observation) -> Step:
         if len(observed.detections) != 1:
             return Step()
-        (x, y), spread = observed.detections["position"][0], np.diag([25.0, 9.0, 25.0, 9.0])
+        (x, y), covariance = observed.detections["position"][0], np.diag([25.0, 9.0, 25.0, 9.0])
         state = np.array([x, 0.0, y, 0.0])
-        track = ConfirmedTrack(0, observed.stamp, state, spread, ((observed.scan_index, 0),), 0.0)
+        track = ConfirmedTrack(
+            0, observed.stamp, state, covariance, ((observed.scan_index, 0),), 0.0
+        )
         return Step(TrackArrays.of([track]), ScanStatistics(scans=1, confirmed=1))
 
 

@@ -286,7 +286,7 @@ def test_verdicts_follow_the_intervals():
     ]
     assert paired.is_not_below(over, 0.1) == paired.HOLDS
     assert paired.is_not_below(below, 0.1) == paired.FAILS
-    assert paired.everywhere([paired.HOLDS, paired.OPEN]) == "cannot tell (1 of 2 points hold)"
+    assert paired.everywhere([paired.HOLDS, paired.OPEN]) == "undecided (1 of 2 points hold)"
     assert paired.everywhere([paired.HOLDS, paired.FAILS]).startswith(paired.FAILS)
     assert paired.everywhere([paired.HOLDS] * 2) == paired.HOLDS
 

@@ -113,7 +113,7 @@ def parts(
         )
         + ". No reading of the evaluation and of the test's size was chosen for that.",
         f"Approximately equal is within {MAX_EQUAL_DIFFERENCE:g}, which is a choice; a verdict "
-        "*cannot tell* is one that the 95 % intervals leave open.",
+        "*undecided* is one that the 95 % intervals leave open.",
         densities.table("tsepm_2018_figures_5_6", "density [1/m²]", ".1e"),
         errors.table("tsepm_2018_figures_7_8", "error [m]", "g"),
         densities.picture("tsepm_2018_figures_5_6", "Figs. 5 and 6", "clutter density [1/m²]"),

@@ -13,7 +13,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 MAX_MEAN_WITHOUT_EVENT = -math.log(0.025)
 """Upper bound of a Poisson mean without an event, of the two-sided 95 % interval."""
-HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell"
+HOLDS, FAILS, OPEN = "holds", "does not hold", "undecided"
 
 
 def ratio(part: ArrayLike, whole: ArrayLike) -> Estimate:

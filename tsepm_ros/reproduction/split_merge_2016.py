@@ -81,8 +81,8 @@ def disjoint_pairs() -> list[tuple[int, int]]:
 def chained() -> int:
     """Number of tracks of Table I after chaining of the text's pairs to groups."""
     label = {track: track for track in TABLE_I}
-    for one, other in SAID_TO_MERGE:
-        kept, merged = label[one], label[other]
+    for first, second in SAID_TO_MERGE:
+        kept, merged = label[first], label[second]
         label = {track: kept if name == merged else name for track, name in label.items()}
     return len(set(label.values()))
 
@@ -101,13 +101,13 @@ def _table_i_parts() -> list[Part]:
     claims += [(pair, "do not merge") for pair in SAID_NOT_TO_MERGE]
     rows = [
         [
-            f"{one}, {other}",
+            f"{first}, {second}",
             verdict,
-            int(shared[one - 1, other - 1]),
-            f"{scans[one - 1]}, {scans[other - 1]}",
-            "may merge" if may_merge(one, other) else "do not merge",
+            int(shared[first - 1, second - 1]),
+            f"{scans[first - 1]}, {scans[second - 1]}",
+            "may merge" if may_merge(first, second) else "do not merge",
         ]
-        for (one, other), verdict in claims
+        for (first, second), verdict in claims
     ]
     left = AFTER_SPLITTING - len(disjoint_pairs())
     majority = [t for t in TABLE_II if 2 * shared[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
@@ -157,12 +157,12 @@ def _table_i_parts() -> list[Part]:
     ]
 
 
-def _split_text(one: int, other: int) -> str:
-    first, second = TABLE_I[one], TABLE_I[other]
-    place = next(k for k in range(len(first)) if first[k] != second[k])
+def _split_text(first: int, second: int) -> str:
+    pairs = zip(TABLE_I[first], TABLE_I[second], strict=True)
+    place = next(place for place, (hit, other) in enumerate(pairs) if hit != other)
     if place == 0:
-        return f"{one} and {other} have different first measurements, so they never were one"
-    return f"{one} and {other} split at hit {place + 1}"
+        return f"{first} and {second} have different first measurements, so they never were one"
+    return f"{first} and {second} split at hit {place + 1}"
 
 
 def _shared_picture() -> Picture:
@@ -171,10 +171,10 @@ def _shared_picture() -> Picture:
         shared = shared_hits()
         image = axis.imshow(shared, cmap="Blues")
         names = list(TABLE_I)
-        for one in names:
-            for other in names:
-                if one != other and may_merge(one, other):
-                    axis.plot(one - 1, other - 1, "o", color="C1", ms=5)
+        for first in names:
+            for second in names:
+                if first != second and may_merge(first, second):
+                    axis.plot(first - 1, second - 1, "o", color="C1", ms=5)
         axis.set_xticks(range(len(names)), names)
         axis.set_yticks(range(len(names)), names)
         axis.set_title("Measurements shared; dots: conditions (i) and (iii) hold", fontsize=10)
@@ -192,7 +192,7 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
     split, merged = (_per_area(runs, f"{name} areas") for name in ("split", "merged"))
     near = [_per_area(runs, f"{name} near") for name in ("split", "merged")]
     targets = split.shape[1]
-    found = [int(column(runs, name, 1).sum()) for name in ("split", "merged")]
+    detected = [int(column(runs, name, 1).sum()) for name in ("split", "merged")]
     rows: list[list[Any]] = []
     for what, published, counts in (
         ("after splitting", AFTER_SPLITTING, split),
@@ -230,7 +230,7 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
         f"Targets found of {len(runs) * targets}: "
         + ", ".join(
             f"{text} {proportion(number, len(runs) * targets):.3f}"
-            for text, number in zip(("before merging", "after it"), found, strict=True)
+            for text, number in zip(("before merging", "after it"), detected, strict=True)
         )
         + ".",
         _counts_picture(split, merged),

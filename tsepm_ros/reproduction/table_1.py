@@ -115,13 +115,13 @@ def parts(setting: Setting) -> list[Part]:
     results = dict(zip(cases, setting.results(run_table_1, list(cases.values())), strict=True))
     after = {name: _after(runs) for name, runs in results.items()}
     stated = next(iter(results.values()))
-    found = [
+    detected = [
         proportion(int(column(stated, f"{row.name} literal", Counted.FOUND).sum()), len(stated))
         for row in TABLE_1
     ]
     return [
         "### Table 1",
-        *_detection_parts(found),
+        *_detection_parts(detected),
         *_before_parts(),
         *_after_parts(after),
         _picture(after),
@@ -141,7 +141,7 @@ def _after(runs: Sequence[Result]) -> dict[str, list[Estimate]]:
     }
 
 
-def _detection_parts(found: list[Estimate]) -> list[Part]:
+def _detection_parts(detected: list[Estimate]) -> list[Part]:
     columns = [Column("M/N")]
     for p_d in TABLE_1_DETECTION_PROBABILITIES:
         columns += [
@@ -151,7 +151,7 @@ def _detection_parts(found: list[Estimate]) -> list[Part]:
         ]
     columns.append(Column("simulated at 0.9, true track in N scans", ".3f"))
     rows: list[list[Any]] = []
-    for row, simulated in zip(TABLE_1, found, strict=True):
+    for row, simulated in zip(TABLE_1, detected, strict=True):
         cells: list[Any] = [row.name]
         for published, computed in zip(row.detection, detection(row), strict=True):
             cells += [published, computed, computed - published]
@@ -210,9 +210,9 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
         for scene, readings in after.items()
         for name, values in readings.items()
     }
-    apart = {name: math.exp(_log_distance(values)) for name, values in named.items()}
-    order = sorted(apart, key=apart.__getitem__)
-    close = [name for name in order if apart[name] <= MAX_RELATIVE_FACTOR * apart[order[0]]]
+    factors = {name: math.exp(_log_distance(values)) for name, values in named.items()}
+    order = sorted(factors, key=factors.__getitem__)
+    close = [name for name in order if factors[name] <= MAX_RELATIVE_FACTOR * factors[order[0]]]
     parts: list[Part] = [
         "**P_F(2)** is simulated: the method with the rule, N scans, the whole 9 km disc, one "
         "target, p_d = 0.9. What it is a share of, and whether Eq. 26's threshold is squared, the "
@@ -224,8 +224,8 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
         "and how many published values lie inside the intervals, give or take half a unit of "
         "their last digit. Left out are 8/9, printed as 0, 7/9, printed above its own P_F(1), "
         "which pruning and merging cannot do, and rows where nothing false was seen. Closest, "
-        f"within {MAX_RELATIVE_FACTOR - 1:.0%} of the smallest factor: {_listed(close, apart)}. "
-        f"The closest of {len(apart)} readings is close by choice, too.",
+        f"within {MAX_RELATIVE_FACTOR - 1:.0%} of the smallest factor: {_listed(close, factors)}. "
+        f"The closest of {len(factors)} readings is close by choice, too.",
         Table(
             "tsepm_2018_table_1_readings",
             [
@@ -236,7 +236,7 @@ def _after_parts(after: Mapping[str, dict[str, list[Estimate]]]) -> list[Part]:
                 Column(f"published values inside, of {len(TABLE_1)}"),
             ],
             [
-                [name, apart[name], _worst(values), _left_out(values), _inside(values)]
+                [name, factors[name], _worst(values), _left_out(values), _inside(values)]
                 for name in order
                 for values in [named[name]]
             ],
@@ -259,8 +259,8 @@ def _closest(readings: Mapping[str, list[Estimate]], pruning: str) -> str:
     return min(names, key=lambda name: _log_distance(readings[name]))
 
 
-def _listed(names: list[str], apart: Mapping[str, float]) -> str:
-    return "; ".join(f"*{name}* ({apart[name]:.2f})" for name in names)
+def _listed(names: list[str], factors: Mapping[str, float]) -> str:
+    return "; ".join(f"*{name}* ({factors[name]:.2f})" for name in names)
 
 
 def _log_ratios(values: list[Estimate]) -> dict[str, float]:
@@ -269,9 +269,9 @@ def _log_ratios(values: list[Estimate]) -> dict[str, float]:
     Pruning and merging only remove tracks, so a published P_F(2) above its P_F(1) is wrong.
     """
     return {
-        row.name: math.log(one.value / row.false_after)
-        for row, one in zip(TABLE_1, values, strict=True)
-        if one.value > 0.0 and 0.0 < row.false_after <= row.false_before
+        row.name: math.log(estimate.value / row.false_after)
+        for row, estimate in zip(TABLE_1, values, strict=True)
+        if estimate.value > 0.0 and 0.0 < row.false_after <= row.false_before
     }
 
 
@@ -299,8 +299,8 @@ def _left_out(values: list[Estimate]) -> str:
 def _inside(values: list[Estimate]) -> int:
     """Published values inside the intervals; they are rounded."""
     return sum(
-        one.low - HALF_DIGIT <= row.false_after <= one.high + HALF_DIGIT
-        for row, one in zip(TABLE_1, values, strict=True)
+        estimate.low - HALF_DIGIT <= row.false_after <= estimate.high + HALF_DIGIT
+        for row, estimate in zip(TABLE_1, values, strict=True)
     )
 
 
@@ -331,7 +331,7 @@ def _claims_table(after: Mapping[str, dict[str, list[Estimate]]]) -> Table:
 
 
 def _by_rule(values: list[Estimate]) -> dict[str, float]:
-    return {row.name: one.value for row, one in zip(TABLE_1, values, strict=True)}
+    return {row.name: estimate.value for row, estimate in zip(TABLE_1, values, strict=True)}
 
 
 def _recommended(false: dict[str, float]) -> str:
@@ -341,12 +341,12 @@ def _recommended(false: dict[str, float]) -> str:
 
 def _falls_with_hits(false: dict[str, float]) -> str:
     pairs = [
-        (false[one.name], false[other.name])
-        for one in TABLE_1
-        for other in TABLE_1
-        if one.rule[1] == other.rule[1] and one.rule[0] + 1 == other.rule[0]
+        (false[fewer.name], false[more.name])
+        for fewer in TABLE_1
+        for more in TABLE_1
+        if fewer.rule[1] == more.rule[1] and fewer.rule[0] + 1 == more.rule[0]
     ]
-    return f"{sum(one >= other for one, other in pairs)} of {len(pairs)} pairs"
+    return f"{sum(fewer >= more for fewer, more in pairs)} of {len(pairs)} pairs"
 
 
 def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
@@ -371,7 +371,7 @@ def _picture(after: Mapping[str, dict[str, list[Estimate]]]) -> Picture:
         axes[0].set_title("P_F(1)", loc="left")
         axes[1].plot(names, [row.false_after for row in TABLE_1], "kx", label="published")
         for name, values in shown.items():
-            shares = np.array([one.value for one in values])
+            shares = np.array([estimate.value for estimate in values])
             bars = error_bars(shares, values)
             axes[1].errorbar(names, shares, yerr=bars, fmt="o", ms=4, label=name)
         axes[1].set_title("P_F(2)", loc="left")
