@@ -43,7 +43,7 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=float, help="speed of the targets, m/s; default half max_speed"
     )
     parser.add_argument(
-        "--range", type=float, help="range of the targets, m; default uniform over the coverage"
+        "--range", type=float, help="range of the targets, m; default anywhere in the coverage"
     )
     parser.add_argument(
         "--wanted", type=float, default=0.9, help="required share of targets that are found"
