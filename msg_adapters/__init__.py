@@ -1,7 +1,7 @@
 """ROS messages to detections and own-ship samples, and tracks to ROS messages.
 
-All knowledge of message layouts is here, one module per message family; nothing needs rclpy. The
-classes of messages are imported where one is built, so reading needs no ROS at all.
+All message layouts are here, one module per message family; no module needs rclpy. Message classes
+are imported only to build a message, so reading needs no ROS.
 """
 
 from msg_adapters import (  # noqa: F401 - each registers its types

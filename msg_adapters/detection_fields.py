@@ -1,4 +1,4 @@
-"""Units, angles and lengths of what detection messages give."""
+"""Units, angles and lengths of the arrays in detection messages."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 
 def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:
-    """Values of an array that a message need not give, one for each of its n detections.
+    """Values of an optional array of a message, one for each of its n detections.
 
     Parameters
     ----------
     name : str
         Name of the field.
     values : (0,), (1,) or (n,) or (0, k), (1, k) or (n, k) array_like
-        None given, one for all, or one each.
+        No value, one value for all detections, or one value per detection.
     n : int
         Number of detections.
 
     Returns
     -------
     (n,) or (n, k) ndarray or None
-        None if no values are given.
+        None if there are no values.
 
     Raises
     ------
     MessageError
-        If there are more or fewer.
+        If there is another number of values.
     """
     array = np.asarray(values, np.float64)
     if len(array) == 0:
@@ -45,7 +45,7 @@ def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArra
 def intensity_feature(
     values: Sequence[float], n: int
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """The feature `intensity` of n detections; they are good without it, too.
+    """The optional feature `intensity` of n detections.
 
     Parameters
     ----------
@@ -57,15 +57,15 @@ def intensity_feature(
     Returns
     -------
     features : dict of str to (n,) ndarray
-        Empty where no values are given, or another number of them.
+        Empty if there are no values, or another number of values.
     assumptions : tuple of str
-        Says so where it is another number.
+        A sentence if there is another number of values.
     """
     try:
-        found = fitted("intensities", values, n)
+        intensity = fitted("intensities", values, n)
     except MessageError:
-        return {}, ("intensities are not as many as detections: they are not used",)
-    return ({} if found is None else {"intensity": found}), ()
+        return {}, ("the numbers of intensities and detections differ: intensities are not used",)
+    return ({} if intensity is None else {"intensity": intensity}), ()
 
 
 def azimuth_of_bearing(bearing: FloatArray, reference: str) -> FloatArray:
@@ -75,5 +75,5 @@ def azimuth_of_bearing(bearing: FloatArray, reference: str) -> FloatArray:
 
 def in_plane(slant_range: FloatArray, elevation: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return range and height of detections at elevations (rad) above the sensor's x-y plane."""
-    with np.errstate(invalid="ignore"):  # ends as range_not_finite or elevation_not_finite
+    with np.errstate(invalid="ignore"):  # dropped as range_not_finite or elevation_not_finite
         return slant_range * np.cos(elevation), slant_range * np.sin(elevation)

@@ -1,8 +1,8 @@
-"""The detection message types that are read and written, by name.
+"""The registry of supported detection message types.
 
 An adapter is a function of a message and :class:`ReadingOptions` that returns a :class:`Ping`. Each
-message family has its own module, which registers its adapter under the message's type name, and a
-writer that makes such a message of a scan, for simulations::
+message family has its own module. It registers an adapter under the message's type name, and a
+writer that converts a scan to that message, for simulations::
 
     @register("sensor_msgs/msg/LaserScan")
     def read_laser_scan(scan, options): ...
@@ -39,7 +39,7 @@ def register(type_name: str) -> Callable[[Adapter], Adapter]:
     Parameters
     ----------
     type_name : str
-        As ROS names it, for example ``sensor_msgs/msg/PointCloud2``.
+        ROS name of the type, for example ``sensor_msgs/msg/PointCloud2``.
     """
 
     def decorate(adapter: Adapter) -> Adapter:
@@ -50,7 +50,7 @@ def register(type_name: str) -> Callable[[Adapter], Adapter]:
 
 
 def register_writer(type_name: str) -> Callable[[Writer], Writer]:
-    """Register the decorated function as what `write_detections` calls for a message type."""
+    """Register the decorated function as the writer of a message type."""
 
     def decorate(writer: Writer) -> Writer:
         _writers[type_name] = writer
@@ -60,7 +60,7 @@ def register_writer(type_name: str) -> Callable[[Writer], Writer]:
 
 
 def supported_types() -> tuple[str, ...]:
-    """Return the names of the message types that `read_detections` takes, sorted."""
+    """Return the sorted names of the message types that `read_detections` supports."""
     return tuple(sorted(adapters))
 
 
@@ -69,20 +69,20 @@ def read_detections(
 ) -> Ping:
     """Read a detection message of any supported type.
 
-    Single bad detections are left out and counted; an unusable message is an error.
+    Bad detections are left out and counted; an unusable message is an error.
 
     Parameters
     ----------
     message : ROS message
-        Of one of `supported_types`. Only its attributes are used, so the messages of a bag library
-        do as well if they name their type in ``__msgtype__``.
+        Of one of `supported_types`. Only its attributes are used, so messages of a bag library are
+        possible if their ``__msgtype__`` is the name of the type.
     bearing_reference : {"bow", "north"}, optional
-        What a field `bearing` is measured from, clockwise. An azimuth is always counter-clockwise
-        from the sensor's x axis.
+        Reference direction of a field `bearing`, which is positive clockwise. An azimuth is always
+        counter-clockwise from the sensor's x axis.
     sound_speed : float, optional
-        m/s. Where it is not 0, the echoes of a message that gives no times are those of a ping sent
-        at the stamp: `time_offset` is range / sound_speed. It also counts for messages that have a
-        place for the sound speed and do not give it; for these 0 is SOUND_SPEED.
+        m/s. If it is not 0 and a message has no times, the ping is assumed to leave at the stamp:
+        `time_offset` is range / sound_speed. It also applies to messages with an unset field for
+        the sound speed; for these, 0 means SOUND_SPEED.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def read_detections(
     MessageError
         If the type is not supported or the message is malformed.
     ValueError
-        If an option is not one of its values.
+        If an option has a value that is not allowed.
     """
     options = ReadingOptions(bearing_reference, sound_speed)
     name = _type_name(message)
@@ -102,14 +102,15 @@ def read_detections(
         return adapter(message, options)
     except AttributeError as error:  # the installed package has another version of the type
         raise MessageError(
-            "missing_field", f"this {name} has not the fields of the type that is known: {error}"
+            "missing_field",
+            f"this {name} does not have the fields of the supported version: {error}",
         ) from error
 
 
 def write_detections(type_name: str, header: Header, scan: Scan, *, sound_speed: float) -> Any:
-    """Make a message of any supported type, as a sonar's driver would.
+    """Make a message of any supported type, like a sonar driver.
 
-    What a type cannot say is left out: see the writer of its module.
+    Data without a field in the type is left out: see the writer of its module.
 
     Parameters
     ----------
@@ -118,9 +119,9 @@ def write_detections(type_name: str, header: Header, scan: Scan, *, sound_speed:
     header : std_msgs.msg.Header
         Stamp of the scan and the sensor's frame.
     scan : Scan
-        Its ranges, azimuths and features are written; the stamp is the header's.
+        Its ranges, azimuths and features are written; the stamp is that of the header.
     sound_speed : float
-        m/s; 0: the echoes arrive at once.
+        m/s; 0: the echoes arrive without delay.
 
     Returns
     -------
@@ -131,7 +132,7 @@ def write_detections(type_name: str, header: Header, scan: Scan, *, sound_speed:
     MessageError
         If the type is not supported, or its package is not installed.
     ValueError
-        If the type cannot carry echoes that arrive at once.
+        If the type needs a travel time and the sound speed is 0.
     """
     message_class(type_name)
     return _writers[type_name](header, scan, sound_speed)
@@ -153,14 +154,14 @@ def message_class(type_name: str) -> type:
     _adapter(type_name)
     package, _, name = type_name.split("/")
     try:
-        found: type = getattr(importlib.import_module(f"{package}.msg"), name)
+        message_type: type = getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError) as error:
         raise MessageError(
             "package_not_installed",
             f"message type {type_name!r} needs the package {package!r}, which is not installed "
-            f"here or too old ({error})",
+            f"or too old ({error})",
         ) from error
-    return found
+    return message_type
 
 
 def _type_name(message: Any) -> str:
@@ -175,5 +176,6 @@ def _adapter(type_name: str) -> Adapter:
     except KeyError:
         raise MessageError(
             "unknown_type",
-            f"message type {type_name!r} is not known; known are {', '.join(supported_types())}",
+            f"message type {type_name!r} is not supported; supported types are "
+            f"{', '.join(supported_types())}",
         ) from None

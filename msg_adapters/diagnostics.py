@@ -21,7 +21,7 @@ def diagnostics(stamp_ns: int, node_name: str, statuses: Iterable[Status]) -> Di
     stamp_ns : int
         ns.
     node_name : str
-        Each status is named ``node: task``, as rqt_robot_monitor and the aggregator expect.
+        The name of a status is ``node: task``, as rqt_robot_monitor and the aggregator expect.
     statuses : iterable of Status
         Their values are written in their order, floats with six digits.
 

@@ -1,4 +1,4 @@
-"""The error that every adapter raises for a message it cannot use."""
+"""The error that every adapter raises for an unusable message."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ class MessageError(ValueError):
     Parameters
     ----------
     reason : str
-        What is wrong in one word, for counting. Every adapter may raise ``unknown_type``,
+        Reason for counting. Every adapter may raise ``unknown_type``,
         ``package_not_installed`` and ``missing_field``; messages of arrays ``wrong_length``;
         clouds ``duplicate_field``, ``wrong_datatype``, ``wrong_count``, ``bad_offset``,
         ``bad_row_step`` and ``short_data``;
         clouds of tracks ``bad_id`` too;
         odometry ``not_finite``, ``zero_quaternion`` and ``undefined_heading``.
     sentence : str
-        What is wrong, for people; it names the field.
+        Message for the log; it names the field.
 
     Attributes
     ----------

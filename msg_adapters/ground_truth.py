@@ -1,4 +1,4 @@
-"""The simulator's and the player's truth, in the layout and look of tracks."""
+"""The ground truth of the simulator and the player, in the layout and appearance of tracks."""
 
 from __future__ import annotations
 
@@ -40,5 +40,5 @@ def truth_tracks(stamp: float, states: NDArray[np.float64]) -> list[ConfirmedTra
 
 
 def truth_markers(header: Header, truth: list[ConfirmedTrack]) -> MarkerArray:
-    """Markers of the truth: position, velocity and label in the colour of truth."""
+    """Markers of the truth: position, velocity and label in `TRUTH_COLOR`."""
     return track_markers(header, truth, color=TRUTH_COLOR)

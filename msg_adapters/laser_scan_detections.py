@@ -1,9 +1,9 @@
-"""Detections in sensor_msgs/LaserScan: at most one for each ray of a fan.
+"""Detections in sensor_msgs/LaserScan: at most one detection per ray of a fan.
 
-Ray i looks at `angle_min` + i * `angle_increment`, counter-clockwise from the frame's x axis, and
-leaves i * `time_increment` after the stamp. As REP-117 has it, a range of +inf is a ray on which
-nothing was detected, -inf one whose object was too near to measure, nan an erroneous one. Exactly
-0, where no detection can be, is what drivers older than that fill in for nothing.
+Ray i has the angle `angle_min` + i * `angle_increment`, counter-clockwise from the frame's x axis,
+and leaves i * `time_increment` after the stamp. By REP-117, a range of +inf means no detection,
+-inf an object too near to measure, and nan an erroneous measurement. Drivers older than REP-117
+write 0 for no detection.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ if TYPE_CHECKING:
 
 
 NO_TIMES = (
-    "the scan has no time_increment and sound_speed is 0: all rays are taken to be of the stamp, "
-    "but an echo is of range / sound speed later"
+    "the scan has no time_increment and sound_speed is 0: all detections are assumed valid at the "
+    "stamp, but an echo is valid range / sound speed later"
 )
 RAYS_AT_ONCE = (
-    "sound_speed is 0: every ray is taken to arrive as it leaves, as light does, but an echo is of "
-    "range / sound speed later"
+    "sound_speed is 0: every ray is assumed to arrive when it leaves, like light, but an echo is "
+    "valid range / sound speed later"
 )
 
 RAYS = 36_000
-"""Rays all round in a written scan: far finer than a sonar's bearings."""
+"""Number of rays of a written all-round scan, much finer than the bearings of a sonar."""
 
 
 @register("sensor_msgs/msg/LaserScan")
 def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
     """Read the detections of a scan.
 
-    Beside the reasons of `good_detections` a ray may be dropped for ``range_below_min`` (also
-    -inf) and ``range_above_max``; one on which nothing was detected is not a drop.
+    In addition to the reasons of `good_detections`, a ray may be dropped for ``range_below_min``
+    (also -inf) and ``range_above_max``; a ray without a detection is not counted.
 
     Parameters
     ----------
     scan : sensor_msgs.msg.LaserScan
-        `intensities` become a feature where they are as many as the ranges.
+        `intensities` become a feature if their number equals that of the ranges.
     options : ReadingOptions
 
     Returns
@@ -57,7 +57,7 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
     range = np.asarray(scan.ranges, np.float64)
     rays = np.arange(len(range))
     features, assumptions = intensity_feature(scan.intensities, len(range))
-    with np.errstate(invalid="ignore"):  # 0 * inf ends as azimuth_ or time_offset_not_finite
+    with np.errstate(invalid="ignore"):  # 0 * inf is dropped as azimuth_ or time_offset_not_finite
         azimuth = scan.angle_min + rays * scan.angle_increment
         leaving = echo = rays * scan.time_increment if scan.time_increment else None
         if leaving is not None and options.sound_speed > 0.0:
@@ -84,17 +84,17 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
 
 @register_writer("sensor_msgs/msg/LaserScan")
 def write_laser_scan(header: Header, scan: Scan, sound_speed: float) -> LaserScan:
-    """Write each detection on the nearest of `RAYS` rays that is free, as if measured at the stamp.
+    """Write each detection to the nearest free ray of `RAYS`, as if measured at the stamp.
 
-    The travel times have no place in the message.
+    The message has no field for travel times.
     """
     from sensor_msgs.msg import LaserScan
 
     increment = 2 * np.pi / RAYS
     order = np.argsort(scan.azimuth)
     rays = np.round((scan.azimuth[order] + np.pi) / increment).astype(np.int64)
-    places = np.arange(len(rays))
-    rays = np.maximum.accumulate(rays - places) + places  # the next one where it is taken
+    index = np.arange(len(rays))
+    rays = np.maximum.accumulate(rays - index) + index  # the next ray if a ray is occupied
     ranges = np.full(max(RAYS, rays.max(initial=0) + 1), np.inf, np.float32)
     ranges[rays] = scan.range[order]
     return LaserScan(

@@ -1,7 +1,7 @@
 """Detections in marine_acoustic_msgs/SonarDetections and SonarRanges.
 
-The frame of both has z out of the sonar's face, x up and y to starboard. An array is not reported
-where it is empty, constant where it has one value, and else has one value per beam.
+The frame of both has z out of the sonar's face, x up and y to starboard. An array is empty if it is
+not reported, has one value if it is constant, and otherwise one value per beam.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ if TYPE_CHECKING:
     from std_msgs.msg import Header
 
 
-SLOWEST_SOUND, FASTEST_SOUND = 100.0, 10_000.0
-"""Sound speeds that are taken for one, m/s; the definition's word for unknown is 0."""
+MIN_SOUND_SPEED, MAX_SOUND_SPEED = 100.0, 10_000.0
+"""Accepted sound speeds, m/s; in the message definition, 0 means unknown."""
 
-_STEEPEST = float(np.float32(np.pi / 2))  # the float32 is a little more than the angle
-_ROUNDING = 1e-6  # of a squared sine whose angle came as a float32
+_MAX_ANGLE = float(np.float32(np.pi / 2))  # the float32 is slightly larger than pi / 2
+_ROUNDING = 1e-6  # of the squared sine of a float32 angle
 
 
 @register("marine_acoustic_msgs/msg/SonarDetections")
 def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> Ping:
     """Read the detections of a multibeam sonar's travel times.
 
-    Beside the reasons of `good_detections` a beam may be dropped for ``flagged_bad`` and for
-    ``direction_undefined``: angles that are not finite, beyond 90 degrees, or of no direction
-    together. The transmit angle is 0 where it is not reported.
+    In addition to the reasons of `good_detections`, a beam may be dropped for ``flagged_bad`` and
+    for ``direction_undefined``: angles that are not finite, exceed 90 degrees, or together define
+    no direction. A transmit angle that is not reported is 0.
 
     Parameters
     ----------
     message : marine_acoustic_msgs.msg.SonarDetections
         The range is half of the travel time times the sound speed.
     options : ReadingOptions
-        Its sound speed counts where the message has none.
+        Its sound speed is used if the message has none.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> 
     Raises
     ------
     MessageError
-        If travel times or receive angles are missing, or an array does not fit them.
+        If travel times or receive angles are missing, or an array has another length.
     """
     n = _number_of_beams(
         two_way_travel_times=message.two_way_travel_times, rx_angles=message.rx_angles
@@ -66,7 +66,7 @@ def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> 
     with np.errstate(invalid="ignore"):
         up, starboard = np.sin(tx), np.sin(rx)
         ahead = 1.0 - up**2 - starboard**2
-        undefined = ~((ahead >= -_ROUNDING) & (abs(rx) <= _STEEPEST) & (abs(tx) <= _STEEPEST))
+        undefined = ~((ahead >= -_ROUNDING) & (abs(rx) <= _MAX_ANGLE) & (abs(tx) <= _MAX_ANGLE))
         direction = np.stack([up, starboard, np.sqrt(np.maximum(ahead, 0.0))], axis=1)
     speed, assumptions = _sound_speed("SonarDetections", message, options)
     return _detections(
@@ -85,16 +85,15 @@ def read_sonar_detections(message: SonarDetections, options: ReadingOptions) -> 
 def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Ping:
     """Read the detections of a sonar's ranges along beams.
 
-    Beside the reasons of `good_detections` a beam may be dropped for ``flagged_bad`` and for
-    ``direction_undefined``: a vector that is zero or not finite.
+    In addition to the reasons of `good_detections`, a beam may be dropped for ``flagged_bad`` and
+    for ``direction_undefined``: a vector that is zero or not finite.
 
     Parameters
     ----------
     message : marine_acoustic_msgs.msg.SonarRanges
         Its vectors need not be of unit length.
     options : ReadingOptions
-        Its sound speed, from which the times of the echoes follow, counts where the message has
-        none.
+        Its sound speed, which determines the times of the echoes, is used if the message has none.
 
     Returns
     -------
@@ -104,14 +103,14 @@ def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Ping:
     Raises
     ------
     MessageError
-        If ranges or vectors are missing, or an array does not fit them.
+        If ranges or vectors are missing, or an array has another length.
     """
     n = _number_of_beams(ranges=message.ranges, beam_unit_vec=message.beam_unit_vec)
     slant_range = _each("ranges", message.ranges, n)
     vectors = [(vector.x, vector.y, vector.z) for vector in message.beam_unit_vec]
     beam = _each("beam_unit_vec", vectors, n).reshape(n, 3)
     with np.errstate(all="ignore"):
-        largest = np.abs(beam).max(axis=1, initial=0.0, keepdims=True)  # whose square may overflow
+        largest = np.abs(beam).max(axis=1, initial=0.0, keepdims=True)  # its square may overflow
         direction = beam / largest
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     speed, assumptions = _sound_speed("SonarRanges", message, options)
@@ -133,26 +132,24 @@ def _number_of_beams(**arrays: Any) -> int:
     if any(lengths.values()):
         for name, length in lengths.items():
             if not length:
-                raise MessageError("missing_field", f"{name} is empty, so its beams have no place")
+                raise MessageError("missing_field", f"{name} is empty: the beams have no position")
     return max(lengths.values())
 
 
 def _each(name: str, values: Any, n: int) -> FloatArray:
-    """Return one value per beam; zeros where none is reported."""
-    found = fitted(name, values, n)
-    return np.zeros(n) if found is None else found
+    """Return one value per beam; zeros if the array is not reported."""
+    per_beam = fitted(name, values, n)
+    return np.zeros(n) if per_beam is None else per_beam
 
 
 def _sound_speed(name: str, message: Any, options: ReadingOptions) -> tuple[float, tuple[str, ...]]:
-    """Return the sound speed, m/s, and what was assumed for it."""
+    """Return the sound speed, m/s, and the assumptions about it."""
     speed = float(message.ping_info.sound_speed)
-    if SLOWEST_SOUND <= speed <= FASTEST_SOUND:
+    if MIN_SOUND_SPEED <= speed <= MAX_SOUND_SPEED:
         return speed, ()
     speed = options.sound_speed or SOUND_SPEED
-    whose = "the parameter sound_speed" if options.sound_speed else "sound_speed is not set"
-    return speed, (
-        f"{name} does not give the sound speed: it is taken to be {speed:g} m/s; {whose}",
-    )
+    source = "the parameter sound_speed" if options.sound_speed else "sound_speed is not set"
+    return speed, (f"{name} has no sound speed: {speed:g} m/s is assumed; {source}",)
 
 
 def _detections(
@@ -171,7 +168,7 @@ def _detections(
     flags = _each("flags", [flag.flag for flag in message.flags], n)
     features, more = intensity_feature(message.intensities, n)
     up, starboard, ahead = direction.T
-    with np.errstate(invalid="ignore"):  # ends as range_not_finite or direction_undefined
+    with np.errstate(invalid="ignore"):  # dropped as range_not_finite or direction_undefined
         range = slant_range * np.hypot(starboard, ahead)
         azimuth = np.arctan2(-starboard, ahead)
         height = slant_range * up
@@ -193,7 +190,7 @@ def _detections(
 
 @register_writer("marine_acoustic_msgs/msg/SonarDetections")
 def write_sonar_detections(header: Header, scan: Scan, sound_speed: float) -> SonarDetections:
-    """Write the detections ahead; what is abeam and behind has no place in the message."""
+    """Write the detections ahead; the message has no directions abeam and astern."""
     from marine_acoustic_msgs.msg import SonarDetections
 
     _check_sound_speed(sound_speed)
@@ -226,4 +223,6 @@ def write_sonar_ranges(header: Header, scan: Scan, sound_speed: float) -> SonarR
 
 def _check_sound_speed(sound_speed: float) -> None:
     if sound_speed <= 0.0:
-        raise ValueError("sound_speed of the scenario must be above 0: the messages carry times")
+        raise ValueError(
+            "sound_speed of the scenario must be above 0: the messages contain travel times"
+        )

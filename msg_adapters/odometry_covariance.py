@@ -10,50 +10,51 @@ from numpy.typing import NDArray
 X, Y, YAW = 0, 1, 5
 
 UNOBSERVED_VARIANCE = 1e6
-"""Variance of what is not observed, in its own SI unit squared: 1 km, 1 km/s, 160 turns.
+"""Variance of an unobserved quantity, in its SI unit squared: 1 km, 1 km/s, 160 turns.
 
-A zero would say that it is known exactly.
+A variance of zero would mean an exactly known quantity.
 """
 
-LARGEST_VARIANCE = 1e12
-"""Variance that is read at the most, in its own SI unit squared: 1000 km, no position at all.
+MAX_VARIANCE = 1e12
+"""Maximum variance that is read, in the SI unit squared: 1000 km, which is no position at all.
 
-Beyond, a source only says that it does not know, and sums and squares lose what else is known.
+A source writes a larger variance only for an unknown quantity, and in sums and squares it would
+cancel the known variances by rounding.
 """
 
 
 def limited(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a covariance whose variances are `LARGEST_VARIANCE` at the most.
+    """Return a covariance whose variances are at most `MAX_VARIANCE`.
 
-    What is larger is scaled down with its correlations: ``D C D`` is positive semi-definite where C
-    is.
+    Larger variances are scaled down and keep their correlations: ``D C D`` is positive
+    semi-definite if C is.
 
     Parameters
     ----------
     covariance : (n, n) ndarray
-        C, of finite numbers.
+        C, finite.
 
     Returns
     -------
     (n, n) ndarray
-        C itself where no variance is larger.
+        C itself if no variance is larger.
     """
     variance = np.diagonal(covariance)
-    if (variance <= LARGEST_VARIANCE).all():
+    if (variance <= MAX_VARIANCE).all():
         return covariance
-    scale = np.sqrt(LARGEST_VARIANCE / np.maximum(variance, LARGEST_VARIANCE))
+    scale = np.sqrt(MAX_VARIANCE / np.maximum(variance, MAX_VARIANCE))
     return scale[:, None] * covariance * scale
 
 
 def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDArray[np.float64]:
-    """Return a covariance in which only some axes are observed.
+    """Return a 6 x 6 covariance in which only some axes are observed.
 
     Parameters
     ----------
     block : (k, k) ndarray
         Covariance of the observed axes.
     axes : sequence of int
-        Their k places in the message.
+        Their k indices in the message.
 
     Returns
     -------

@@ -28,11 +28,10 @@ if TYPE_CHECKING:
 def read_own_ship(message: Odometry) -> PoseSample:
     """Read the own ship's odometry.
 
-    The message has its twist in the child frame: it is turned into the fixed frame by the full
-    orientation. A quaternion need not be of unit length. A covariance that is all zero means, as
-    usual in ROS, that it is not known, and so does a velocity or yaw rate of exactly 0, see
-    `known_rates`. A variance beyond `LARGEST_VARIANCE`, of a source that
-    writes a huge number for what it does not know, is read as `LARGEST_VARIANCE`.
+    The twist of the message is in the child frame; the full orientation rotates it into the fixed
+    frame. The quaternion need not have unit length. As usual in ROS, a covariance of zeros is
+    unknown; a velocity or yaw rate of exactly 0 is unknown too, see `known_rates`. A variance above
+    `MAX_VARIANCE`, which sources write for unknown quantities, is read as `MAX_VARIANCE`.
 
     Parameters
     ----------
@@ -41,13 +40,13 @@ def read_own_ship(message: Odometry) -> PoseSample:
     Returns
     -------
     PoseSample
-        `PoseSample.check` says whether a scan can be placed by it.
+        `PoseSample.check` tests whether it is usable for the registration of a scan.
 
     Raises
     ------
     MessageError
-        If a value that is used is not finite, the quaternion is zero, or the vessel points straight
-        up or down.
+        If a value that is used is not finite, the quaternion is zero, or the vessel points
+        vertically up or down.
     """
     pose, twist = message.pose.pose, message.twist.twist
     x, y = _finite("pose.position", pose.position, "xy")
@@ -82,7 +81,7 @@ def _finite(name: str, vector: Any, components: str) -> list[float]:
 
 
 def _rotation(quaternion: list[float]) -> FloatArray:
-    """Return the matrix that turns vectors of the child frame into the fixed frame."""
+    """Return the matrix that rotates vectors of the child frame into the fixed frame."""
     try:
         return rotation_of(quaternion)
     except ValueError as error:
@@ -104,27 +103,25 @@ def _pose_covariance(values: Any) -> FloatArray | None:
         return None
     if not np.isfinite(block).all():
         raise MessageError("not_finite", "pose.covariance of x, y and yaw must be finite")
-    # Rounding in a filter leaves it a bit uneven; halves cannot overflow.
+    # Rounding in a filter leaves it slightly asymmetric; the sum of halves cannot overflow.
     return limited(0.5 * block + 0.5 * block.T)
 
 
 def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> Odometry:
     """Build the own ship's odometry: the inverse of `read_own_ship`.
 
-    The vessel has no vertical speed and constant roll and pitch, since a sample says nothing else.
-    Rates that are not known are written as zeros.
-    A covariance that is not known is written as zeros; where it is known, what a sample has none
-    for (z, roll, pitch) has the variance `UNOBSERVED_VARIANCE`. The covariance of the twist is
-    zeros: not known.
+    Vertical speed and the rates of roll and pitch are 0, because a sample does not contain them.
+    Unknown rates and an unknown covariance are written as zeros. In a known covariance, the axes
+    that a sample does not contain (z, roll, pitch) have the variance `UNOBSERVED_VARIANCE`. The
+    covariance of the twist is zeros: unknown.
 
     Parameters
     ----------
     sample : PoseSample
     heading_known : bool, optional
-        False for a source without a heading. The message must have some orientation: it is that of
-        the sample (0, or the course over ground), and the variance of the yaw is
-        `UNOBSERVED_VARIANCE` whatever the sample says. The velocity in the fixed frame, which a
-        reader gets back, is right all the same.
+        False for a source without a heading. The message needs an orientation: it is that of the
+        sample (0, or the course over ground), and the variance of the yaw is
+        `UNOBSERVED_VARIANCE`. A reader still obtains the correct velocity in the fixed frame.
 
     Returns
     -------
@@ -150,7 +147,7 @@ def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> Odome
     vx, vy, yaw_rate = (0.0 if math.isnan(rate) else rate for rate in sample.rates or (0.0,) * 3)
     linear = to_child @ [vx, vy, 0.0]
     twist.linear.x, twist.linear.y, twist.linear.z = (float(value) for value in linear)
-    # A turn about the fixed z axis alone would change roll and pitch; the axis of the yaw does not.
+    # Angular velocity, in the child frame, of a yaw rate at constant roll and pitch.
     roll, pitch = sample.roll, sample.pitch
     twist.angular.x = -yaw_rate * math.sin(pitch)
     twist.angular.y = yaw_rate * math.cos(pitch) * math.sin(roll)

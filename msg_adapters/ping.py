@@ -1,4 +1,4 @@
-"""One message's good detections, with what was left out and assumed."""
+"""The good detections of a message, with its drops and assumptions."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan, wrap
 
 @dataclass(frozen=True, eq=False)
 class Ping:
-    """The good detections of one message: what every adapter returns.
+    """The good detections of one message, which every adapter returns.
 
     Attributes
     ----------
     sensor_scan : SensorScan
-        As a session takes it.
+        Input for a session.
     dropped : dict of str to int
-        How many detections of the message were left out, by reason.
+        Number of detections that were left out, by reason.
     index : (n,) ndarray of int
         Index of each detection in the message.
     assumptions : tuple of str
-        Sentences that say what was taken to be so because the message does not say it. The same
-        ones for every message of a driver.
+        Sentences about data that the message does not have and that was assumed; equal for all
+        messages of a driver.
     """
 
     sensor_scan: SensorScan
@@ -67,13 +67,13 @@ def good_detections(
     nothing: BoolArray | None = None,
     assumptions: tuple[str, ...] = (),
 ) -> Ping:
-    """Leave out the bad detections of a message and count them: every adapter's last step.
+    """Leave out the bad detections of a message and count them; the last step of every adapter.
 
     The reasons are ``range_not_finite``, ``range_not_positive``, ``azimuth_not_finite``,
     ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
     ``time_offset_not_finite`` and ``transmit_offset_not_finite``, and ``<field>_too_large`` and
-    ``<field>_too_small`` for what is beyond `tsepm_ros.sensing.scan.LARGEST` or below
-    `tsepm_ros.sensing.scan.SMALLEST`. A detection counts once, under the first that applies.
+    ``<field>_too_small`` for values above `tsepm_ros.sensing.scan.LARGEST` or below
+    `tsepm_ros.sensing.scan.SMALLEST`. A detection counts once, under the first reason that applies.
 
     Parameters
     ----------
@@ -82,30 +82,30 @@ def good_detections(
     frame_id : str
         Its frame.
     options : ReadingOptions
-        Where its sound speed is not 0 and there is no `time_offset`, the echoes are those of a ping
-        sent at the stamp.
+        If its sound speed is not 0 and there is no `time_offset`, the ping is assumed to leave at
+        the stamp.
     range : (n,) ndarray
-        In the plane of the sensor's ahead and port, m: the slant range times the cosine of the
-        elevation. As all the others it may have any values.
+        In the plane of the sensor's ahead and port axes, m: the slant range times the cosine of the
+        elevation. Like all following arrays it may have any values.
     azimuth : (n,) ndarray
-        In that plane, rad, counter-clockwise from ahead, or from east where `north_referenced`.
+        In that plane, rad, counter-clockwise from ahead, or from east if `north_referenced`.
     height : (n,) ndarray, optional
-        Above that plane, m: the slant range times the sine of the elevation. Where it is not finite
-        or too large, though the place in the plane is not, it counts as 0: as not measured.
+        Above that plane, m: the slant range times the sine of the elevation. A height that is not
+        finite or too large is replaced by 0, like an unmeasured height.
     range_std, azimuth_std : (n,) ndarray, optional
         Standard deviations, m and rad.
     time_offset : (n,) ndarray, optional
         Time after the stamp for which each position is valid, s.
     transmit_offset : (n,) ndarray, optional
-        Time after the stamp at which each detection's ping left, s; at the stamp if not given.
+        Time after the stamp at which the ping of each detection left, s; 0 if not given.
     features : mapping of str to (n,) ndarray, optional
         Further measurements by the names of `tsepm_ros.Scan`.
     north_referenced, axes
         As in `tsepm_ros.own_ship.registration.SensorScan`.
     faults : mapping of str to (n,) ndarray of bool, optional
-        The adapter's own reasons and those they apply to; they come before the others.
+        The adapter's own reasons and the detections to which they apply; they precede the others.
     nothing : (n,) ndarray of bool, optional
-        Places of the message that say that nothing was detected: left out without a count.
+        Elements of the message without a detection: left out without a count.
     assumptions : tuple of str, optional
         As in :class:`Ping`.
 
@@ -116,7 +116,7 @@ def good_detections(
     if height is not None:
         height = np.where(np.abs(height) <= LARGEST["range"], height, 0.0)
     if time_offset is None and options.sound_speed > 0.0:
-        with np.errstate(over="ignore", invalid="ignore"):  # ends as range_not_finite
+        with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
             slant = range if height is None else np.hypot(range, height)
             time_offset = slant / options.sound_speed
     kept = np.ones(len(range), bool) if nothing is None else ~nothing
@@ -129,7 +129,9 @@ def good_detections(
             kept &= ~bad
 
     def good(values: FloatArray) -> FloatArray:
-        return np.asarray(values, np.float64)[kept]  # always a copy: a message's buffer is its own
+        return np.asarray(values, np.float64)[
+            kept
+        ]  # always a copy, independent of the message's buffer
 
     def good_or_none(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else good(values)
@@ -163,7 +165,7 @@ def _faults(
     time_offset: FloatArray | None,
     transmit_offset: FloatArray | None,
 ) -> Iterator[tuple[str, BoolArray]]:
-    """Yield each reason to leave detections out, with those that it applies to."""
+    """Yield each reason and the detections to which it applies."""
     yield "range_not_finite", ~np.isfinite(range)
     yield "range_not_positive", range <= 0
     yield "range_too_small", range < SMALLEST["range"]

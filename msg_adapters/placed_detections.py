@@ -1,6 +1,6 @@
-"""Detections where they were placed in the fixed frame, with their errors.
+"""Registered detections: positions in the fixed frame, with their covariances.
 
-For trackers, which need neither own ship nor sensor then, and for viewers that have no tf.
+Trackers then need no own-ship data and no sensor model, and viewers need no tf.
 
 ============================ ======== =========================================================
 field                        datatype meaning
@@ -9,7 +9,7 @@ field                        datatype meaning
 ``position_x``, ``_y``       FLOAT64  position, m, fixed frame
 ``cov_xx``, ``_xy``, ``_yy`` FLOAT64  covariance of that position, m^2
 ``time_offset``              FLOAT64  time after the stamp for which the position is valid, s
-the sensor's features        FLOAT32  those of `tsepm_ros.sensing.scan.FEATURES` that it gives
+the sensor's features        FLOAT32  the measured fields of `tsepm_ros.sensing.scan.FEATURES`
 ============================ ======== =========================================================
 """
 
@@ -38,7 +38,7 @@ PLACED_DTYPE = np.dtype(
     ],
     align=True,  # each float64 at a multiple of 8
 )
-"""One point of the cloud, but for the features, which follow."""
+"""One point of the cloud without the features, which follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class PlacedDetections:
     time_offset : (n,) ndarray
         Time after the ping's stamp for which the position is valid, s.
     features : mapping of str to (n,) ndarray
-        What the sensor gave besides.
+        Further measurements of the sensor.
     """
 
     position: FloatArray
@@ -64,7 +64,7 @@ class PlacedDetections:
 
 
 def placed_detections_cloud(header: Header, placed: PlacedDetections) -> PointCloud2:
-    """Build the cloud of a ping's detections as the tracks see them.
+    """Build the cloud of a ping's registered detections.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def placed_detections_cloud(header: Header, placed: PlacedDetections) -> PointCl
     points["cov_xy"] = placed.covariance[:, 0, 1]
     points["cov_yy"] = placed.covariance[:, 1, 1]
     points["time_offset"] = placed.time_offset
-    with np.errstate(over="ignore"):  # what is beyond float32 becomes infinite
+    with np.errstate(over="ignore"):  # values beyond float32 become infinite
         points["x"], points["y"] = placed.position.T
         for name, values in placed.features.items():
             points[name] = values
@@ -102,15 +102,15 @@ def read_placed_detections(cloud: PointCloud2) -> PlacedDetections:
     Returns
     -------
     PlacedDetections
-        With the features that the cloud has.
+        With the features of the cloud.
 
     Raises
     ------
     MessageError
         If a field is missing or malformed.
     """
-    there = {one.name for one in cloud.fields}
-    features = [name for name in FEATURES if name in there]
+    available = {field.name for field in cloud.fields}
+    features = [name for name in FEATURES if name in available]
     names = (PLACED_DTYPE.names or ())[3:]
     values = read_fields(cloud, (*names, *features))
     xx, xy, yy = (values[name] for name in ("cov_xx", "cov_xy", "cov_yy"))

@@ -36,9 +36,9 @@ def read_fields(
 ) -> dict[str, NDArray[np.float64]]:
     """Read fields of a cloud.
 
-    Fields may come in any order, at any offset, with padding, in either byte order; the cloud may
-    be organised, with padding after its rows. Fields that are not asked for are not looked at. A
-    cloud without points has every field that it names, whatever its sizes say.
+    Fields may have any order, offset, padding and byte order; the cloud may be organised, with
+    padding after its rows. Only the requested fields are checked. The sizes of a cloud without
+    points are not checked.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def read_fields(
     names : iterable of str
         The fields to read.
     integers : collection of str, optional
-        Those of them that may also have an integer datatype.
+        Names of fields that may also have an integer datatype.
 
     Returns
     -------
@@ -57,8 +57,9 @@ def read_fields(
     Raises
     ------
     MessageError
-        If a field is missing, there twice, of a datatype that is not allowed, not a scalar, or
-        not inside the point; if the rows are shorter than their points, or the data than the rows.
+        If a field is missing, occurs twice, has a datatype that is not allowed, is not a scalar, or
+        is not inside the point; if the rows are shorter than their points, or the data than the
+        rows.
     """
     fields = [_field(cloud, name) for name in dict.fromkeys(names)]
     formats = [_format(field, integers) for field in fields]
@@ -82,21 +83,21 @@ def read_fields(
         0,
         (cloud.row_step, cloud.point_step),
     )
-    with np.errstate(invalid="ignore"):  # a signalling NaN is as good a NaN as any
+    with np.errstate(invalid="ignore"):  # a signalling NaN is read as a NaN
         return {
             field.name: points[field.name].astype(np.float64, order="C").ravel() for field in fields
         }
 
 
 def _field(cloud: PointCloud2, name: str) -> PointField:
-    """Return the one field of that name."""
-    found = [field for field in cloud.fields if field.name == name]
-    if not found:
-        there = ", ".join(field.name for field in cloud.fields) or "none"
-        raise MessageError("missing_field", f"field {name!r} is missing; the cloud has {there}")
-    if len(found) > 1:
-        raise MessageError("duplicate_field", f"field {name!r} is there {len(found)} times")
-    return found[0]
+    """Return the only field of a name."""
+    fields = [field for field in cloud.fields if field.name == name]
+    if not fields:
+        available = ", ".join(field.name for field in cloud.fields) or "no fields"
+        raise MessageError("missing_field", f"field {name!r} is missing; the cloud has {available}")
+    if len(fields) > 1:
+        raise MessageError("duplicate_field", f"field {name!r} occurs {len(fields)} times")
+    return fields[0]
 
 
 def _format(field: PointField, integers: Collection[str]) -> str:
@@ -116,7 +117,7 @@ def _format(field: PointField, integers: Collection[str]) -> str:
 
 
 def _check_offsets(cloud: PointCloud2, fields: list[PointField], formats: list[str]) -> None:
-    """Check that the fields lie inside the point and apart from each other."""
+    """Check that the fields lie inside the point and do not overlap."""
     spans = sorted(
         (field.offset, field.offset + int(form[1]), field.name)
         for field, form in zip(fields, formats, strict=True)
@@ -133,7 +134,7 @@ def _check_offsets(cloud: PointCloud2, fields: list[PointField], formats: list[s
 
 
 def _check_size(cloud: PointCloud2) -> None:
-    """Check that the rows hold their points and the data the rows."""
+    """Check that the rows contain their points, and the data the rows."""
     if cloud.row_step < cloud.width * cloud.point_step:
         raise MessageError(
             "bad_row_step",
@@ -162,12 +163,12 @@ def write_cloud(header: Header, points: NDArray[Any]) -> PointCloud2:
     Returns
     -------
     sensor_msgs.msg.PointCloud2
-        ``is_dense`` says that every float of every point is finite.
+        ``is_dense`` is true if every float of every point is finite.
 
     Raises
     ------
     ValueError
-        If the array is not of that kind.
+        If the array has another form.
     """
     if points.ndim != 1 or points.dtype.names is None:
         raise ValueError("points must be a structured array of one dimension")
@@ -179,7 +180,7 @@ def write_cloud(header: Header, points: NDArray[Any]) -> PointCloud2:
 
 
 def cloud_of(header: Header, packed: NDArray[Any], is_dense: bool) -> PointCloud2:
-    """Make the cloud of points that are little-endian and zero in the padding already.
+    """Make the cloud of points that are already little-endian with zero padding.
 
     Parameters
     ----------
@@ -212,7 +213,7 @@ def cloud_of(header: Header, packed: NDArray[Any], is_dense: bool) -> PointCloud
 
 @lru_cache(maxsize=64)
 def _point_fields(dtype: np.dtype[Any]) -> tuple[PointField, ...]:
-    """Return the field descriptions of a structured dtype; the same ones for the same dtype."""
+    """Return the field descriptions of a structured dtype, cached by dtype."""
     from sensor_msgs.msg import PointField
 
     return tuple(PointField(**values) for values in point_fields(dtype))
@@ -224,12 +225,14 @@ def point_fields(dtype: np.dtype[Any]) -> list[dict[str, Any]]:
     Raises
     ------
     ValueError
-        If a field has a type that a cloud has not.
+        If a field has a type that PointCloud2 does not support.
     """
-    described = []
+    descriptions = []
     for name, (form, offset, *_) in (dtype.fields or {}).items():
         number = _NUMBER_OF_FORMAT.get(f"{form.kind}{form.itemsize}")
         if number is None:
-            raise ValueError(f"points: field {name!r} has the type {form}, which a cloud has not")
-        described.append({"name": name, "offset": offset, "datatype": number, "count": 1})
-    return described
+            raise ValueError(
+                f"points: field {name!r} has the type {form}, which PointCloud2 does not support"
+            )
+        descriptions.append({"name": name, "offset": offset, "datatype": number, "count": 1})
+    return descriptions

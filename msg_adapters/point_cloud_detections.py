@@ -1,13 +1,13 @@
 """Detections in sensor_msgs/PointCloud2.
 
-The position is taken from the first of these that the cloud has:
+The position is the first of these forms that the cloud has:
 
 1. `range` (m) and `azimuth` (rad, counter-clockwise from the sensor's x axis);
 2. `range` and `bearing` (rad, clockwise from the bow or from north);
-3. `x` and `y` (m, sensor frame), with `z` where the cloud has it.
+3. `x` and `y` (m, sensor frame), with `z` if the cloud has it.
 
-Optional: `elevation` (rad, above the sensor's x-y plane) beside a range, which is the slant range;
-`range_std`, `azimuth_std`; `time_offset` or, where that is not there, `two_way_travel_time`;
+Optional: `elevation` (rad, above the sensor's x-y plane) with a range, which is the slant range;
+`range_std`, `azimuth_std`; `time_offset` or, if that is missing, `two_way_travel_time`;
 `intensity`, `range_width`, `azimuth_width`, `range_rate`. Each field is FLOAT32 or FLOAT64;
 `intensity`, which has no unit, may be an integer.
 """
@@ -39,14 +39,14 @@ POSITION_FIELDS = (("range", "azimuth"), ("range", "bearing"), ("x", "y"))
 """The forms of a position, in order of precedence."""
 
 TIME_FIELDS = ("time_offset", "two_way_travel_time")
-"""What tells when a position is valid, in order of precedence."""
+"""Fields with the time at which a position is valid, in order of precedence."""
 
 OPTIONAL_FIELDS = ("elevation", "range_std", "azimuth_std", *TIME_FIELDS, *FEATURES)
-"""What a detection may have besides, where its position is a range and an angle."""
+"""Optional fields of a detection whose position is a range and an angle."""
 
 NO_TIMES = (
     "the detections have no time_offset and no two_way_travel_time, and sound_speed is 0: all are "
-    "taken to be of the stamp, but an echo is of range / sound speed later"
+    "assumed valid at the stamp, but an echo is valid range / sound speed later"
 )
 
 
@@ -67,22 +67,20 @@ def read_point_cloud(cloud: PointCloud2, options: ReadingOptions) -> Ping:
     Raises
     ------
     MessageError
-        If the cloud has no form of a position (an empty one needs no fields at all), or a field
-        that is used is malformed.
+        If the cloud has no form of a position (an empty cloud needs no fields), or a field that is
+        used is malformed.
     """
     if not cloud.fields and cloud.height * cloud.width == 0:
-        nothing = np.zeros(0)
+        empty = np.zeros(0)
         stamp_ns = time_to_ns(cloud.header.stamp)
-        return good_detections(
-            stamp_ns, cloud.header.frame_id, options, range=nothing, azimuth=nothing
-        )
-    there = {field.name for field in cloud.fields}
-    position = _position_fields(there)
+        return good_detections(stamp_ns, cloud.header.frame_id, options, range=empty, azimuth=empty)
+    available = {field.name for field in cloud.fields}
+    position = _position_fields(available)
     upward = "z" if position == ("x", "y") else "elevation"
-    wanted = (upward, *(name for name in OPTIONAL_FIELDS if name != "elevation"))
-    optional = [name for name in wanted if name in there]
+    supported = (upward, *(name for name in OPTIONAL_FIELDS if name != "elevation"))
+    optional = [name for name in supported if name in available]
     values = read_fields(cloud, [*position, *optional], integers=("intensity",))
-    timed = options.sound_speed or not there.isdisjoint(TIME_FIELDS)
+    timed = options.sound_speed or not available.isdisjoint(TIME_FIELDS)
     return detections_of_fields(
         time_to_ns(cloud.header.stamp),
         cloud.header.frame_id,
@@ -99,10 +97,11 @@ def detections_of_fields(
     options: ReadingOptions,
     assumptions: tuple[str, ...] = (),
 ) -> Ping:
-    """Read detections given by the names that the fields of a cloud have.
+    """Read detections from arrays with the names of a cloud's fields.
 
-    Beside the reasons of `good_detections` a detection may be dropped for ``elevation_not_finite``.
-    A two-way travel time is twice a `time_offset`, and its faults are counted as that one's.
+    In addition to the reasons of `good_detections`, a detection may be dropped for
+    ``elevation_not_finite``. A two-way travel time is twice a `time_offset`; its faults are counted
+    as faults of `time_offset`.
 
     Parameters
     ----------
@@ -111,7 +110,7 @@ def detections_of_fields(
     frame_id : str
         The sensor's frame.
     values : mapping of str to (n,) ndarray
-        A position in one of `POSITION_FIELDS`, and whatever else there is, SI and radians.
+        A position in one of `POSITION_FIELDS` and optional fields, SI and radians.
     options : ReadingOptions
     assumptions : tuple of str, optional
         As in `Ping`.
@@ -146,19 +145,19 @@ def detections_of_fields(
 
 
 def _time_offset(values: Mapping[str, FloatArray]) -> FloatArray | None:
-    """Time after the stamp for which positions are valid, s; None: nobody says."""
+    """Time after the stamp for which positions are valid, s; None if unknown."""
     travel = values.get("two_way_travel_time")
     return values.get("time_offset", None if travel is None else 0.5 * travel)
 
 
-def _position_fields(there: set[str]) -> tuple[str, str]:
+def _position_fields(available: set[str]) -> tuple[str, str]:
     for names in POSITION_FIELDS:
-        if there.issuperset(names):
+        if available.issuperset(names):
             return names
     raise MessageError(
         "missing_field",
         "a detection needs the fields 'range' and 'azimuth', or 'range' and 'bearing', or 'x' and "
-        f"'y'; the cloud has {', '.join(sorted(there)) or 'none'}",
+        f"'y'; the cloud has {', '.join(sorted(available)) or 'no fields'}",
     )
 
 
@@ -169,7 +168,7 @@ def _polar(
     if names == ("range", "bearing"):
         return first, azimuth_of_bearing(second, options.bearing_reference)
     if names == ("x", "y"):
-        with np.errstate(over="ignore", invalid="ignore"):  # ends as range_not_finite
+        with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
             return np.hypot(first, second), np.arctan2(second, first)
     return first, second
 
@@ -185,10 +184,9 @@ def detections_cloud(
 ) -> PointCloud2:
     """Build a cloud of detections that `read_point_cloud` reads back without loss.
 
-    First come `x`, `y`, `z` in the sensor frame as FLOAT32, which RViz and PCL need, then what
-    is given here as FLOAT64. Bearings not from the bow are the exception: where they lie in the
-    sensor frame is not known without the heading, so such a cloud has no `x`, `y`, `z`, and RViz
-    does not show it.
+    The first fields are `x`, `y`, `z` in the sensor frame as FLOAT32, which RViz and PCL need; the
+    given fields follow as FLOAT64. Positions of bearings not from the bow are unknown in the sensor
+    frame without the heading; a cloud of them has no `x`, `y`, `z`, and RViz does not show it.
 
     Parameters
     ----------
@@ -199,7 +197,8 @@ def detections_cloud(
     azimuth, bearing : (n,) array_like
         rad. Exactly one is given.
     bearing_reference : {"bow", "north"} or None, optional
-        What `bearing` is measured from, clockwise; None: not known here, the reader's to say.
+        Reference direction of `bearing`, which is positive clockwise; None: an option of the
+        reader.
     **optional : (n,) array_like or None
         `elevation`, `range_std`, `azimuth_std`, `time_offset`, `two_way_travel_time`, `intensity`,
         `range_width`, `azimuth_width` or `range_rate`; None leaves a field out.
@@ -211,7 +210,7 @@ def detections_cloud(
     Raises
     ------
     ValueError
-        If both or none of azimuth and bearing are given, a name is not known, or a shape differs.
+        If both or none of azimuth and bearing are given, a name is unknown, or a shape differs.
     """
     if bearing_reference is not None:
         ReadingOptions(bearing_reference)
@@ -225,7 +224,7 @@ def detections_cloud(
     for name, values in fields.items():
         if values.ndim != 1 or values.shape != fields["range"].shape:
             raise ValueError(
-                f"{name} must be of one dimension and as long as range; got {values.shape}"
+                f"{name} must have one dimension and the length of range; got {values.shape}"
             )
     if bearing is None:
         return write_cloud(header, _with_xyz(fields, fields["azimuth"]))
@@ -236,7 +235,7 @@ def detections_cloud(
 
 @register_writer("sensor_msgs/msg/PointCloud2")
 def write_point_cloud(header: Header, scan: Scan, sound_speed: float) -> PointCloud2:
-    """Write everything, the times in `time_offset`."""
+    """Write all data of the scan, with the times in `time_offset`."""
     times = scan.range / sound_speed if sound_speed > 0.0 else np.zeros(len(scan))
     features: dict[str, Any] = {
         name: scan.features[name] for name in FEATURES if name in scan.features

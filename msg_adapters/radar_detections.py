@@ -1,8 +1,8 @@
 """Detections in radar_msgs/RadarScan.
 
 A return has a slant range, an azimuth counter-clockwise from the frame's x axis, an elevation above
-its x-y plane, and a Doppler velocity. The definition leaves the sign of that open; here, as usual
-with radars, it is positive where the range grows, which is the sign of `range_rate`.
+its x-y plane, and a Doppler velocity. The definition does not specify the sign of the Doppler
+velocity; here, as usual for radars and like `range_rate`, it is positive if the range increases.
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ if TYPE_CHECKING:
 def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> Ping:
     """Read the returns of a scan.
 
-    Beside the reasons of `good_detections` a return may be dropped for ``elevation_not_finite``.
+    In addition to the reasons of `good_detections`, a return may be dropped for
+    ``elevation_not_finite``.
 
     Parameters
     ----------
     scan : radar_msgs.msg.RadarScan
-        The amplitude becomes the feature `intensity`, the Doppler velocity `range_rate` (m/s,
-        along the line of sight, against the moving radar).
+        The amplitude becomes the feature `intensity`, the Doppler velocity the feature
+        `range_rate` (m/s, along the line of sight, relative to the moving radar).
     options : ReadingOptions
 
     Returns
@@ -42,8 +43,8 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> Ping:
     Ping
     """
     rows = [
-        (one.range, one.azimuth, one.elevation, one.doppler_velocity, one.amplitude)
-        for one in scan.returns
+        (echo.range, echo.azimuth, echo.elevation, echo.doppler_velocity, echo.amplitude)
+        for echo in scan.returns
     ]
     slant_range, azimuth, elevation, doppler, amplitude = (
         np.array(rows, np.float64).reshape(-1, 5).T
@@ -65,7 +66,7 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> Ping:
 def write_radar_scan(header: Header, scan: Scan, sound_speed: float) -> RadarScan:
     """Write the detections as returns in the horizontal plane.
 
-    The travel times have no place in the message.
+    The message has no field for travel times.
     """
     from radar_msgs.msg import RadarReturn, RadarScan
 
@@ -76,7 +77,7 @@ def write_radar_scan(header: Header, scan: Scan, sound_speed: float) -> RadarSca
     amplitudes = scan.features.get("intensity", unknown)
     columns = (scan.range, scan.azimuth, rates, amplitudes)
     for row in zip(*(column.tolist() for column in columns), strict=True):
-        one = RadarReturn()
-        one.range, one.azimuth, one.doppler_velocity, one.amplitude = row
-        message.returns.append(one)
+        echo = RadarReturn()
+        echo.range, echo.azimuth, echo.doppler_velocity, echo.amplitude = row
+        message.returns.append(echo)
     return message

@@ -1,4 +1,4 @@
-"""What a detection message does not say about itself."""
+"""Options for reading detection messages: properties that a message does not contain."""
 
 from __future__ import annotations
 
@@ -6,23 +6,22 @@ import math
 from dataclasses import dataclass
 
 BEARING_REFERENCES = ("bow", "north")
-"""What a `bearing` may be measured from, clockwise."""
+"""Reference directions of a `bearing`, which is positive clockwise."""
 
 SOUND_SPEED = 1500.0
-"""Speed of sound where nobody says, m/s."""
+"""Default speed of sound, m/s."""
 
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """What a message does not say about itself.
+    """Properties that a message does not contain.
 
     Parameters
     ----------
     bearing_reference : {"bow", "north"}
-        What a field `bearing` is measured from, clockwise.
+        Reference direction of a field `bearing`, which is positive clockwise.
     sound_speed : float
-        m/s, where a message gives neither times nor, if it has a place for it, the sound speed; 0:
-        not known.
+        m/s, for messages without times, or with an unset field for the sound speed; 0: unknown.
 
     Raises
     ------

@@ -26,7 +26,7 @@ def ns_to_time(nanoseconds: int) -> Time:
     Raises
     ------
     ValueError
-        If the message cannot hold it: its seconds are 32 bit with a sign.
+        If the seconds do not fit 32 bits with a sign.
     """
     from builtin_interfaces.msg import Time
 
@@ -51,7 +51,7 @@ def seconds_to_ns(seconds: float) -> int:
     """
     if not math.isfinite(seconds):
         raise ValueError(f"stamp must be finite; got {seconds!r}")
-    # Apart, because the product of a date in seconds and 1e9 does not fit the 53 bits.
+    # Separately, because the product of a date in seconds and 1e9 does not fit 53 bits.
     fraction, whole = math.modf(seconds)
     return int(whole) * NANOSECONDS_PER_SECOND + round(fraction * NANOSECONDS_PER_SECOND)
 

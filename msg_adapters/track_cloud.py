@@ -1,6 +1,6 @@
 """Tracks in sensor_msgs/PointCloud2, with state and full covariance.
 
-No standard message carries the covariance between position and velocity; this layout does.
+No standard message has the covariance between position and velocity; this layout has it.
 
 ============================== ======== =======================================================
 field                          datatype meaning
@@ -9,7 +9,7 @@ field                          datatype meaning
 ``track_id``                   UINT32   unique for the life of the node
 ``state_x`` ... ``state_vy``   FLOAT64  ``[x, vx, y, vy]``, m and m/s, fixed frame, at the stamp
 ``cov_00`` ... ``cov_33``      FLOAT64  covariance of that state, row by row
-``evaluation``, ``score``      FLOAT64  figures of the method; nan where it has none
+``evaluation``, ``score``      FLOAT64  figures of the method; nan if it has none
 ``hit_count``, ``scan_count``  UINT16   hits, and scans since the first; at most 65535
 ``age``                        FLOAT64  time since the first hit, s
 ============================== ======== =======================================================
@@ -44,7 +44,7 @@ TRACK_DTYPE = np.dtype(
         *((name, "<u2") for name in ("hit_count", "scan_count")),
         ("age", "<f8"),
     ],
-    align=True,  # each float64 at a multiple of 8, and so the size of the whole
+    align=True,  # each float64 at a multiple of 8; the item size too
 )
 """One point of the cloud."""
 
@@ -58,20 +58,20 @@ _BLOCKS_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""The same bytes with the fields of a kind together, to fill them at once."""
+"""The same bytes with fields of equal type combined, for assignment of whole blocks."""
 
-_LARGEST_COUNT = int(np.iinfo(np.uint16).max)
-_LARGEST_ID = int(np.iinfo(np.uint32).max)
+_MAX_COUNT = int(np.iinfo(np.uint16).max)
+_MAX_ID = int(np.iinfo(np.uint32).max)
 
 
 def track_cloud(header: Header, tracks: Sequence[ConfirmedTrack]) -> PointCloud2:
-    """Build the cloud of some tracks; without tracks it is empty and has all fields.
+    """Build a cloud of tracks; without tracks it is empty and has all fields.
 
     Parameters
     ----------
     header : std_msgs.msg.Header
-        The fixed frame, and the stamp of every state: a point has none of its own, so carry each
-        track there with `ConfirmedTrack.predicted` first.
+        The fixed frame, and the stamp of every state. Points have no stamps, so predict the tracks
+        to this stamp with `ConfirmedTrack.predicted` first.
     tracks : sequence of ConfirmedTrack
 
     Returns
@@ -87,7 +87,7 @@ def track_cloud(header: Header, tracks: Sequence[ConfirmedTrack]) -> PointCloud2
 
 
 def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
-    """Return the points of some tracks as `track_cloud` packs them.
+    """Return the points of tracks as `track_cloud` packs them.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     Returns
     -------
     points : (n,) ndarray of TRACK_DTYPE
-        Zero in the padding.
+        With zero padding.
     is_dense : bool
         Whether every number is finite.
 
@@ -106,9 +106,9 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
         If a track_id does not fit 32 bits without a sign.
     """
     arrays = TrackArrays.of(tracks)
-    bad_ids = arrays.track_id[(arrays.track_id < 0) | (arrays.track_id > _LARGEST_ID)]
+    bad_ids = arrays.track_id[(arrays.track_id < 0) | (arrays.track_id > _MAX_ID)]
     if len(bad_ids):
-        raise ValueError(f"track_id must be from 0 to {_LARGEST_ID}; got {bad_ids[0]}")
+        raise ValueError(f"track_id must be from 0 to {_MAX_ID}; got {bad_ids[0]}")
     records = np.zeros(len(arrays), _BLOCKS_DTYPE)
     records["xyz"][:, :2] = arrays.state[:, 0::2]
     records["track_id"] = arrays.track_id
@@ -117,8 +117,8 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     numbers[:, 4:20] = arrays.covariance.reshape(-1, 16)
     numbers[:, 20] = arrays.evaluation
     numbers[:, 21] = arrays.score
-    records["counts"][:, 0] = np.minimum(arrays.hit_count, _LARGEST_COUNT)
-    records["counts"][:, 1] = np.minimum(arrays.scan_count, _LARGEST_COUNT)
+    records["counts"][:, 0] = np.minimum(arrays.hit_count, _MAX_COUNT)
+    records["counts"][:, 1] = np.minimum(arrays.scan_count, _MAX_COUNT)
     records["age"] = arrays.age
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
     return records.view(TRACK_DTYPE), is_dense
@@ -140,28 +140,28 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
     Raises
     ------
     MessageError
-        If a field is missing or malformed, or a track_id is none.
+        If a field is missing or malformed, or a track_id is invalid.
     """
     names = TRACK_DTYPE.names or ()
     integers = [name for name in names if TRACK_DTYPE[name].kind == "u"]
     values = read_fields(cloud, names, integers=integers)
     ids = values["track_id"]
-    if not ((ids >= 0) & (ids <= _LARGEST_ID) & (ids == np.floor(ids))).all():
-        raise MessageError("bad_id", f"track_id must be an integer from 0 to {_LARGEST_ID}")
+    if not ((ids >= 0) & (ids <= _MAX_ID) & (ids == np.floor(ids))).all():
+        raise MessageError("bad_id", f"track_id must be an integer from 0 to {_MAX_ID}")
     records = np.zeros(len(ids), TRACK_DTYPE)
-    with np.errstate(invalid="ignore", over="ignore"):  # a count that is no number
+    with np.errstate(invalid="ignore", over="ignore"):  # counts may be nan
         for name in names:
             records[name] = values[name]
     return records
 
 
 def tracker_report(cloud: PointCloud2) -> TrackerReport:
-    """Read a cloud of tracks as what a downstream tracker says that it tracks.
+    """Read a cloud of tracks as a downstream tracker's report.
 
     Raises
     ------
     MessageError
-        If it has not the layout of `read_track_cloud`.
+        If it does not have the layout of `read_track_cloud`.
     """
     stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
     tracks = track_arrays(read_track_cloud(cloud), stamp)
@@ -169,13 +169,13 @@ def tracker_report(cloud: PointCloud2) -> TrackerReport:
 
 
 def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
-    """Tracks that were read as arrays, without the hits themselves.
+    """Return tracks that were read as `TrackArrays`, without hits.
 
     Parameters
     ----------
     records : (n,) ndarray of TRACK_DTYPE
     stamp : float
-        The message's, s.
+        Stamp of the message, s.
     """
     return TrackArrays(
         track_id=records["track_id"].astype(np.int64),

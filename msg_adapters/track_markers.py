@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 Color = tuple[float, float, float]
 
 NAMESPACES = ("position", "velocity", "ellipse", "label")
-"""The markers of one track: each has the track's id in its own namespace."""
+"""The namespaces of a track's markers; the id of each marker is the track's id."""
 
 TRACK_COLOR: Color = (0.1, 0.9, 0.3)
 
 POTENTIAL_COLORS: tuple[Color, Color] = (0.45, 0.5, 0.6), (1.0, 0.6, 0.0)
-"""Of a potential track without any evidence, and of one at the threshold."""
+"""Colours of a potential track with zero score, and of one at the threshold."""
 
 LEAD_TIME = 60.0
-"""How far ahead velocities are shown, s."""
+"""Time of travel that velocity markers show, s."""
 
 ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 """Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
 
-_LABEL_HEIGHT = 3.0  # in sizes of the position's marker: readable when that is a few pixels
+_LABEL_HEIGHT = 3.0  # in sizes of the position marker: readable if that is a few pixels
 _ELLIPSE_OPACITY = 0.25
-_MOST_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
-_POTENTIAL_OPACITY = 0.3, 1.0  # as the colours
+_MAX_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
+_POTENTIAL_OPACITY = 0.3, 1.0  # as for the colours
 _POTENTIAL_SIZE, _POTENTIAL_LINE = 60.0, 15.0  # m
 _THICKNESS = 0.01  # m; RViz refuses a scale of 0
 
@@ -54,8 +54,8 @@ def track_markers(
 ) -> MarkerArray:
     """Build the markers that show the current tracks and remove those that ended.
 
-    Each track has a sphere at its position, an arrow to where its velocity takes it, its 95 %
-    ellipse, and a label with id, speed and the position's largest standard deviation.
+    Each track has a sphere at its position, an arrow to its predicted position, its 95 % ellipse,
+    and a label with id, speed and the largest standard deviation of the position.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def track_markers(
     ended_ids : iterable of int, optional
         Ids of the tracks that ended since the last message.
     afresh : bool, optional
-        Remove every marker of the topic first, whoever put it there.
+        Remove every marker of the topic first, those of other publishers included.
     minimum_size : float, optional
-        Sphere, arrow and label follow the largest standard deviation of the position, but not
-        below this, m. The ellipse is always true to scale.
+        Minimum size of sphere, arrow and label, m, which otherwise have the largest standard
+        deviation of the position. The ellipse is always to scale.
     lead_time : float, optional
-        How far ahead the arrow points, s.
+        Prediction time of the arrow, s.
     color : (float, float, float), optional
         Red, green and blue, 0 to 1.
 
@@ -105,14 +105,14 @@ def track_markers(
 def potential_track_markers(
     header: Header, tracks: Sequence[ConfirmedTrack], *, lead_time: float = LEAD_TIME
 ) -> MarkerArray:
-    """Build the markers of the potential tracks that are brewing, in place of those before.
+    """Build the markers of candidate tracks, which replace those of the last message.
 
-    They are many, so they are two markers: points at the positions, and lines to where the
-    velocities take them. Where they have scores, the evidence of those with the same newest hit is
-    summed, as when it is tested for confirmation, and the best of them is drawn if it is above 0, a
-    target more likely than clutter: from grey to orange as it nears the threshold, ``score -
-    evaluation``. Where a method has no score, all are drawn and grey. At most 1000 are, those
-    nearest to the threshold.
+    For speed there are only two markers: points at the positions, and lines to the predicted
+    positions. The scores of tracks with the same newest hit are summed, as in the test for
+    confirmation. The best of these tracks is drawn if the sum is above 0, which means that a target
+    is more likely than clutter. Its colour changes from grey to orange as the sum approaches the
+    threshold, ``score - evaluation``. If the method has no score, all tracks are drawn in grey. At
+    most 1000 tracks are drawn, those nearest to the threshold.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def potential_track_markers(
         The fixed frame, and the stamp of the states.
     tracks : sequence of ConfirmedTrack
     lead_time : float, optional
-        How far ahead the lines point, s.
+        Prediction time of the lines, s.
 
     Returns
     -------
@@ -132,13 +132,13 @@ def potential_track_markers(
 
     markers = [_marker(header, "", 0, "DELETEALL")]
     arrays = TrackArrays.of(tracks)
-    drawn, nearness = _brewing(arrays)
+    drawn, nearness = _candidates(arrays)
     if not len(drawn):
-        return MarkerArray(markers=markers)  # RViz refuses points of which there are none
-    first = np.argsort(-nearness, kind="stable")[:_MOST_POTENTIAL]
+        return MarkerArray(markers=markers)  # RViz rejects a marker without points
+    first = np.argsort(-nearness, kind="stable")[:_MAX_POTENTIAL]
     arrays, share = arrays.where(drawn[first]), nearness[first, None]
-    (bare, full), (faint, opaque) = np.array(POTENTIAL_COLORS), _POTENTIAL_OPACITY
-    rgba = np.hstack([bare + share * (full - bare), faint + share * (opaque - faint)])
+    (grey, orange), (faint, opaque) = np.array(POTENTIAL_COLORS), _POTENTIAL_OPACITY
+    rgba = np.hstack([grey + share * (orange - grey), faint + share * (opaque - faint)])
     colors = [ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in rgba.tolist()]
     begin = arrays.state[:, 0::2]
     ends = np.stack([begin, begin + lead_time * arrays.state[:, 1::2]], axis=1)
@@ -157,8 +157,8 @@ def potential_track_markers(
     return MarkerArray(markers=[*markers, positions, velocities])
 
 
-def _brewing(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Rows to draw, (k,), and how near each is to the threshold, from 0 to 1, (k,)."""
+def _candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return rows to draw, (k,), and their summed score relative to the threshold, 0 to 1, (k,)."""
     scored = np.isfinite(tracks.score)
     if not scored.any():
         return np.arange(len(tracks)), np.zeros(len(tracks))
@@ -168,8 +168,8 @@ def _brewing(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np.float64
     total = summed(tracks.score[best_first], group.ravel(), len(best))
     rows = best_first[best]
     threshold = tracks.score[rows] - tracks.evaluation[rows]
-    brewing = total > 0.0
-    return rows[brewing], np.clip(total / threshold, 0.0, 1.0)[brewing]
+    likely = total > 0.0
+    return rows[likely], np.clip(total / threshold, 0.0, 1.0)[likely]
 
 
 def clear_markers(header: Header) -> MarkerArray:
@@ -196,16 +196,16 @@ def confidence_ellipse(covariance: NDArray[np.float64]) -> tuple[float, float, f
     """
     xx, xy, yy = (float(value) for value in covariance[[0, 0, 1], [0, 1, 1]])
     mean, half_difference = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    spread = math.hypot(half_difference, xy)
-    smaller = max(mean - spread, 0.0)  # rounding can take a degenerate one below 0
+    radius = math.hypot(half_difference, xy)
+    smaller = max(mean - radius, 0.0)  # rounding can make a zero eigenvalue negative
     angle = 0.5 * math.atan2(xy, half_difference)
-    return ELLIPSE_SCALE * math.sqrt(mean + spread), ELLIPSE_SCALE * math.sqrt(smaller), angle
+    return ELLIPSE_SCALE * math.sqrt(mean + radius), ELLIPSE_SCALE * math.sqrt(smaller), angle
 
 
 def _marker(header: Header, namespace: str, track_id: int, action: str) -> Marker:
     from visualization_msgs.msg import Marker
 
-    # The id of a marker has a sign, that of a track has not: the upper half becomes negative.
+    # Ids of markers are signed and those of tracks unsigned: the upper half becomes negative.
     signed_id = (track_id + 2**31) % 2**32 - 2**31
     return Marker(header=header, ns=namespace, id=signed_id, action=getattr(Marker, action))
 
@@ -227,7 +227,7 @@ def _shape(
 
 
 def _place(marker: Marker, track: ConfirmedTrack, ahead: float = 0.0) -> Marker:
-    """Put a marker at the track's position, or `ahead` m along the y axis from it."""
+    """Put a marker at the track's position, shifted by `ahead` m along the y axis."""
     x, y = track.position
     marker.pose.position.x, marker.pose.position.y = float(x), float(y) + ahead
     return marker
@@ -243,7 +243,7 @@ def _velocity(
 ) -> Marker:
     from geometry_msgs.msg import Point
 
-    # Of an arrow between two points: diameters of shaft and head, length of the head.
+    # Scale of an arrow between two points: diameters of shaft and head, length of the head.
     scale = (0.3 * size, 0.8 * size, size)
     marker = _shape(header, "velocity", track, "ARROW", scale, color)
     ends = (track.position, track.position + lead_time * track.velocity)
@@ -265,7 +265,7 @@ def _label(
 ) -> Marker:
     height = _LABEL_HEIGHT * size
     marker = _shape(header, "label", track, "TEXT_VIEW_FACING", (0.0, 0.0, height), color)
-    # Plain ASCII: RViz's font has no Greek.
+    # ASCII only: RViz's font has no Greek letters.
     speed = math.hypot(*track.velocity)
     marker.text = f"{track.track_id}: {speed:.1f} m/s, sigma {sigma:.0f} m"
     return _place(marker, track, ahead=height)

@@ -1,4 +1,4 @@
-"""A track as nav_msgs/Odometry, for tools that know only standard messages."""
+"""A track as nav_msgs/Odometry, for tools that read only standard messages."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 def track_odometry(header: Header, track: ConfirmedTrack) -> Odometry:
     """Build the odometry of one track.
 
-    The child frame ``track_<id>`` is not in tf. The orientation is the identity, so the twist,
-    which the message has in the child frame, is in the fixed frame's axes. What the track does not
-    observe (z, rotations, their rates) is 0 with the variance `UNOBSERVED_VARIANCE`. The message
-    has no place for the covariance between position and velocity: prefer the track cloud.
+    The child frame ``track_<id>`` is not in tf. The orientation is the identity, so the axes of the
+    twist, which is in the child frame, are those of the fixed frame. Unobserved quantities (z,
+    rotations, their rates) are 0 with the variance `UNOBSERVED_VARIANCE`. The message has no field
+    for the covariance between position and velocity: prefer the track cloud.
 
     Parameters
     ----------

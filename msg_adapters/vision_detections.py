@@ -1,9 +1,9 @@
 """Detections in vision_msgs/Detection3DArray.
 
-A detection is where the centre of its bounding box is or, where the box is not filled in (centre
-and size are zero), the pose of its result with the highest score. The frame has x ahead and y to
-port; as REP-103 has it, one whose name ends in `_optical` (or `_optical_frame`) has z ahead and x
-to starboard.
+The position of a detection is the centre of its bounding box or, if the box is not set (centre and
+size are zero), the pose of its result with the highest score. The frame has x ahead and y to port;
+by REP-103, a frame whose name ends in `_optical` (or `_optical_frame`) has z ahead and x to
+starboard.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ if TYPE_CHECKING:
 
 
 OPTICAL = ("_optical", "_optical_frame")
-"""Endings of the names of frames with z ahead."""
+"""Suffixes of the names of frames with z ahead."""
 
 
 @register("vision_msgs/msg/Detection3DArray")
 def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> Ping:
     """Read the detections of an array.
 
-    Beside the reasons of `good_detections` one may be dropped for ``other_frame``, which its own
-    header names, and ``no_position``: neither a box nor a result.
+    In addition to the reasons of `good_detections`, a detection may be dropped for ``other_frame``,
+    if its own header has another frame, and ``no_position``: neither a box nor a result.
 
     Parameters
     ----------
     array : vision_msgs.msg.Detection3DArray
         The score of the best result becomes the feature `intensity`. Its covariance gives the
-        deviations in range and azimuth, where every detection has one that is not all zero. A
-        detection whose own header has a stamp was made at that time.
+        standard deviations of range and azimuth, if every detection has a nonzero covariance. A
+        detection whose own header has a stamp is valid at that stamp.
     options : ReadingOptions
 
     Returns
@@ -50,14 +50,15 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> Pi
     """
     detections, frame = array.detections, array.header.frame_id
     optical = frame.endswith(OPTICAL)
-    best = [max(one.results, key=_score, default=None) for one in detections]
+    best = [max(detection.results, key=_score, default=None) for detection in detections]
     position = _rows([_position(*both) for both in zip(detections, best, strict=True)], 3)
     x, y, z = position.T
     ahead, port, up = (z, -x, -y) if optical else (x, y, z)
     range_std, azimuth_std = _deviations(best, ahead, port, optical)
     stamp_ns = time_to_ns(array.header.stamp)
-    times = np.array([_time_after(stamp_ns, one) for one in detections])
-    with np.errstate(over="ignore"):  # ends as range_not_finite
+    times = np.array([_time_after(stamp_ns, detection) for detection in detections])
+    intensity = np.array([np.nan if result is None else _score(result) for result in best])
+    with np.errstate(over="ignore"):  # dropped as range_not_finite
         range = np.hypot(ahead, port)
     return good_detections(
         stamp_ns,
@@ -68,20 +69,20 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> Pi
         height=up,
         range_std=range_std,
         azimuth_std=azimuth_std,
-        # Seen at once: nothing travels.
+        # Light has no delay.
         time_offset=times if times.any() else None,
         transmit_offset=times if times.any() else None,
-        features={"intensity": np.array([np.nan if one is None else _score(one) for one in best])},
+        features={"intensity": intensity},
         axes="optical" if optical else "body",
         faults={
-            "other_frame": _each(detections, lambda one: one.header.frame_id not in ("", frame)),
-            "no_position": _each(detections, lambda one: not (_has_box(one) or one.results)),
+            "other_frame": _each(detections, lambda d: d.header.frame_id not in ("", frame)),
+            "no_position": _each(detections, lambda d: not (_has_box(d) or d.results)),
         },
     )
 
 
-def _each(detections: Any, holds: Callable[[Any], bool]) -> BoolArray:
-    return np.array([holds(one) for one in detections], bool)
+def _each(detections: Any, condition: Callable[[Any], bool]) -> BoolArray:
+    return np.array([condition(detection) for detection in detections], bool)
 
 
 def _rows(rows: list[Any], width: int) -> FloatArray:
@@ -89,7 +90,7 @@ def _rows(rows: list[Any], width: int) -> FloatArray:
 
 
 def _score(result: Any) -> float:
-    """Return the score of a result; the least where it is nan."""
+    """Return the score of a result; -inf if it is nan."""
     score = float(result.hypothesis.score)
     return score if score == score else -np.inf
 
@@ -100,7 +101,7 @@ def _has_box(detection: Detection3D) -> bool:
 
 
 def _position(detection: Detection3D, best: Any) -> tuple[float, float, float]:
-    """Return x, y, z, m; zeros where there is nothing."""
+    """Return x, y, z, m; zeros without a box and a result."""
     at = detection.bbox.center.position
     if best is not None and not _has_box(detection):
         at = best.pose.pose.position
@@ -108,7 +109,7 @@ def _position(detection: Detection3D, best: Any) -> tuple[float, float, float]:
 
 
 def _time_after(stamp_ns: int, detection: Detection3D) -> float:
-    """Return the time after the array's stamp, s; 0 where the detection has none of its own."""
+    """Return the time after the array's stamp, s; 0 if the detection has no stamp."""
     own = time_to_ns(detection.header.stamp)
     return (own - stamp_ns) / NANOSECONDS_PER_SECOND if own else 0.0
 
@@ -116,7 +117,7 @@ def _time_after(stamp_ns: int, detection: Detection3D) -> float:
 def _deviations(
     best: list[Any], ahead: FloatArray, port: FloatArray, optical: bool
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return the standard deviations in range (m) and azimuth (rad), if every result has them."""
+    """Return the standard deviations of range (m) and azimuth (rad), if every result has them."""
     if not best or None in best:
         return None, None
     covariance = _rows([result.pose.covariance for result in best], 36).reshape(-1, 6, 6)
@@ -125,8 +126,8 @@ def _deviations(
     if not plane.any(axis=(1, 2)).all():
         return None, None
     if optical:
-        plane = plane * [[1.0, -1.0], [-1.0, 1.0]]  # to port, not to starboard
-    with np.errstate(all="ignore"):  # ends as range_std_not_positive or azimuth_std_not_positive
+        plane = plane * [[1.0, -1.0], [-1.0, 1.0]]  # from starboard to port
+    with np.errstate(all="ignore"):  # dropped as range_std_ or azimuth_std_not_positive
         range = np.hypot(ahead, port)
         along = np.stack([ahead, port], axis=1) / range[:, None]
         across = along[:, ::-1] * [-1.0, 1.0]
@@ -136,9 +137,9 @@ def _deviations(
 
 @register_writer("vision_msgs/msg/Detection3DArray")
 def write_detection_array(header: Header, scan: Scan, sound_speed: float) -> Detection3DArray:
-    """Write the detections as boxes of no size in the horizontal plane, seen at the stamp.
+    """Write the detections as boxes of zero size in the horizontal plane, valid at the stamp.
 
-    The travel times have no place in the message.
+    The message has no field for travel times.
     """
     from vision_msgs.msg import Detection3D, Detection3DArray
 
@@ -146,9 +147,9 @@ def write_detection_array(header: Header, scan: Scan, sound_speed: float) -> Det
     array.header = header
     ahead, port = scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth)
     for x, y in zip(ahead, port, strict=True):
-        one = Detection3D()
-        one.header = header
-        center = one.bbox.center.position
+        detection = Detection3D()
+        detection.header = header
+        center = detection.bbox.center.position
         center.x, center.y = float(x), float(y)
-        array.detections.append(one)
+        array.detections.append(detection)
     return array

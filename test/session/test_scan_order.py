@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tsepm_ros.session.scan_order import LONGEST_INTERVAL, Arrival, ScanOrder
+from tsepm_ros.session.scan_order import MAX_INTERVAL, Arrival, ScanOrder
 
 NEXT, SAME, LATE = Arrival.NEXT, Arrival.SAME_STAMP, Arrival.LATE
 RESTART, GAP = Arrival.RESTART, Arrival.GAP
@@ -17,7 +17,7 @@ class Order(ScanOrder):
         super().__init__(window, restart_jump, max_gap)
 
     def judge(self, stamp: float) -> Arrival:
-        arrival = super().judge(stamp)
+        arrival = super().classify(stamp)
         if arrival not in (SAME, LATE):
             self.accept(stamp, arrival)
         return arrival
@@ -25,7 +25,7 @@ class Order(ScanOrder):
 
 def judged(stamps, **options) -> list[Arrival]:
     one = Order(**options)
-    return [one.judge(stamp) for stamp in stamps]
+    return [one.classify(stamp) for stamp in stamps]
 
 
 @pytest.mark.parametrize("first", [0.0, -5.0, 1.7e9])
@@ -57,23 +57,23 @@ def test_a_late_scan_is_forgotten():
         (9.0, False),
         (10.001, True),
         (22.0, True),
-        (10.0 + LONGEST_INTERVAL, True),
-        (10.1 + LONGEST_INTERVAL, False),
+        (10.0 + MAX_INTERVAL, True),
+        (10.1 + MAX_INTERVAL, False),
         (100_000.0, False),
         (100_012.0, False),  # of the run before
     ],
 )
 def test_a_stamp_far_back_is_confirmed_by_one_that_follows_it_before_the_last(following, confirmed):
     one = Order()
-    one.judge(100_000.0)
+    one.classify(100_000.0)
     assert one.is_far_back(10.0) and not one.is_far_back(99_940.0)
     assert one.is_confirmed(10.0, following) is confirmed
 
 
 def test_a_gap_that_is_allowed_is_near():
-    one = Order(max_gap=2 * LONGEST_INTERVAL)
-    one.judge(100_000.0)
-    assert one.is_confirmed(10.0, 10.0 + 2 * LONGEST_INTERVAL)
+    one = Order(max_gap=2 * MAX_INTERVAL)
+    one.classify(100_000.0)
+    assert one.is_confirmed(10.0, 10.0 + 2 * MAX_INTERVAL)
 
 
 def test_after_a_restart_stamps_count_from_there():
@@ -93,7 +93,7 @@ def test_a_gap_is_longer_than_the_window_of_median_intervals():
 
 
 def test_a_gap_cannot_be_told_from_the_first_intervals():
-    assert Order().gap_limit == LONGEST_INTERVAL
+    assert Order().gap_limit == MAX_INTERVAL
     assert judged([0.0, 1.0, 2.0, 1000.0]) == [NEXT] * 4
     assert judged([0.0, 1.0, 2.0, 1e6]) == [NEXT] * 3 + [GAP], "no sonar pings so seldom"
     assert judged([0.0, 1.0, 2.0, 3.0, 1000.0]) == [NEXT] * 4 + [GAP]
@@ -102,7 +102,7 @@ def test_a_gap_cannot_be_told_from_the_first_intervals():
 def test_one_long_interval_does_not_move_the_median():
     one = Order()
     for stamp in (0.0, 10.0, 20.0, 90.0, 100.0):
-        one.judge(stamp)
+        one.classify(stamp)
     assert one.gap_limit == 80.0
 
 
@@ -126,17 +126,17 @@ def test_a_sonar_that_changes_to_a_long_period_is_followed():
 def test_a_restart_forgets_the_intervals():
     one = Order()
     for stamp in (1000.0, 1001.0, 1002.0, 1003.0, 0.0):
-        one.judge(stamp)
-    assert one.gap_limit == LONGEST_INTERVAL
+        one.classify(stamp)
+    assert one.gap_limit == MAX_INTERVAL
 
 
 def test_resizing_keeps_the_latest_intervals():
     one = Order(window=8)
     for stamp in (0.0, 100.0, 200.0, 300.0, 310.0, 320.0, 330.0):
-        one.judge(stamp)
+        one.classify(stamp)
     one.resize(3)
     assert one.gap_limit == 3 * 10.0
-    one.judge(340.0)
+    one.classify(340.0)
     one.resize(8)
     assert one.gap_limit == 8 * 10.0
 
@@ -144,18 +144,18 @@ def test_resizing_keeps_the_latest_intervals():
 def test_reset_forgets_everything():
     one = Order()
     for stamp in (0.0, 1.0, 2.0, 3.0):
-        one.judge(stamp)
+        one.classify(stamp)
     one.reset()
-    assert one.gap_limit == LONGEST_INTERVAL
-    assert one.judge(-1e6) is NEXT
+    assert one.gap_limit == MAX_INTERVAL
+    assert one.classify(-1e6) is NEXT
 
 
 def test_changed_limits_count_at_the_next_scan():
     one = Order()
-    one.judge(100.0)
+    one.classify(100.0)
     one.restart_jump, one.max_gap = 5.0, 20.0
-    assert one.judge(121.0) is GAP
-    assert one.judge(115.0) is RESTART
+    assert one.classify(121.0) is GAP
+    assert one.classify(115.0) is RESTART
 
 
 def test_late_scans_that_follow_one_another_are_a_restart():
@@ -179,7 +179,7 @@ def test_single_late_scans_between_good_ones_never_restart():
 
 def test_a_scan_that_is_not_accepted_leaves_no_trace():
     one = Order(max_gap=100.0)
-    one.judge(0.0)
+    one.classify(0.0)
     for stamp, arrival in [(1e6, GAP), (12.0, NEXT), (-1e6, RESTART), (12.0, NEXT)]:
-        assert ScanOrder.judge(one, stamp) is arrival
-    assert one.judge(12.0) is NEXT
+        assert ScanOrder.classify(one, stamp) is arrival
+    assert one.classify(12.0) is NEXT

@@ -1,1 +1,1 @@
-"""The health of a session, judged by rules over its figures."""
+"""The health of a session: rules over its figures."""

@@ -1,4 +1,4 @@
-"""The entries of ``/diagnostics``: for each task its figures, and what is said while it is well."""
+"""The entries of ``/diagnostics``: for each task its figures, and its message while healthy."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRA
 
 @dataclass(frozen=True)
 class Entry:
-    """How one entry is made.
+    """Content of one entry.
 
     Attributes
     ----------
     healthy : callable
-        Makes the message where no rule finds anything.
+        Returns the message if no rule applies.
     values : callable
-        Makes the figures.
+        Returns the figures.
     """
 
     healthy: Callable[[HealthFigures], str]
@@ -36,7 +36,7 @@ class Entry:
 
 
 def statuses(figures: HealthFigures) -> list[Status]:
-    """Judge every task."""
+    """Return the status of every task."""
     return [
         status_of(task, findings_of(task, figures), entry.healthy(figures), entry.values(figures))
         for task, entry in ENTRIES.items()
@@ -127,12 +127,12 @@ def _clutter_values(figures: HealthFigures) -> Mapping[str, object]:
 
 
 def _quality_of_service_values(figures: HealthFigures) -> Mapping[str, object]:
-    heard = figures.connections.mismatches_heard
-    return {f"mismatches.{topic}": number for topic, number in sorted(heard.items())}
+    mismatches = figures.connections.mismatches_heard
+    return {f"mismatches.{topic}": number for topic, number in sorted(mismatches.items())}
 
 
 def _tracker(figures: HealthFigures) -> str:
-    return {"none": "none has been heard", "alive": "heard"}.get(figures.snapshot.tracker, "")
+    return {"none": "no report yet", "alive": "reports arrive"}.get(figures.snapshot.tracker, "")
 
 
 def _tracker_values(figures: HealthFigures) -> Mapping[str, object]:
@@ -145,7 +145,9 @@ ENTRIES = {
     OWN_SHIP: Entry(_own_ship, _own_ship_values),
     LATENCY: Entry(_latency, _latency_values),
     CLUTTER: Entry(densities, _clutter_values),
-    QUALITY_OF_SERVICE: Entry(lambda _: "everything fits", _quality_of_service_values),
+    QUALITY_OF_SERVICE: Entry(
+        lambda _: "all connections are compatible", _quality_of_service_values
+    ),
     TRACKER: Entry(_tracker, _tracker_values),
 }
-"""Every entry by its task, in the order in which they are published."""
+"""Every entry by its task, in the order of publication."""

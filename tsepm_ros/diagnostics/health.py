@@ -1,7 +1,7 @@
-"""What a session's health is judged by over time: arrivals, latencies and counts of the window.
+"""The history behind a session's diagnostics: arrivals, latencies and counts of the window.
 
-Counts are totals since the start or the last reset; a level is of the last
-`DiagnosticsOptions.window` only, so that what is over is over.
+Counts are totals since the start or the last reset; a level covers the last
+`DiagnosticsOptions.window` only.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from tsepm_ros.session.snapshot import SessionSnapshot
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
 MAX_SCANS = 50
-"""Scans over which intervals and the density of detections are taken."""
+"""Maximum number of scans for intervals and the density of detections."""
 
 NO_CONNECTIONS = Connections()
-"""Of a session without a node."""
+"""Connections of a session without a node."""
 
 
 class Health:
-    """Remembers what is needed to judge the health of a session.
+    """Records the history of a session for its diagnostics.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Health:
     options : DiagnosticsOptions
         May be replaced at any time.
     latency : Latency
-        That of the last scan.
+        Latency of the last scan.
     """
 
     def __init__(self, options: DiagnosticsOptions) -> None:
@@ -51,7 +51,7 @@ class Health:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Discard the history."""
         self.latency = Latency()
         self._scans: deque[ScanRecord] = deque(maxlen=MAX_SCANS)
         self._arrivals: deque[Arrival] = deque(maxlen=MAX_SCANS)
@@ -59,28 +59,28 @@ class Health:
         self._counts: deque[tuple[float, Counts]] = deque()
 
     def heard(self, task: str, now: Now) -> None:
-        """Note that data for a task, `DETECTIONS` or `OWN_SHIP`, arrived at a time."""
+        """Record the time of an arrival of data for a task, `DETECTIONS` or `OWN_SHIP`."""
         self._heard[task] = now
 
     def arrived(self, stamp: float, now: Now) -> None:
-        """Note the stamp (s) of a scan that arrived, whether it will be processed or not."""
+        """Record the stamp (s) of an arriving scan, processed or not."""
         self._arrivals.append(Arrival(_first(now), stamp))
 
     def processed(self, detections: int, latency: Latency, now: Now) -> None:
-        """Note a processed scan."""
+        """Record a processed scan."""
         self.latency = latency
         self._scans.append(ScanRecord(_first(now), detections, latency))
 
     def report(
         self, snapshot: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
     ) -> list[Status]:
-        """Judge every task.
+        """Return the status of every task.
 
         Parameters
         ----------
         snapshot : SessionSnapshot
         now : float or tuple of float
-            Time on the clocks of `heard` and `processed`, s. The window is one of the first.
+            Time on the clocks of `heard` and `processed`, s. The first clock measures the window.
         connections : Connections, optional
 
         Returns
@@ -104,7 +104,7 @@ class Health:
         return waited(self._heard[task], now) if task in self._heard else math.nan
 
     def _recent(self, counts: Counts, time: float) -> Counts:
-        """What was counted since the window began; takes the count of now."""
+        """Record the present counts and return the counts since the beginning of the window."""
         begin = time - self.options.window
         while len(self._counts) > 1 and self._counts[1][0] <= begin:
             self._counts.popleft()

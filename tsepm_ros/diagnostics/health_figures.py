@@ -1,4 +1,4 @@
-"""The figures from which health is judged."""
+"""The figures of a session's health."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
 @dataclass(frozen=True)
 class Latency:
-    """Time that a scan took, s.
+    """Latency of a scan and its parts, s.
 
     Attributes
     ----------
     to_tracks, to_all : float
-        From the entry of the callback that processed it until `tracks`, and until everything, was
-        published.
+        From the start of the callback that processed the scan to the publication of `tracks`, and
+        to the end of publishing.
     waiting : float
-        Before that, for own-ship data.
+        Wait for own-ship data before the callback.
     core : float
-        The initiator's part.
+        Computing time of the initiator.
     publishing : float
-        Making and publishing messages.
+        Building and publishing messages.
     """
 
     to_tracks: float = 0.0
@@ -39,26 +39,26 @@ class Latency:
 
     @property
     def total(self) -> float:
-        """From arrival until everything was published, s."""
+        """From arrival to the end of publishing, s."""
         return self.waiting + self.to_all
 
 
 @dataclass(frozen=True)
 class Connections:
-    """What the middleware reports.
+    """State of the connections, from the middleware.
 
     Attributes
     ----------
     subscribed : bool
         Whether a publisher of detections was found.
     unread : sequence of str
-        Types other than that subscribed to as which the detections are published.
+        Published types of the detections other than the subscribed type.
     mismatches_heard : mapping of str to int
-        Events of qualities of service that do not fit, by topic.
+        Number of events of incompatible quality of service, by topic.
     mismatches : sequence of str
-        The topics on which there is such an endpoint now.
+        Topics that have an incompatible endpoint now.
     unused_own_ship : str
-        Topic on which own-ship data is published that is not listened to.
+        Topic of own-ship data that is published without a subscription of the node.
     """
 
     subscribed: bool = True
@@ -70,7 +70,7 @@ class Connections:
 
 @dataclass(frozen=True)
 class ScanRecord:
-    """One processed scan: when, by the first clock (s), its detections and latency."""
+    """A processed scan: its time on the first clock (s), number of detections and latency."""
 
     time: float
     detections: int
@@ -79,7 +79,7 @@ class ScanRecord:
 
 @dataclass(frozen=True)
 class Arrival:
-    """One scan, processed or not: when it arrived, by the first clock (s), and its stamp (s)."""
+    """A scan, processed or not: time of arrival on the first clock (s), and its stamp (s)."""
 
     time: float
     stamp: float
@@ -87,12 +87,12 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of a session, from its start or over a time.
+    """Counts of a session, since its start or over a period.
 
     Attributes
     ----------
     detections : int
-        Detections that were taken.
+        Detections that were processed.
     cut : int
         Hypotheses that a limit cut.
     dropped : Counter of str
@@ -120,7 +120,7 @@ class Counts:
 
 @dataclass(frozen=True, kw_only=True)
 class HealthFigures:
-    """Everything that a status is made from.
+    """The input of all rules and entries.
 
     Attributes
     ----------
@@ -128,15 +128,15 @@ class HealthFigures:
     snapshot : SessionSnapshot
     connections : Connections
     recent : Counts
-        Those of the window.
+        Counts of the window.
     scans : sequence of ScanRecord
-        The last ones, of any age.
+        The last processed scans, of any age.
     arrivals : sequence of Arrival
-        The last ones, of any age.
+        The last arrivals, of any age.
     since_scan, since_own_ship : float
-        Time since the last message of each arrived, s; nan before the first.
+        Time since the arrival of the last message, s; nan before the first message.
     time : float
-        Now, by the first clock, s.
+        Present time on the first clock, s.
     """
 
     options: DiagnosticsOptions
@@ -158,8 +158,8 @@ class HealthFigures:
     @property
     def interval(self) -> float:
         """Median of the stamps' intervals, s; nan while unknown."""
-        steps = [b.stamp - a.stamp for a, b in pairwise(self.arrivals) if b.stamp > a.stamp]
-        return statistics.median(steps) if steps else math.nan
+        intervals = [b.stamp - a.stamp for a, b in pairwise(self.arrivals) if b.stamp > a.stamp]
+        return statistics.median(intervals) if intervals else math.nan
 
     @property
     def period(self) -> float:
@@ -167,20 +167,20 @@ class HealthFigures:
         return self.options.scan_period or self.interval
 
     @property
-    def longest_interval(self) -> float:
-        """Longest interval that is no gap, s; nan while unknown."""
+    def max_interval(self) -> float:
+        """Maximum interval without a gap, s; nan while unknown."""
         return self.options.scan_period_factor * self.period
 
     @property
     def gaps(self) -> int:
-        """Intervals that ended in the window and were too long."""
+        """Number of intervals that ended in the window and exceed `max_interval`."""
         begin = self.time - self.options.window
         number, before = 0, 0.0
         for a, b in pairwise(self.arrivals):
-            step = b.stamp - a.stamp
-            # A rise after a fall is the way back from a single bad stamp.
-            number += b.time >= begin and before >= 0 and step > self.longest_interval
-            before = step
+            interval = b.stamp - a.stamp
+            # An increase after a decrease is the return from a single bad stamp.
+            number += b.time >= begin and before >= 0 and interval > self.max_interval
+            before = interval
         return number
 
     @property
@@ -191,7 +191,7 @@ class HealthFigures:
 
     @property
     def own_ship_source(self) -> str:
-        """Where the sensor's pose comes from."""
+        """Source of the sensor's pose."""
         return self.snapshot.own_ship_source
 
     @property
@@ -202,12 +202,12 @@ class HealthFigures:
 
     @property
     def exposure(self) -> float:
-        """Area in which the scans could detect, summed over the scans, m^2."""
+        """Coverage area, summed over the scans, m^2."""
         return len(self.scans) * self.snapshot.coverage_area
 
     @property
     def clutter_expected(self) -> float:
-        """Detections of the scans if all were clutter of the density in use."""
+        """Expected number of clutter detections of the scans at the density in use."""
         return self.snapshot.clutter_density * self.exposure
 
     @property
@@ -221,7 +221,7 @@ class HealthFigures:
         return self.detections / self.exposure if self.exposure else math.nan
 
     def dropped_of(self, task: str) -> dict[str, object]:
-        """Totals of the drops that belong to a task, as values."""
+        """Total drops of a task, as values."""
         return {
             f"dropped.{name}": number
             for name, number in sorted(self.snapshot.dropped.items())
@@ -229,7 +229,7 @@ class HealthFigures:
         }
 
     def recent_drops(self, task: str, *, of_detections: bool = False) -> Counter[str]:
-        """Drops of the window that belong to a task: of single detections, or of all else."""
+        """Drops of a task in the window: of single detections, or of everything else."""
         return Counter(
             {
                 name: number

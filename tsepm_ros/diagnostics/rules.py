@@ -1,7 +1,7 @@
-"""The rules of health: from figures to sentences that say what is wrong.
+"""The rules of the diagnostics: from figures to sentences that name a problem.
 
-A rule's function returns its sentence, empty where nothing is wrong. Beside it stand the level, the
-options that it compares with, and what to do, which docs/operating.md has too.
+The function of a rule returns its sentence, which is empty if there is no problem. The rule also
+has the level, the options that are its thresholds, and the remedy, which docs/operating.md repeats.
 """
 
 from __future__ import annotations
@@ -15,30 +15,29 @@ from tsepm_ros.diagnostics.status import Finding, Level
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRACKER
 
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
-"""Entries to which no drop belongs."""
+"""Entries without drops."""
 
 MIN_SCANS = 5
-"""Scans before the density of detections is judged."""
+"""Minimum number of scans for a judgement of the density of detections."""
 MIN_DETECTIONS = 20.0
-"""Detections, expected or found, before it is."""
+"""Minimum number of detections, expected or observed, for that judgement."""
 
 Judgement = Callable[[HealthFigures], str]
 
 
 @dataclass(frozen=True)
 class Rule:
-    """One thing that may not be healthy.
+    """One problem that an entry may have.
 
     Attributes
     ----------
     level : Level
-        That of an entry in which it is so.
+        Level of an entry with the problem.
     judge : callable
-        Returns the sentence that says it, or an empty one.
+        Returns the sentence that names the problem, or an empty sentence.
     remedy : str
-        What to do.
     thresholds : tuple of str
-        Options of `DiagnosticsOptions` that it compares with.
+        Options of `DiagnosticsOptions` that are thresholds of the rule.
     """
 
     level: Level
@@ -54,7 +53,7 @@ def _in_words(drops: Mapping[str, int]) -> str:
 
 
 def drops_of(task: str) -> Judgement:
-    """Make the judgement of a task's drops, those of single detections aside."""
+    """Make the judgement of a task's drops, except those of single detections."""
 
     def judge(figures: HealthFigures) -> str:
         drops = figures.recent_drops(task)
@@ -64,56 +63,56 @@ def drops_of(task: str) -> Judgement:
 
 
 def cut_hypotheses(figures: HealthFigures) -> str:
-    """Whether a limit cut hypotheses."""
+    """Hypotheses were cut by a limit."""
     cut = figures.recent.cut
     return f"a limit cut {cut} hypotheses" if cut > 0 else ""
 
 
 def unread_type(figures: HealthFigures) -> str:
-    """Whether detections are published as a type that the node has not subscribed to."""
+    """Detections are published as a type to which the node has not subscribed."""
     unread = ", ".join(figures.connections.unread)
-    return f"detections are published as {unread}, which is not read" if unread else ""
+    return f"detections are published as {unread}, which the node does not read" if unread else ""
 
 
 def no_publisher(figures: HealthFigures) -> str:
-    """Whether there is no publisher of detections."""
+    """There is no publisher of detections."""
     return "" if figures.connections.subscribed else "no publisher of detections yet"
 
 
 def no_scan_yet(figures: HealthFigures) -> str:
-    """Whether no scan has come."""
+    """No scan has arrived."""
     return "no scan yet" if math.isnan(figures.since_scan) else ""
 
 
 def scans_stopped(figures: HealthFigures) -> str:
-    """Whether scans have stopped."""
-    silent = figures.since_scan
-    return f"no scan for {silent:.3g} s" if silent > figures.options.stale_time else ""
+    """Scans have stopped."""
+    elapsed = figures.since_scan
+    return f"no scan for {elapsed:.3g} s" if elapsed > figures.options.stale_time else ""
 
 
 def scan_overdue(figures: HealthFigures) -> str:
-    """Whether the next scan is late."""
-    silent, period = figures.since_scan, figures.period
-    late = silent > figures.options.scan_period_factor * period
-    return f"no scan for {silent:.3g} s, one is expected every {period:.3g} s" if late else ""
+    """The next scan is overdue."""
+    elapsed, period = figures.since_scan, figures.period
+    late = elapsed > figures.options.scan_period_factor * period
+    return f"no scan for {elapsed:.3g} s, expected is a scan every {period:.3g} s" if late else ""
 
 
 def scan_rate(figures: HealthFigures) -> str:
-    """Whether scans come at another rate than expected."""
+    """Scans arrive at another rate than expected."""
     interval, period, factor = figures.interval, figures.period, figures.options.scan_period_factor
-    other = interval > factor * period or interval * factor < period
-    return f"a scan every {interval:.3g} s, expected is {period:.3g} s" if other else ""
+    differs = interval > factor * period or interval * factor < period
+    return f"a scan every {interval:.3g} s, expected is {period:.3g} s" if differs else ""
 
 
 def scan_gaps(figures: HealthFigures) -> str:
-    """Whether there are gaps between scans."""
-    number, longest = figures.gaps, figures.longest_interval
+    """There are gaps between scans."""
+    number, longest = figures.gaps, figures.max_interval
     gaps = "1 gap" if number == 1 else f"{number} gaps"
     return f"{gaps} between scans longer than {longest:.3g} s" if number else ""
 
 
 def detections_dropped(figures: HealthFigures) -> str:
-    """Whether too many detections are dropped one by one."""
+    """Too many detections are dropped one by one."""
     share = figures.dropped_share
     if share <= figures.options.max_dropped_share:
         return ""
@@ -122,120 +121,120 @@ def detections_dropped(figures: HealthFigures) -> str:
 
 
 def all_detections_dropped(figures: HealthFigures) -> str:
-    """Whether every detection is dropped."""
+    """Every detection is dropped."""
     return detections_dropped(figures) if figures.dropped_share == 1.0 else ""
 
 
 def unused_own_ship_on(topic: str) -> str:
-    """What is said where own-ship data is published on a topic and not used."""
+    """Return the sentence for own-ship data that is published on a topic and not used."""
     return (
-        f"odometry is published on {topic}, but own_ship_source is none: the sensor is taken not "
-        "to move"
+        f"odometry is published on {topic}, but own_ship_source is none: the sensor is assumed "
+        "not to move"
     )
 
 
 def own_ship_unused(figures: HealthFigures) -> str:
-    """Whether own-ship data is published and not used."""
+    """Own-ship data is published and not used."""
     topic = figures.connections.unused_own_ship
     return unused_own_ship_on(topic) if topic and figures.own_ship_source == "none" else ""
 
 
 def own_ship_drops(figures: HealthFigures) -> str:
-    """Whether own-ship data, where it is used, or scans for lack of it were dropped."""
+    """Own-ship data that is used was dropped, or scans were dropped for lack of it."""
     return "" if figures.own_ship_source == "none" else drops_of(OWN_SHIP)(figures)
 
 
 def _of_odometry(judge: Judgement) -> Judgement:
-    """A judgement of odometry only: data from tf is looked up when it is needed."""
+    """Restrict a judgement to odometry: data from tf is looked up when it is needed."""
     return lambda figures: judge(figures) if figures.own_ship_source == "odometry" else ""
 
 
 @_of_odometry
 def no_own_ship_yet(figures: HealthFigures) -> str:
-    """Whether no own-ship data has come."""
+    """No own-ship data has arrived."""
     return "no own-ship data yet" if math.isnan(figures.since_own_ship) else ""
 
 
 @_of_odometry
 def own_ship_stopped(figures: HealthFigures) -> str:
-    """Whether own-ship data has stopped."""
+    """Own-ship data has stopped."""
     age = figures.since_own_ship
     return f"no own-ship data for {age:.3g} s" if age > figures.options.stale_time else ""
 
 
 @_of_odometry
 def own_ship_old(figures: HealthFigures) -> str:
-    """Whether own-ship data is too old now."""
+    """Own-ship data is too old now."""
     age = figures.since_own_ship
     return f"no own-ship data for {age:.3g} s" if age > figures.options.max_own_ship_age else ""
 
 
 @_of_odometry
 def own_ship_behind(figures: HealthFigures) -> str:
-    """Whether own-ship data is too old at the newest scan."""
+    """Own-ship data is too old at the newest scan."""
     behind = figures.own_ship_behind
     late = behind > figures.options.max_own_ship_age
     return f"own-ship data is {behind:.3g} s older than the newest scan" if late else ""
 
 
 def overload(figures: HealthFigures) -> str:
-    """Whether a scan took longer than the time to the next."""
-    busiest = figures.longest_latency(lambda latency: latency.core + latency.publishing)
+    """A scan took longer than the scan interval."""
+    longest = figures.longest_latency(lambda latency: latency.core + latency.publishing)
     interval = figures.interval
-    sentence = f"a scan took {busiest:.3g} s, the next came after {interval:.3g} s"
-    return sentence if busiest > interval else ""
+    sentence = f"a scan took {longest:.3g} s, longer than the scan interval of {interval:.3g} s"
+    return sentence if longest > interval else ""
 
 
 def long_latency(figures: HealthFigures) -> str:
-    """Whether a scan was done too late."""
+    """The latency of a scan was too long."""
     longest = figures.longest_latency(lambda latency: latency.total)
     late = longest > figures.options.max_latency
-    return f"a scan was done {longest:.3g} s after its arrival" if late else ""
+    return f"a scan was finished {longest:.3g} s after its arrival" if late else ""
 
 
 def is_density_judged(figures: HealthFigures) -> bool:
-    """Whether there are enough scans and detections to judge the density in use by."""
+    """Whether there are enough scans and detections to judge the density in use."""
     number = max(figures.detections, figures.clutter_expected)
     return len(figures.scans) >= MIN_SCANS and number >= MIN_DETECTIONS
 
 
 def densities(figures: HealthFigures) -> str:
-    """The density in use in words, and that of the detections where it can be judged."""
+    """The density in use in words, and the density of detections if it can be judged."""
     in_use = f"{figures.snapshot.clutter_density:.3g} per m^2 in use"
-    found = f", detections are {figures.detection_density:.3g}"
-    return in_use + found if is_density_judged(figures) else in_use
+    observed = f", detections have {figures.detection_density:.3g}"
+    return in_use + observed if is_density_judged(figures) else in_use
 
 
 def clutter_contradicted(figures: HealthFigures) -> str:
-    """Whether the detections contradict the clutter density in use."""
+    """The detections contradict the clutter density in use."""
     factor, expected = figures.options.clutter_factor, figures.clutter_expected
-    found = max(figures.detections, 1.0)
-    other = found > factor * expected or expected > factor * found
+    observed = max(figures.detections, 1.0)
+    differs = observed > factor * expected or expected > factor * observed
     return (
-        f"clutter density of {densities(figures)}" if other and is_density_judged(figures) else ""
+        f"clutter density of {densities(figures)}" if differs and is_density_judged(figures) else ""
     )
 
 
 def mismatch(figures: HealthFigures) -> str:
-    """Whether an endpoint now has a quality of service that does not fit."""
+    """An endpoint now has an incompatible quality of service."""
     return "; ".join(
-        f"the other side of {topic} asks or offers what does not fit: not connected"
+        f"incompatible quality of service on {topic}: not connected"
         for topic in figures.connections.mismatches
     )
 
 
 def tracker_silent(figures: HealthFigures) -> str:
-    """Whether the downstream tracker has stopped reporting."""
+    """The downstream tracker has stopped reporting."""
     return "the downstream tracker is silent" if figures.snapshot.tracker == "silent" else ""
 
 
 _SEE_REASONS = "See the reasons below"
 _NO_SCAN = "Check the topic and its type: `ros2 topic info -v`; remap `detections`"
 _LOST_PINGS = (
-    "Pings are lost: look at the driver and the network. A sonar that changes its period: leave "
+    "Pings are lost: check the driver and the network. For a sonar with a variable period, leave "
     "`scan_period` at 0"
 )
-_NAVIGATION = "Look at the navigation; compare its clock with the sonar's"
+_NAVIGATION = "Check the navigation; compare its clock with the sonar's"
 
 RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
     INITIATION: (
@@ -245,13 +244,13 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
                 Level.WARN,
                 cut_hypotheses,
                 "Too many detections for the limits: check the entry `clutter`; raise "
-                "`max_potential_tracks` or `max_scan_time` where there is time left",
+                "`max_potential_tracks` or `max_scan_time` if computing time is left",
             ),
         ),
     ),
     DETECTIONS: (
         (
-            Rule(Level.ERROR, unread_type, "Start the node again, or give `detections_type`"),
+            Rule(Level.ERROR, unread_type, "Restart the node, or set `detections_type`"),
             Rule(Level.WARN, no_publisher, _NO_SCAN),
             Rule(Level.WARN, no_scan_yet, _NO_SCAN),
             Rule(Level.STALE, scans_stopped, "The driver has stopped", ("stale_time",)),
@@ -266,8 +265,8 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 level,
                 judge,
-                "See the reasons below; where a sensor marks empty rays in its own way, raise the "
-                "share",
+                "See the reasons below; if a sensor marks empty rays in its own way, raise "
+                "`max_dropped_share`",
                 ("max_dropped_share",),
             )
             for level, judge in (
@@ -290,7 +289,7 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 Level.STALE,
                 own_ship_stopped,
-                "The navigation has stopped; tracks of a moving vessel end here",
+                "The navigation has stopped; scans of a moving vessel are dropped",
                 ("stale_time",),
             ),
             Rule(Level.WARN, own_ship_old, _NAVIGATION, ("max_own_ship_age",)),
@@ -302,7 +301,7 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 Level.ERROR,
                 overload,
-                "It cannot keep up: raise thresholds in the sonar, or lower "
+                "The node cannot keep up: raise the sonar's detection threshold, or reduce "
                 "`max_potential_tracks` and `max_scan_time`",
             ),
         ),
@@ -310,8 +309,8 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 Level.WARN,
                 long_latency,
-                "`waiting`: own-ship data comes late. `core`: see `clutter`. `publishing`: fewer "
-                "listeners to markers",
+                "`waiting`: own-ship data arrives late. `core`: see `clutter`. `publishing`: "
+                "reduce the subscribers to markers",
                 ("max_latency",),
             ),
         ),
@@ -321,10 +320,10 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 Level.WARN,
                 clutter_contradicted,
-                "Give `sensor.clutter_density` as found (`detection_density`), or "
-                "`clutter_density:=estimated`. Too low a value gives false tracks, too high a "
-                "one gives none. Check `sensor.max_range` and the sector too: the density is "
-                "over that coverage",
+                "Set `sensor.clutter_density` to `detection_density`, or set "
+                "`clutter_density:=estimated`. Too low a value causes false tracks, too high a "
+                "value prevents tracks. Check `sensor.max_range` and the sector too: the density "
+                "refers to that coverage",
                 ("clutter_factor",),
             ),
         ),
@@ -334,8 +333,8 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 Level.ERROR,
                 mismatch,
-                "Named in the message: give the other side the reliability and durability of the "
-                "table in the README, or set `detections_reliability`",
+                "The message names the topic: set the reliability and durability of the other side "
+                "as in the table in the README, or set `detections_reliability`",
             ),
         ),
     ),
@@ -345,16 +344,16 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 Level.WARN,
                 tracker_silent,
-                "Its tracks are held here; restart it",
+                "The node maintains the tracker's tracks; restart the tracker",
             ),
         ),
     ),
 }
-"""Rules by entry; of the rules in one tuple only the first that finds something counts."""
+"""Rules by entry; of the rules in one tuple, only the first that applies counts."""
 
 
 def findings_of(task: str, figures: HealthFigures) -> list[Finding]:
-    """Return what the rules of a task find."""
+    """Return the findings of a task's rules."""
     findings = []
     for alternatives in RULES[task]:
         judged = ((rule.level, rule.judge(figures)) for rule in alternatives)

@@ -18,7 +18,7 @@ class Level(enum.IntEnum):
 
 
 class Finding(NamedTuple):
-    """One thing that is not healthy."""
+    """One problem and its level."""
 
     level: Level
     sentence: str
@@ -33,7 +33,7 @@ class Status:
     task : str
     level : Level
     message : str
-        A sentence, or several with the worst first.
+        One or several sentences, the worst first.
     values : dict of str to object
         Figures.
     """
@@ -47,7 +47,7 @@ class Status:
 def status_of(
     task: str, findings: Sequence[Finding], healthy: str, values: Mapping[str, object]
 ) -> Status:
-    """Return the status of a task with some findings; `healthy` is the message without any."""
+    """Return the status of a task; `healthy` is the message without findings."""
     if not findings:
         return Status(task, Level.OK, healthy, values)
     worst_first = sorted(findings, key=lambda finding: -finding.level)

@@ -1,1 +1,1 @@
-"""Recordings and bags, and running a session on them."""
+"""Recordings and bags, and sessions that process them."""

@@ -11,28 +11,28 @@ from typing import Any
 from msg_adapters import MessageError, supported_types
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
-"""What a bag holds for a run, by the name of the topic that the nodes use for it."""
+"""Roles of a bag's topics, named after the topics of the nodes."""
 
 ROLES = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH)
 
 POINTS, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
 _OUTPUTS = (TRACKED, TRUTH, "tracks", "tracks/current", "tracks/odometry", "potential_tracks")
-"""Topics that are never guessed to be a driver's."""
+"""Topics that are never taken for the topic of a driver."""
 
 _SUFFIXES = (".mcap", ".db3")
 
 
 @dataclass(frozen=True)
 class BagMessage:
-    """A message as it was recorded.
+    """A recorded message.
 
     Attributes
     ----------
     topic, type_name : str
     log_ns : int
-        When it was received, ns.
+        Time of reception, ns.
     data : bytes
-        Serialised, CDR.
+        Serialised content, CDR.
     """
 
     topic: str
@@ -50,8 +50,7 @@ def is_bag(path: Path | str) -> bool:
 class Bag:
     """A bag that is open for reading; closed at the end of its `with` block.
 
-    Types are read by the definitions that the bag carries, and by those of ROS 2 Jazzy where it
-    carries none.
+    The bag's own message definitions are used, else those of ROS 2 Jazzy.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ class Bag:
     topics : dict of str to str
         Message types by topic.
     start_ns, end_ns : int
-        Times of the first and last message, ns; equal where there is none.
+        Times of the first and last message, ns; equal if the bag has no messages.
 
     Raises
     ------
@@ -78,7 +77,7 @@ class Bag:
             from rosbags.typesys import Stores, get_typestore
         except ImportError:
             raise ValueError(
-                f"{path} is a bag, and the library rosbags, which reads it, is not installed: "
+                f"{path} is a bag, which requires the library rosbags; it is not installed: "
                 "pip install rosbags"
             ) from None
         with self._reading():
@@ -90,7 +89,7 @@ class Bag:
         self.topics = {name: info.msgtype or "" for name, info in self._reader.topics.items()}
         self.start_ns = self.end_ns = 0
         if self._reader.message_count:
-            # The reader's end is the first time after the last message.
+            # The reader's end is 1 ns after the last message.
             self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
 
     def __enter__(self) -> Bag:
@@ -102,7 +101,7 @@ class Bag:
         self.close()
 
     def close(self) -> None:
-        """Close the bag; nothing can be read any more."""
+        """Close the bag; no more messages can be read."""
         self._open.close()
 
     @property
@@ -113,24 +112,24 @@ class Bag:
     def messages(
         self, topics: Collection[str], start_ns: int | None = None
     ) -> Iterator[BagMessage]:
-        """Iterate over the messages of some topics in the order in which they were received.
+        """Iterate over the messages of some topics in the order of reception.
 
         Parameters
         ----------
         topics : collection of str
         start_ns : int, optional
-            Leave out what was received before, ns.
+            Leave out messages received before this time, ns.
 
         Raises
         ------
         ValueError
             If the bag is damaged.
         """
-        wanted = [one for one in self._reader.connections if one.topic in topics]
-        if not wanted:  # to the reader, no topics means all
+        connections = [c for c in self._reader.connections if c.topic in topics]
+        if not connections:  # the reader would return all topics
             return
         with self._reading():
-            for connection, log_ns, data in self._reader.messages(wanted, start=start_ns):
+            for connection, log_ns, data in self._reader.messages(connections, start=start_ns):
                 yield BagMessage(connection.topic, connection.msgtype, log_ns, bytes(data))
 
     def read(self, message: BagMessage) -> Any:
@@ -143,15 +142,15 @@ class Bag:
         """
         try:
             return self._reader.deserialize(message.data, message.type_name)
-        except Exception as error:  # whatever the parser stumbles over
+        except Exception as error:  # the parser raises errors of many kinds
             raise MessageError(
                 "message_corrupt",
-                f"a message on {message.topic} is no {message.type_name}: {error}",
+                f"a message on {message.topic} is not a valid {message.type_name}: {error}",
             ) from error
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Turn what rosbags and its storage libraries raise, of any kind, into a ValueError."""
+        """Convert any exception of rosbags and its storage libraries to a ValueError."""
         try:
             yield
         except Exception as error:
@@ -166,28 +165,28 @@ def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str
     Parameters
     ----------
     topics : mapping of str to str
-        Message types by topic, as of `Bag`.
+        Message types by topic, as in `Bag`.
     given : mapping of str to str
-        Topics by role (one of ROLES). Where one is empty or missing it is the topic of the role's
-        own name, in whatever namespace; else, for detections and the own ship, the only topic of a
-        type that is read.
+        Topics by role (one of ROLES). An empty or missing topic is replaced by the topic with the
+        role's name, in any namespace; else, for detections and the own ship, by the only topic of
+        a supported type.
 
     Returns
     -------
     dict of str to str
-        Topics by role; a role that the bag has no topic for is missing.
+        Topics by role; roles without a topic are missing.
 
     Raises
     ------
     ValueError
-        If a given topic is not there or of another type, if there are several candidates, or none
-        for the detections; the message names them.
+        If a given topic is missing or has another type, if a role has several candidates, or if
+        the detections have none; the message names them.
     """
-    found = {role: _find(topics, role, given.get(role, "")) for role in ROLES}
-    if not found[DETECTIONS]:
-        there = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
-        raise ValueError(f"the bag has no topic of detections; it has {there or 'none at all'}")
-    return {role: topic for role, topic in found.items() if topic}
+    by_role = {role: _find(topics, role, given.get(role, "")) for role in ROLES}
+    if not by_role[DETECTIONS]:
+        available = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
+        raise ValueError(f"the bag has no topic of detections; it has {available or 'no topics'}")
+    return {role: topic for role, topic in by_role.items() if topic}
 
 
 def _find(topics: Mapping[str, str], role: str, given: str) -> str:
@@ -195,11 +194,11 @@ def _find(topics: Mapping[str, str], role: str, given: str) -> str:
     if given:
         topic = given if given in topics else f"/{given}"
         if topic not in topics:
-            there = ", ".join(sorted(topics))
-            raise ValueError(f"the bag has no topic {given}; it has {there or 'none'}")
+            available = ", ".join(sorted(topics))
+            raise ValueError(f"the bag has no topic {given}; it has {available or 'no topics'}")
         if topics[topic] not in types:
             raise ValueError(
-                f"{topic} is of type {topics[topic]}, which is not read as {role}; that must be "
+                f"{topic} has the type {topics[topic]}; the type of {role} must be "
                 f"{' or '.join(types)}"
             )
         return topic
@@ -210,7 +209,7 @@ def _find(topics: Mapping[str, str], role: str, given: str) -> str:
             topic for topic in candidates if not any(_is_called(topic, name) for name in _OUTPUTS)
         ]
     if len(named) > 1:
-        raise ValueError(f"the bag has several topics that may be the {role}: {', '.join(named)}")
+        raise ValueError(f"the bag has several topics for {role}: {', '.join(named)}")
     return named[0] if named else ""
 
 

@@ -1,4 +1,4 @@
-"""From messages as they arrive to a session: what the node and offline runs share."""
+"""From arriving messages to a session, for the node and offline runs."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from tsepm_ros.settings.node_options import InitiatorNodeOptions
 
 
 class MessageInput:
-    """Gives a session the messages that `track_initiator` subscribes to.
+    """Passes the messages that `track_initiator` subscribes to on to a session.
 
-    What cannot be used is dropped and counted by the session.
+    The session drops and counts unusable messages.
 
     Parameters
     ----------
     session : Session
     options : InitiatorNodeOptions
-        How detections are read.
+        Options for reading detections.
     say : callable, optional
         Called with each of the `assumptions` when it is made.
 
     Attributes
     ----------
     options : InitiatorNodeOptions
-        How detections are read from now on.
+        Options for reading detections; may be replaced.
     assumptions : set of str
-        Sentences that say what was taken to be so because the detections do not say it.
+        Sentences about data that the messages do not have and that was assumed.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class MessageInput:
         self.assumptions: set[str] = set()
 
     def take_detections(self, message: Any, now: Now) -> None:
-        """Take a message of any type that `read_detections` reads, which arrived at `now`, s."""
+        """Take a message of any type of `read_detections` that arrived at `now`, s."""
         try:
             ping = read_detections(
                 message,
@@ -72,7 +72,7 @@ class MessageInput:
         self._session.add_own_ship(sample)
 
     def take_tracked(self, message: Any) -> None:
-        """Take what a downstream tracker says that it tracks, a cloud in the layout of tracks."""
+        """Take a downstream tracker's report, a cloud in the layout of tracks."""
         try:
             self._session.add_tracked(tracker_report(message))
         except MessageError as error:

@@ -1,4 +1,4 @@
-"""Running recordings and bags through a session, without ROS."""
+"""Processing of recordings and bags by a session, without ROS."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tsepm_ros.settings.settings import Settings
 
 FRAME = "recording"
 UNKNOWN_YAW_VARIANCE = 1e6
-"""Variance of a heading that was not recorded, rad^2."""
+"""Variance of an unrecorded heading, rad^2."""
 
 
 def process_recording(
@@ -34,16 +34,16 @@ def process_recording(
     recording : Recording
     settings : Settings
     bearing_reference : {"bow", "north"}
-        What a recorded bearing is measured from, clockwise.
+        Reference direction of recorded bearings, which are positive clockwise.
     sound_speed : float, optional
-        Where no times are recorded, echoes are of range / sound_speed after the stamp, m/s; 0: of
-        the stamp.
+        Sound speed, m/s. Detections without times are valid range / sound_speed after the stamp;
+        0: at the stamp.
 
     Returns
     -------
     results : list of ScanResult
     dropped : Counter
-        What could not be used, by reason.
+        Drops by reason.
     """
     session = Session(settings)
     results = list(recording_results(recording, session, bearing_reference, sound_speed))
@@ -59,8 +59,8 @@ def recording_results(
         ping = read_recorded_scan(
             recorded, FRAME, bearing_reference=bearing_reference, sound_speed=sound_speed
         )
-        # As live: what the scan's echoes need has arrived, not what comes long after.
-        # Samples that are not thinned out reach to the last echo.
+        # As live: the poses up to the scan's last echo have arrived, not much later poses.
+        # The extra period ensures that the thinned-out samples reach the last echo.
         until = recorded.time + _longest_echo(ping.scan.time_offset) + SHORTEST_PERIOD
         last = session.own_ship_stamp
         while motions and (last is None or last < until):
@@ -75,28 +75,28 @@ def recording_results(
 def bag_results(
     bag: Bag, topics: Mapping[str, str], session: Session, given: MessageInput
 ) -> Iterator[ScanResult]:
-    """Process the messages of a bag in the order in which they were received, as the node does.
+    """Process the messages of a bag in the order of reception, as the node does.
 
-    How long a scan waits for own-ship data is judged by the times at which they were received.
+    The times of reception determine how long a scan waits for own-ship data.
 
     Parameters
     ----------
     bag : Bag
     topics : mapping of str to str
-        Topics by role, as of `tsepm_ros.replay.bag.find_topics`.
+        Topics by role, as from `tsepm_ros.replay.bag.find_topics`.
     session : Session
     given : MessageInput
-        Of that session. Messages that are corrupt are dropped and counted.
+        Input of that session. Corrupt messages are dropped and counted.
 
     Raises
     ------
     ValueError
-        If the bag turns out to be damaged.
+        If the bag is damaged.
     """
     roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED) if role in topics}
     for message in bag.messages(roles):
         now = 1e-9 * message.log_ns
-        if session.waiting:  # what has waited too long by now, did so before this message came
+        if session.waiting:  # scans whose wait ended before this message arrived
             yield from session.process(now)
         try:
             content = bag.read(message)
@@ -115,18 +115,18 @@ def bag_results(
 
 
 def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
-    """Time (s), x and y (m) of the targets that a topic of a bag tells, (m, 3) each."""
+    """Time (s), x and y (m) of the targets of a bag's ground truth, (m, 3) each."""
     paths: dict[int, list[tuple[float, float, float]]] = {}
     for message in bag.messages([topics[TRUTH]] if TRUTH in topics else []):
         try:
             cloud = bag.read(message)
             points = read_track_cloud(cloud)
         except MessageError:
-            continue  # of no use for a picture, and nothing else needs it
+            continue  # only pictures use the truth
         stamp = 1e-9 * time_to_ns(cloud.header.stamp)
         for point in points:
-            place = (stamp, float(point["state_x"]), float(point["state_y"]))
-            paths.setdefault(int(point["track_id"]), []).append(place)
+            row = (stamp, float(point["state_x"]), float(point["state_y"]))
+            paths.setdefault(int(point["track_id"]), []).append(row)
     return [np.array(path) for path in paths.values()]
 
 

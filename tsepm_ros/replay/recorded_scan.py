@@ -1,4 +1,4 @@
-"""Scans of a CSV recording, read as a cloud of theirs would be."""
+"""Scans of a CSV recording, read like a point cloud with the same fields."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tsepm_ros.replay.recording import RecordedScan
 def read_recorded_scan(
     scan: RecordedScan, frame_id: str, *, bearing_reference: str = "bow", sound_speed: float = 0.0
 ) -> Ping:
-    """Read a recorded scan, leaving out and counting its bad detections.
+    """Read a recorded scan; bad detections are left out and counted.
 
     Parameters
     ----------
@@ -20,10 +20,10 @@ def read_recorded_scan(
     frame_id : str
         The sensor's frame.
     bearing_reference : {"bow", "north"}, optional
-        What a recorded bearing is measured from, clockwise.
+        Reference direction of recorded bearings, which are positive clockwise.
     sound_speed : float, optional
-        Where no times are recorded, echoes are of range / sound_speed after the stamp, m/s; 0: of
-        the stamp.
+        Sound speed, m/s. Detections without times are valid range / sound_speed after the stamp;
+        0: at the stamp.
 
     Returns
     -------

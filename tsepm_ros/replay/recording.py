@@ -4,16 +4,16 @@ A recording is a folder with
 
 - ``detections.csv``: a row per detection; columns ``time_s``, ``range_m``, and ``azimuth_rad``
   (counter-clockwise from the sensor's x axis) or ``bearing_rad`` (clockwise); optionally ``scan``
-  (rows with the same number are one scan; without it, rows with the same time are),
+  (rows with the same number are one scan; without it, rows with the same time are one scan),
   ``elevation_rad`` (above the sensor's x-y plane; the range is then the slant range),
   ``range_std_m``, ``azimuth_std_rad``, ``time_offset_s`` (after ``time_s``; or
-  ``two_way_travel_time_s``, twice that, which counts where there is no ``time_offset_s``),
+  ``two_way_travel_time_s``, twice that, which is used if there is no ``time_offset_s``),
   ``intensity``, ``range_width_m``, ``azimuth_width_rad`` and ``range_rate_mps``;
 - optionally ``own_ship.csv``: ``time_s``, ``east_m``, ``north_m``; optionally ``east_mps``,
   ``north_mps``, ``heading_rad`` (clockwise from north), ``roll_rad`` (above 0 with the port side
   up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.attitude`, and ``scan``:
-  then scans that appear here but have no detections are known to have been empty;
-- optionally ``target.csv``: the truth, with the same columns, and ``target`` where it is several.
+  a scan that appears here and has no detections is then an empty scan;
+- optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ DETECTION_COLUMNS = {
     "azimuth_width_rad": "azimuth_width",
     "range_rate_mps": "range_rate",
 }
-"""Columns of ``detections.csv``, and the fields that they become."""
+"""Columns of ``detections.csv`` and the corresponding fields."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class RecordedScan:
     time : float
         s.
     fields : mapping of str to (n,) ndarray
-        Detections by field: range, azimuth or bearing, and whatever else there is; SI and radians.
+        Detections by field: range, azimuth or bearing, and optional fields; SI and radians.
     """
 
     time: float
@@ -63,7 +63,7 @@ class RecordedScan:
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """Where something was at one time.
+    """Recorded position, velocity and attitude at one time.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Recording:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First and last time of anything recorded, s."""
+        """First and last recorded time, s."""
         times = [scan.time for scan in self.scans]
         times += [
             motion.time for path in (self.own_ship, *self.targets.values()) for motion in path
@@ -130,7 +130,7 @@ def read_recording(path: Path | str) -> Recording:
         folder = folder.parent
     own_ship = _motion_table(folder / "own_ship.csv")
     targets = _motion_table(folder / "target.csv")
-    # A bad range or angle spoils one detection, which its reader drops; a bad time spoils a scan.
+    # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
     detections = _table(folder / "detections.csv", ("time_s", "range_m"), ("time_s", "scan"))
     return Recording(
         scans=_scans(detections, own_ship),
@@ -191,8 +191,8 @@ def _scans(detections: Table, own_ship: Table | None) -> list[RecordedScan]:
         scans.append(RecordedScan(float(detections["time_s"][rows[0]]), fields))
     if own_ship is not None and "scan" in own_ship and "scan" in detections:
         empty = ~np.isin(own_ship["scan"], key)
-        nothing = {field: np.zeros(0) for field in columns}
-        scans += [RecordedScan(float(time), nothing) for time in own_ship["time_s"][empty]]
+        no_detections = {field: np.zeros(0) for field in columns}
+        scans += [RecordedScan(float(time), no_detections) for time in own_ship["time_s"][empty]]
     return sorted(scans, key=lambda scan: scan.time)
 
 

@@ -1,4 +1,4 @@
-"""A simulated scenario in the form of a recording."""
+"""A simulated scenario as a recording."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, Recording
 from tsepm_ros.simulation.simulator import Simulator
 
 OWN_SHIP_PERIOD = 1.0
-"""Time between the poses of the own ship, s: that of the node `sonar_simulator`."""
+"""Time between own-ship poses, s, as in the node `sonar_simulator`."""
 
 
 def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[np.int64]]]:
-    """Simulate a scenario; what the sonar, the own ship's navigation and the truth then say.
+    """Simulate a scenario and record the scans, the own ship's poses and the truth.
 
     Parameters
     ----------
     simulator : Simulator
-        Its scans are drawn here, once.
+        It is iterated once.
 
     Returns
     -------
     recording : Recording
-        The own ship's poses reach beyond the last echo; the truth is that at the scans' stamps.
+        The own ship's poses reach beyond the last echo; the truth is at the scans' stamps.
     origins : list of (n,) ndarray of int
         Target of each scan's detections, as in `SimulatedScan`.
     """

@@ -1,4 +1,4 @@
-"""Writing the tracks of a run: as CSV, and as a bag of the messages that the node publishes."""
+"""Writing of tracks: as CSV, and as a bag of the messages that the node publishes."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ COLUMNS = (
 
 
 class TrackTable:
-    """Writes confirmed tracks as CSV, a row each, with why each was confirmed.
+    """Writes confirmed tracks as CSV, a row per track with the reason of its confirmation.
 
     Parameters
     ----------
     file : text file
     reason : callable
-        Says why a track was confirmed.
+        Returns the reason of a track's confirmation.
     """
 
     def __init__(self, file: TextIO, reason: Callable[[ConfirmedTrack], str]) -> None:
@@ -42,7 +42,7 @@ class TrackTable:
         self._writer.writerow(COLUMNS)
 
     def write(self, result: ScanResult) -> None:
-        """Write the tracks that one scan confirmed."""
+        """Write the tracks that were confirmed by one scan."""
         for track in result.new:
             self._writer.writerow(
                 [
@@ -61,20 +61,20 @@ class TrackTable:
 
 
 class TrackBag:
-    """Writes what the node publishes on `tracks` and `tracks/current` as an MCAP file.
+    """Writes the messages of the topics `tracks` and `tracks/current` as an MCAP file.
 
-    Each message is logged at its scan's stamp. The file appears at the end of the `with` block, if
-    that ends without an error.
+    The log time of a message is its scan's stamp. The file appears at the end of the `with` block,
+    if the block ends without an error.
 
     Parameters
     ----------
     path : path
-        Of the file; one that exists is replaced.
+        Path of the file; an existing file is replaced.
 
     Raises
     ------
     ImportError
-        If the library rosbags, which writes it, is not installed.
+        If the library rosbags is not installed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -98,7 +98,7 @@ class TrackBag:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
-        """Close the file and put it into its place."""
+        """Close the file and move it to its path."""
         with self._folder:
             if kind is None:
                 self._writer.close()

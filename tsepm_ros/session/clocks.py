@@ -1,4 +1,4 @@
-"""Time passed, where there are several clocks."""
+"""Elapsed time on one or several clocks."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ Now = float | tuple[float, ...]
 
 
 def waited(since: Now, now: Now) -> float:
-    """Least time that has passed on any clock, s; one that was set back tells nothing."""
-    passed = np.atleast_1d(np.subtract(now, since))
-    return float(passed[passed >= 0].min(initial=math.inf))
+    """Minimum elapsed time over the clocks, s; a clock that was set back is ignored."""
+    elapsed = np.atleast_1d(np.subtract(now, since))
+    return float(elapsed[elapsed >= 0].min(initial=math.inf))

@@ -1,4 +1,4 @@
-"""The downstream tracker's reports as they arrive."""
+"""Arriving reports of the downstream tracker."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from tsepm_ros.session.refusal import Refusal
 
 
 class DownstreamInput:
-    """The newest report that no scan has used yet."""
+    """The newest report, until a scan uses it."""
 
     def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
-        """Forget the report, and that others came before it."""
+        """Discard the report and the stamp of the last report."""
         self._report: TrackerReport | None = None
         self._stamp = -math.inf
 
     def refuse(self, report: TrackerReport, restart_jump: float) -> Refusal | None:
-        """Why a report comes too late; one that is later by `restart_jump`, s, is a restart."""
+        """Refuse a late report; a step back of more than `restart_jump` (s) is a restart."""
         if 0.0 < self._stamp - report.stamp <= restart_jump:
-            return Refusal("tracked_late", f"tracked targets of {report.stamp:.3f} s came late")
+            return Refusal("tracked_late", f"tracked targets at {report.stamp:.3f} s arrived late")
         return None
 
     def add(self, report: TrackerReport) -> list[Refusal]:
-        """Take a report; returns what of it cannot be used, see `downstream_tracker.usable`."""
+        """Take a report; return refusals of its targets, see `downstream_tracker.usable`."""
         tracks, dropped = usable(report.tracks)
         self._report = dataclasses.replace(report, tracks=tracks)
         self._stamp = report.stamp
@@ -37,17 +37,17 @@ class DownstreamInput:
         ]
 
     def take(self) -> TrackerReport | None:
-        """Take the report out, for the next scan."""
+        """Remove and return the report, for the next scan."""
         report, self._report = self._report, None
         return report
 
     def refuse_at(self, report: TrackerReport, stamp: float, timeout: float) -> Refusal | None:
-        """Why a report is not of the time of the scan of a stamp (s)."""
+        """Refuse a report whose stamp differs from a scan's (s) by more than the timeout (s)."""
         if abs(stamp - report.stamp) <= timeout:
             return None
-        self._stamp = -math.inf  # those that follow it are not late
+        self._stamp = -math.inf  # later reports are not late relative to it
         return Refusal(
             "tracked_stale",
-            f"tracked targets of {report.stamp:.3f} s are not of the time of the scan of "
+            f"tracked targets at {report.stamp:.3f} s do not match the time of the scan at "
             f"{stamp:.3f} s",
         )

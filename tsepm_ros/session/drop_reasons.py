@@ -1,4 +1,4 @@
-"""Every reason for which something is dropped: where it is reported, what it means, what to do."""
+"""All drop reasons: diagnostics entry, what a drop loses, cause and remedy."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ TRACKER, INITIATION = "downstream tracker", "track initiation"
 
 @dataclass(frozen=True)
 class DropReason:
-    """What is known of a reason.
+    """Description of a drop reason.
 
     Attributes
     ----------
     task : str
-        Entry on ``/diagnostics`` that it belongs to.
+        Entry on ``/diagnostics`` that counts the drops.
     lost : {"detection", "scan", "pose", "target", "report"}
         What one drop loses: one detection, one scan, one sample of own-ship data, one tracked
         target, or one message of the downstream tracker.
@@ -29,17 +29,19 @@ class DropReason:
     remedy: str
 
 
-_DRIVER = "Mend the driver"
+_DRIVER = "Fix the driver"
+_TRACKER = "Fix the tracker"
+_EXPECTED = "None: this is expected"
 _LAYOUT = {
-    "missing_field": ("a field that is needed is not there", f"{_DRIVER}, or see docs/drivers.md"),
-    "duplicate_field": ("a field is there twice", _DRIVER),
-    "wrong_datatype": ("a field has a datatype that is not read", "Send FLOAT32 or FLOAT64"),
-    "wrong_count": ("a field is not one number per point", _DRIVER),
-    "bad_offset": ("fields overlap or end beyond the point", _DRIVER),
-    "bad_row_step": ("the rows are shorter than their points", _DRIVER),
-    "short_data": ("there are fewer bytes than the header says", _DRIVER),
+    "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/drivers.md"),
+    "duplicate_field": ("a field occurs twice", _DRIVER),
+    "wrong_datatype": ("a field has an unsupported datatype", "Send FLOAT32 or FLOAT64"),
+    "wrong_count": ("a field has a count other than 1", _DRIVER),
+    "bad_offset": ("fields overlap, or extend beyond the point", _DRIVER),
+    "bad_row_step": ("the row step is shorter than the points of a row", _DRIVER),
+    "short_data": ("the data is shorter than the rows", _DRIVER),
 }
-"""Faults of a cloud as a whole: of the detections, and of what is tracked."""
+"""Faults of a whole cloud, of detections or of tracked targets."""
 
 _NUMBERS = {
     "range": ("range", ("not_finite", "not_positive", "too_small", "too_large")),
@@ -54,9 +56,9 @@ _NUMBERS = {
 }
 _FAULTS = {
     "not_finite": "is nan or infinite",
-    "not_positive": "is not above 0, or no number",
-    "too_small": "is smaller than any sensor's",
-    "too_large": "is larger than any sensor's",
+    "not_positive": "is not a positive number",
+    "too_small": "is below the smallest accepted value",
+    "too_large": "is above the largest accepted value",
 }
 
 
@@ -64,193 +66,202 @@ def _of_layouts() -> Iterator[tuple[str, DropReason]]:
     for fault, (meaning, remedy) in _LAYOUT.items():
         yield fault, DropReason(DETECTIONS, "scan", meaning, remedy)
     for fault, (meaning, _) in _LAYOUT.items():
-        remedy = "Mend the tracker: it sends the layout of `tracks`"
+        remedy = f"{_TRACKER}: the message must have the layout of `tracks`"
         yield f"tracked_{fault}", DropReason(TRACKER, "report", meaning, remedy)
 
 
 def _of_numbers() -> Iterator[tuple[str, DropReason]]:
-    for name, (what, faults) in _NUMBERS.items():
-        remedy = "None where the sensor has nothing to say; else check the driver, and its units"
+    remedy = (
+        "None if the sensor marks missing values like this; else check the driver and its units"
+    )
+    for name, (quantity, faults) in _NUMBERS.items():
         for fault in faults:
-            meaning = f"the {what} {_FAULTS[fault]}"
+            meaning = f"the {quantity} {_FAULTS[fault]}"
             yield f"{name}_{fault}", DropReason(DETECTIONS, "detection", meaning, remedy)
 
 
 _SINGLE = {
-    "wrong_length": DropReason(DETECTIONS, "scan", "arrays of the message do not fit", _DRIVER),
+    "wrong_length": DropReason(
+        DETECTIONS, "scan", "the lengths of the message's arrays do not match", _DRIVER
+    ),
     "unknown_type": DropReason(
-        DETECTIONS, "scan", "no adapter reads this type", "Use a type of docs/drivers.md"
+        DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/drivers.md"
     ),
     "package_not_installed": DropReason(
-        DETECTIONS, "scan", "the type's package is not installed", "Install the package"
+        DETECTIONS, "scan", "the package of the type is not installed", "Install the package"
     ),
     "too_many_detections": DropReason(
         DETECTIONS,
         "scan",
-        "it has more detections than `max_detections`",
-        "Raise the sensor's own threshold, or `max_detections`",
+        "the scan has more detections than `max_detections`",
+        "Raise the detection threshold of the sensor, or `max_detections`",
     ),
     "unknown_frame": DropReason(
         DETECTIONS,
         "scan",
-        "its frame is not that of the scans before, or of `sensor_frame`",
-        "One node for each sonar; after a change of the frame call `~/reset`",
+        "the frame differs from that of earlier scans, or from `sensor_frame`",
+        "Run one node per sonar; call `~/reset` after a change of the frame",
     ),
     "empty_frame": DropReason(
         DETECTIONS,
         "scan",
-        "its `frame_id` is empty",
-        "Let the driver name one, or give `sensor_frame`; a sensor that does not move may be given "
-        "`fixed_frame`",
+        "the `frame_id` is empty",
+        "Set the `frame_id` in the driver, or set `sensor_frame`; for a sensor that does not move, "
+        "`fixed_frame` is sufficient",
     ),
     "scan_same_stamp": DropReason(
         DETECTIONS,
         "scan",
-        "its stamp is that of the scan before",
+        "the stamp equals that of the previous scan",
         "Look for two drivers on one topic, or a driver that sends scans twice",
     ),
     "scan_late": DropReason(
         DETECTIONS,
         "scan",
-        "its stamp is before that of the last scan, by less than `restart_jump`",
-        "Look for scans that overtake each other; a clock set back ends by itself after three",
+        "the stamp is before that of the last scan, by less than `restart_jump`",
+        "Look for scans that arrive out of order; after a clock was set back, the third late scan "
+        "restarts the state",
     ),
     "scan_far_back": DropReason(
         DETECTIONS,
         "scan",
-        "its stamp is before that of the last scan by more than `restart_jump`, and the next one's "
-        "does not follow on it",
-        _DRIVER + ": a restart has rising stamps",
+        "the stamp is before that of the last scan by more than `restart_jump`, and the next scan "
+        "does not continue from it",
+        _DRIVER + ": stamps must rise after a restart",
     ),
     "stamp_not_set": DropReason(
         DETECTIONS,
         "scan",
-        "its stamp is 0 between others that are not, or again and again",
-        _DRIVER + ": it does not fill `header.stamp`",
+        "the stamp is 0 between nonzero stamps, or repeatedly",
+        _DRIVER + ": it must set `header.stamp`",
     ),
     "elevation_not_finite": DropReason(
-        DETECTIONS, "detection", "its elevation is nan or infinite", _DRIVER
+        DETECTIONS, "detection", "the elevation is nan or infinite", _DRIVER
     ),
     "flagged_bad": DropReason(
-        DETECTIONS, "detection", "the sonar itself flags it as bad", "None: it is right so"
+        DETECTIONS, "detection", "the sonar flags the detection as bad", _EXPECTED
     ),
     "direction_undefined": DropReason(
-        DETECTIONS, "detection", "its angles or its vector give no direction", _DRIVER
+        DETECTIONS, "detection", "the angles or the vector do not define a direction", _DRIVER
     ),
     "range_below_min": DropReason(
-        DETECTIONS, "detection", "it is nearer than the scan's `range_min`", "None: it is right so"
+        DETECTIONS, "detection", "the range is below the scan's `range_min`", _EXPECTED
     ),
     "range_above_max": DropReason(
-        DETECTIONS, "detection", "it is beyond the scan's `range_max`", "None: it is right so"
+        DETECTIONS, "detection", "the range is above the scan's `range_max`", _EXPECTED
     ),
     "outside_coverage": DropReason(
         DETECTIONS,
         "detection",
-        "it is outside the sensor's coverage by more than three standard deviations",
+        "the detection is outside the sensor's coverage by more than three standard deviations",
         "Compare `sensor.min_range`, `sensor.max_range`, `sensor.azimuth_min` and "
-        "`sensor.azimuth_max` with the sonar's settings; none where the coverage is limited "
+        "`sensor.azimuth_max` with the sonar's settings; none if the coverage is limited "
         "on purpose",
     ),
     "no_position": DropReason(
-        DETECTIONS, "detection", "it has neither a box nor a result", "Mend the detector"
+        DETECTIONS, "detection", "the detection has neither a box nor a result", "Fix the detector"
     ),
     "other_frame": DropReason(
         DETECTIONS,
         "detection",
-        "its own header names another frame than the message's",
-        "Let the detector use one frame for a message",
+        "the frame of the detection's header differs from that of the message",
+        "Use one frame per message in the detector",
     ),
     "own_ship_missing": DropReason(
         OWN_SHIP,
         "scan",
-        "no own-ship data came within `own_ship_timeout`",
-        "Check `own_ship/odometry` (remapped? published? quality of service?), or tf",
+        "no own-ship data arrived within `own_ship_timeout`",
+        "Check `own_ship/odometry` (remapping, publisher, quality of service), or tf",
     ),
     "own_ship_stale": DropReason(
         OWN_SHIP,
         "scan",
-        "own-ship data does not reach to its time within `own_ship_timeout`, or has a gap there",
-        "Compare the clocks of sonar and navigation; see `own_ship_timeout`, "
+        "own-ship data does not reach the scan within `own_ship_timeout`, or has a gap there",
+        "Compare the clocks of sonar and navigation; check `own_ship_timeout`, "
         "`own_ship_max_extrapolation` and `own_ship_max_gap`",
     ),
     "message_corrupt": DropReason(
         DETECTIONS,
         "scan",
-        "a message in a bag cannot be read (offline runs only; it may be any topic's)",
-        "Record again, or see what wrote the bag",
+        "a message in a bag is unreadable (offline runs only; on any topic)",
+        "Record again, or check the program that wrote the bag",
     ),
     "no_horizontal_range": DropReason(
         DETECTIONS,
         "detection",
-        "it lies straight above or below the sonar once roll and pitch are taken out",
-        "Nothing, where it is rare; else check the attitude",
+        "the detection is vertically above or below the sonar, after correction of roll and pitch",
+        "None if it is rare; else check the attitude",
     ),
     "heading_unknown": DropReason(
         OWN_SHIP,
         "scan",
-        "the own-ship data says that its heading is not known, and the detections need it",
-        "Give odometry with a heading, or bearings from north; with those, a coverage all round",
+        "the own-ship data has no heading, and the detections need it",
+        "Provide odometry with a heading, or bearings from north with an all-round coverage",
     ),
     "queue_full": DropReason(
         OWN_SHIP,
         "scan",
         "too many scans wait for own-ship data",
-        "Shorten `own_ship_timeout`, and see why the data does not come",
+        "Reduce `own_ship_timeout`, and find out why the data does not arrive",
     ),
     "own_ship_invalid": DropReason(
         OWN_SHIP,
         "pose",
-        "the odometry is not finite, without an orientation, or of no proper covariance",
-        "Mend the source; the warning names the field",
+        "the odometry is not finite, has no orientation, or has an invalid covariance",
+        "Fix the source; the warning names the field",
     ),
     "own_ship_frame": DropReason(
         OWN_SHIP,
         "pose",
-        "the odometry is in another frame than the fixed one",
-        "Give `fixed_frame`, or publish in it",
+        "the odometry is not in the fixed frame",
+        "Set `fixed_frame`, or publish in the fixed frame",
     ),
     "own_ship_empty_frame": DropReason(
         OWN_SHIP,
         "pose",
-        "the odometry's `frame_id` is empty",
-        "Let the source name one, or give `fixed_frame`",
+        "the `frame_id` of the odometry is empty",
+        "Set the `frame_id` in the source, or set `fixed_frame`",
     ),
     "own_ship_late": DropReason(
         OWN_SHIP,
         "pose",
-        "its stamp is not after that of the last",
+        "the stamp is not after that of the last sample",
         "Look for two publishers on one topic",
     ),
     "tracked_bad_id": DropReason(
-        TRACKER, "report", "a `track_id` is not an integer from 0 to 2^32 - 1", "Mend the tracker"
+        TRACKER, "report", "a `track_id` is not an integer from 0 to 2^32 - 1", _TRACKER
     ),
     "tracked_frame": DropReason(
-        TRACKER, "report", "it is not in the fixed frame", "Publish in the frame of `tracks`"
+        TRACKER,
+        "report",
+        "the report is not in the fixed frame",
+        "Publish in the frame of `tracks`",
     ),
     "tracked_late": DropReason(
-        TRACKER, "report", "its stamp is before that of the last", "Look for two trackers"
+        TRACKER, "report", "the stamp is before that of the last report", "Look for two trackers"
     ),
     "tracked_stale": DropReason(
         TRACKER,
         "report",
-        "its stamp is farther from the scan's than `tracked_timeout`",
-        "Stamp with the scan's time; see `tracked_timeout`",
+        "the stamp differs from the scan's by more than `tracked_timeout`",
+        "Stamp reports with the scan's time; check `tracked_timeout`",
     ),
     "tracked_not_finite": DropReason(
-        TRACKER, "target", "its state or covariance is not finite, or too large", "Mend the tracker"
+        TRACKER, "target", "the state or covariance is not finite, or too large", _TRACKER
     ),
     "tracked_bad_covariance": DropReason(
-        TRACKER, "target", "its covariance is not positive definite", "Mend the tracker"
+        TRACKER, "target", "the covariance is not positive definite", _TRACKER
     ),
     "tracked_duplicate_id": DropReason(
-        TRACKER, "target", "its `track_id` is there before", "Mend the tracker"
+        TRACKER, "target", "the `track_id` occurs earlier in the report", _TRACKER
     ),
     "internal_error": DropReason(
         INITIATION,
         "scan",
-        "it could not be placed, processed or published; where the algorithm failed, all tracks "
-        "are forgotten",
-        "Does the own-ship data jump? Else it is a fault of the node: report the warning's text",
+        "registration, processing or publishing failed; if the algorithm failed, all tracks are "
+        "discarded",
+        "Check the own-ship data for jumps; else this is a fault of the node: report the text of "
+        "the warning",
     ),
 }
 
@@ -259,18 +270,18 @@ DROP_REASONS: Mapping[str, DropReason] = {
     **dict(_of_numbers()),
     **_SINGLE,
 }
-"""By the name that is counted."""
+"""Drop reasons by the name that is counted."""
 
 
 def reason_of(name: str) -> DropReason:
-    """What is known of a reason; one that an adapter of the user counts is a detection's."""
+    """Return the description of a reason; unknown reasons, of a user's adapter, are detections'."""
     return DROP_REASONS.get(name) or DropReason(DETECTIONS, "detection", "", "")
 
 
 def as_markdown() -> str:
     """A table of all reasons for the documentation, in the order of the entries."""
     tasks = (DETECTIONS, OWN_SHIP, TRACKER, INITIATION)
-    lines = ["| reason | lost | because | what to do |", "|---|---|---|---|"]
+    lines = ["| reason | lost | cause | remedy |", "|---|---|---|---|"]
     lines += [
         f"| `{name}` | {reason.lost} | {reason.meaning} | {reason.remedy} |"
         for name, reason in sorted(DROP_REASONS.items(), key=lambda row: tasks.index(row[1].task))

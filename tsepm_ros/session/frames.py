@@ -1,4 +1,4 @@
-"""The names of frames: the fixed one, the sensor's and the vessel's."""
+"""The names of the fixed frame, the sensor frame and the vessel's frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tsepm_ros.settings.session_options import SessionOptions
 
 
 class Frames:
-    """The frames in use: as given or, where they are not, as they first arrive.
+    """The frames in use: from the options, else from the first messages.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class Frames:
     Attributes
     ----------
     options : SessionOptions
-        What is given from now on; frames in use stay until `reset`.
+        May be replaced; the frames in use stay until `reset`.
     fixed, sensor, own_ship : str
         Frame of the tracks, of the detections and of the vessel; empty while unknown.
     """
@@ -36,43 +36,46 @@ class Frames:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the frames that are not given."""
+        """Return to the frames of the options."""
         self.fixed = self.options.fixed_frame
         self.sensor = self.options.sensor_frame
         self.own_ship = ""
 
     def named(self, arrived: SensorScan) -> SensorScan:
-        """A scan that names no frame is in the one given, if there is one."""
+        """Return a scan with its frame; an empty frame becomes the frame of the options, if any."""
         given = self.options.sensor_frame or ("" if self._moves else self.options.fixed_frame)
         return dataclasses.replace(arrived, frame_id=arrived.frame_id or given)
 
     def refuse_scan(self, arrived: SensorScan) -> Refusal | None:
-        """Why a scan's frame cannot be used."""
+        """Refuse a scan whose frame cannot be used."""
         if not arrived.frame_id:
-            return Refusal("empty_frame", "detections name no frame, nor does sensor_frame")
+            return Refusal(
+                "empty_frame", "the frame_id of the detections is empty, and so is sensor_frame"
+            )
         expected = [self.sensor]
         if not self._moves and not arrived.north_referenced:
-            expected.append(self.fixed)  # nothing tells where else the sensor might be
+            expected.append(self.fixed)  # no pose relates another sensor frame to it
         for frame in expected:
             if frame and arrived.frame_id != frame:
                 return Refusal(
                     "unknown_frame",
-                    f"detections are in frame {arrived.frame_id!r}, expected is {frame!r}",
+                    f"detections are in frame {arrived.frame_id!r}, expected {frame!r}",
                 )
         return None
 
     def take_scan(self, arrived: SensorScan) -> None:
-        """Go on with the frame of a scan that is not refused."""
+        """Adopt the frame of a scan that is not refused."""
         self.sensor = arrived.frame_id
         if not self.fixed and not self._moves:
             self.fixed = arrived.frame_id
 
     def take_pose(self, sample: PoseSample) -> Refusal | None:
-        """Go on with the frames of own-ship data, or say why they cannot be used."""
+        """Adopt the frames of own-ship data, or refuse them."""
         frame = sample.frame_id or self.options.fixed_frame
         if not frame:
             return Refusal(
-                "own_ship_empty_frame", "own-ship data names no frame, nor does fixed_frame"
+                "own_ship_empty_frame",
+                "the frame_id of the own-ship data is empty, and so is fixed_frame",
             )
         self.fixed = self.fixed or frame
         if frame != self.fixed:
@@ -84,7 +87,7 @@ class Frames:
         return None
 
     def refuse_report(self, report: TrackerReport) -> Refusal | None:
-        """Why a downstream tracker's report is not in the fixed frame, as far as that is known."""
+        """Refuse a downstream tracker's report that is not in the fixed frame, if that is known."""
         if not self.fixed or report.frame_id == self.fixed:
             return None
         return Refusal(
@@ -93,7 +96,7 @@ class Frames:
         )
 
     def mounting_state(self, mounting: Mounting, own_ship_known: bool) -> str:
-        """Whether the sensor's place on the vessel is given, assumed, not needed or unknown yet."""
+        """Whether the mounting is given, assumed, not needed or unknown yet."""
         if mounting.given:
             return "given"
         if not self.sensor or not own_ship_known:
@@ -101,7 +104,7 @@ class Frames:
         return "not needed" if self.own_ship == self.sensor else "assumed"
 
     def mounting_notice(self, frame_id: str, mounting: Mounting) -> Notice | None:
-        """Say, once for each pair of frames, that nobody says where on the vessel the sensor is."""
+        """Return a notice of an assumed mounting, once for each pair of frames."""
         pair = self.own_ship, frame_id
         if not self.own_ship or self.own_ship == frame_id or mounting.given:
             return None
@@ -110,6 +113,6 @@ class Frames:
         self._noticed.add(pair)
         return Notice(
             "mounting",
-            f"own-ship data is of frame {pair[0]!r}, detections are in {pair[1]!r}: taken to be "
-            "the same place and direction, as no mounting is given",
+            f"own-ship data is for frame {pair[0]!r}, detections are in {pair[1]!r}: no mounting "
+            "is given, so the frames are assumed to coincide",
         )

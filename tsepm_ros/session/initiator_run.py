@@ -1,4 +1,4 @@
-"""The initiator as it runs in a session: its time limit, its failures, and its counts."""
+"""The initiator in a session: its time limit, failures and counts."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tsepm_ros.settings.settings import Settings
 
 
 class InitiatorRun:
-    """Runs the initiator that settings describe, through failures and changes of the settings.
+    """Runs the initiator of the settings, through failures and changes of the settings.
 
     Parameters
     ----------
     settings : Settings
     live : bool
-        Whether `max_scan_time` holds.
+        Whether `max_scan_time` is applied.
 
     Attributes
     ----------
@@ -30,55 +30,55 @@ class InitiatorRun:
         self._settings = settings
         self._live = live
         self.initiator = settings.make_initiator()
-        self._totals_before = ScanStatistics()  # of runs that are over
+        self._totals_before = ScanStatistics()  # of runs before the last `start_over`
 
     @property
     def totals(self) -> ScanStatistics:
-        """Sums over the scans since the start or the last `reset`, whatever started over since."""
+        """Sums over the scans since the start or the last `reset`, across calls of `start_over`."""
         return self._totals_before + self.initiator.totals
 
     def configure(self, settings: Settings) -> bool:
-        """Change settings; where that raises, nothing has changed.
+        """Change settings; an error leaves them unchanged.
 
         Returns
         -------
         bool
-            Whether potential tracks were kept. Another method, or another number of hits, starts
-            over.
+            Whether potential tracks were kept. A change of the method or of the number of hits
+            discards them.
         """
         kept = self.initiator.configure(settings.make_method())
         self._settings = settings
         return kept
 
     def rehearse(self, settings: Settings) -> None:
-        """Raise what `configure` would; nothing changes."""
+        """Raise the errors of `configure`, without a change."""
         self.initiator.rehearse(settings.make_method())
 
     def reset(self) -> list[int]:
-        """Forget tracks and counts; returns the ids of the tracks that end."""
+        """Discard tracks and counts; return the ids of the tracks that end."""
         self.initiator.reset()
         self._totals_before = ScanStatistics()
         return self.initiator.maintenance.take_cleared()
 
     def start_over(self) -> None:
-        """Forget tracks; counts go on."""
+        """Discard tracks and keep counts."""
         self._totals_before = self.totals
         self.initiator.reset()
 
     def process(self, scan: Scan, report: TrackerReport | None) -> tuple[TrackArrays, float]:
-        """Process a scan, after a downstream tracker's report.
+        """Process a downstream tracker's report, then a scan.
 
         Returns
         -------
         new : TrackArrays
             Newly confirmed tracks.
         seconds : float
-            Time that the initiator took.
+            Computing time of the initiator, s.
 
         Raises
         ------
         FAILURES
-            Everything is forgotten then: what the initiator holds is in no known state.
+            All tracks are discarded then, because the initiator's state is undefined.
         """
         if self._live:
             self.initiator.max_scan_time = self._settings.session.max_scan_time
@@ -93,13 +93,13 @@ class InitiatorRun:
         return new, time.perf_counter() - begin
 
     def remarks(self, scan: Scan, tracker_before: Tracker) -> list[Remark]:
-        """What there is to say after a scan that was processed.
+        """Return notices and refusals after a processed scan.
 
         Parameters
         ----------
         scan : Scan
         tracker_before : Tracker
-            The downstream tracker's state before it.
+            State of the downstream tracker before the scan.
         """
         remarks: list[Remark] = []
         change = tracker_before, self.initiator.maintenance.tracker
@@ -108,20 +108,20 @@ class InitiatorRun:
             remarks.append(
                 Notice(
                     "tracker_silent",
-                    f"the downstream tracker was silent for {timeout:g} s: its tracks are held "
-                    "here",
+                    f"the downstream tracker was silent for {timeout:g} s: its tracks are "
+                    "maintained here",
                 )
             )
         elif change == (Tracker.SILENT, Tracker.ALIVE):
-            remarks.append(Notice("tracker_back", "the downstream tracker is heard again"))
+            remarks.append(Notice("tracker_back", "the downstream tracker reports again"))
         statistics = self.initiator.statistics
         outside = statistics.outside_coverage
         if outside:
             remarks.append(
                 Refusal(
                     "outside_coverage",
-                    f"{outside} of {len(scan)} detections are not used: outside the coverage that "
-                    "sensor.min_range, max_range, azimuth_min and azimuth_max give",
+                    f"{outside} of {len(scan)} detections dropped: outside the coverage of "
+                    "sensor.min_range, max_range, azimuth_min and azimuth_max",
                     outside,
                 )
             )

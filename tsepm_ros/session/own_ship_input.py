@@ -1,4 +1,4 @@
-"""Own-ship data as it arrives: accepted, refused, or begun anew."""
+"""Arriving own-ship data: accepted, refused, or restarted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LookUp = Callable[[str, float, float, str], None]
 
 
 class OwnShipInput:
-    """The poses of a sensor that moves, and whether they reach to a scan's time.
+    """The poses of a moving sensor, and whether they cover a scan's time.
 
     Parameters
     ----------
@@ -24,13 +24,13 @@ class OwnShipInput:
     Attributes
     ----------
     source : str
-        Where own-ship data comes from: as at the start, whatever options say later.
+        Source of own-ship data; fixed at the start.
     poses : PoseHistory
     restarted : bool
-        Whether the poses started over since the last scan that was processed.
+        Whether the poses were restarted since the last processed scan.
     look_up : callable or None
-        Called as ``look_up(sensor frame, first, last, axes)`` for the span of time (s) of a scan
-        that is to be placed, to give its poses; None where they come by themselves.
+        Called as ``look_up(sensor frame, first, last, axes)`` with the time span (s) of a scan, to
+        add its poses; None if poses arrive as messages.
     """
 
     def __init__(self, options: SessionOptions) -> None:
@@ -49,42 +49,43 @@ class OwnShipInput:
         return self.source != "none"
 
     def configure(self, options: SessionOptions) -> None:
-        """Change the times that count from now on."""
+        """Change the limits on times."""
         self._options = options
         self.poses.max_extrapolation = options.own_ship_max_extrapolation
         self.poses.max_gap = options.own_ship_max_gap
 
     def reset(self) -> None:
-        """Forget the poses."""
+        """Discard the poses."""
         self.poses.clear()
         self.restarted = False
 
     def add(self, sample: PoseSample) -> Refusal | None:
-        """Add a sample, or say that it is late; one far back starts over."""
+        """Add a sample, or refuse a late sample; a sample far back restarts the poses."""
         if self._is_ahead(sample.stamp):
             self.restart(sample.stamp)
         if self.poses.add(sample):
             return None
         return Refusal(
-            "own_ship_late", f"own-ship data of {sample.stamp:.3f} s is not newer than the last"
+            "own_ship_late",
+            f"own-ship data at {sample.stamp:.3f} s is not newer than the last sample",
         )
 
     def restart_if_late_for_long(self, stamp: float) -> Notice | None:
-        """Start over with the late samples, up to a stamp (s), where they are a source's only."""
+        """Restart at a stamp (s) if only late samples arrived for longer than the timeout."""
         if self.poses.late_span <= self._options.own_ship_timeout:
             return None
         self.restart(stamp)
-        return Notice("own_ship_restart", f"own-ship data starts over at {stamp:.3f} s")
+        return Notice("own_ship_restart", f"own-ship data restarts at {stamp:.3f} s")
 
     def restart(self, stamp: float) -> None:
-        """Start over at a stamp (s): poses of before place nothing after it."""
+        """Restart at a stamp (s): earlier poses are not used for later scans."""
         self.poses.start_over()
         if self._is_ahead(stamp):
             self.poses.clear()
         self.restarted = True
 
     def must_wait(self, arrived: SensorScan, waiting: float) -> bool:
-        """Whether a scan that waited so long (s) needs poses that may still come."""
+        """Whether a scan that waited for a time (s) needs poses that may still arrive."""
         if not self.moves:
             return False
         first, last = registration.echo_span(arrived)
@@ -95,7 +96,7 @@ class OwnShipInput:
         return waiting < self._options.own_ship_timeout
 
     def refuse(self, arrived: SensorScan) -> Refusal | None:
-        """Why there are no poses for a scan that need not wait."""
+        """Refuse a scan that need not wait and has no poses."""
         if not self.moves:
             return None
         first, last = registration.echo_span(arrived)
@@ -104,7 +105,7 @@ class OwnShipInput:
         if coverage is not PoseCoverage.NEVER and reaches:
             return None
         reason = "own_ship_stale" if len(self.poses) else "own_ship_missing"
-        return Refusal(reason, f"no own-ship data for the scan of {arrived.scan.stamp:.3f} s")
+        return Refusal(reason, f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s")
 
     def _is_ahead(self, stamp: float) -> bool:
         last = self.poses.last_stamp

@@ -1,24 +1,24 @@
-"""What the rooms of a session tell it: why something is refused, and what else to report."""
+"""Refusals and notices, which the parts of a session return and the session reports."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 FAILURES = (ArithmeticError, LookupError, MemoryError, ValueError)
-"""What a scan may bring about; it is lost then, and the next one is processed."""
+"""Exceptions in the processing of a scan: the scan is dropped, and the next scan is processed."""
 
 
 class Refusal(NamedTuple):
-    """Why something cannot be used: the session counts and reports it.
+    """A drop with its reason, which the session counts and reports.
 
     Attributes
     ----------
     reason : str
         A name of `drop_reasons.DROP_REASONS`.
     sentence : str
-        For people.
+        Message for the log.
     number : int
-        How many are dropped for it.
+        Number of drops.
     """
 
     reason: str
@@ -27,14 +27,14 @@ class Refusal(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """Something that is reported, though nothing is dropped for it.
+    """An event that is reported without a drop.
 
     Attributes
     ----------
     subject : str
-        Notices of one subject are of one kind.
+        Kind of the notice.
     sentence : str
-        For people.
+        Message for the log.
     """
 
     subject: str

@@ -12,7 +12,7 @@ from tsepm_ros.session.scan_order import Arrival
 
 @dataclass(frozen=True)
 class ScanResult:
-    """What one processed scan gave.
+    """The result of one processed scan.
 
     Attributes
     ----------
@@ -21,24 +21,23 @@ class ScanResult:
     stamp_ns : int
         The stamp as received, ns.
     scan : Scan
-        The scan as processed, with its sensor pose.
+        The registered scan, with its sensor pose.
     frame_id : str
         The fixed frame.
     arrival : Arrival
-        How the scan followed on; before it, RESTART dropped everything and GAP the potential
-        tracks.
+        Relation to the scans before it; RESTART discarded all tracks, GAP the potential tracks.
     new : TrackArrays
         Newly confirmed tracks.
     current : TrackArrays
-        Every track held, at `stamp`.
+        All held tracks, at `stamp`.
     ended : list of int
-        Ids of the tracks that are held no longer.
+        Ids of the tracks that ended.
     statistics : ScanStatistics
         The initiator's counts.
     core_seconds : float
-        Time that the initiator took, s.
+        Computing time of the initiator, s.
     waiting : float
-        Time that the scan waited for own-ship data, s; infinite where no time is given.
+        Time that the scan waited for own-ship data, s; infinite if `Session.process` got no time.
     """
 
     stamp: float

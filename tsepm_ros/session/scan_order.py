@@ -1,4 +1,4 @@
-"""What a scan's stamp means: next, late, a restart, or the first after a long gap."""
+"""Classification of a scan's stamp: next, late, a restart, or the first after a long gap."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ import statistics
 from collections import deque
 
 MIN_INTERVALS = 3
-"""Intervals that must be known before a gap can be told from a slow sonar."""
+"""Minimum number of known intervals that distinguish a gap from a slow sonar."""
 
+MAX_INTERVAL = 3600.0
+"""Maximum time between scans while fewer intervals are known, s."""
 
-LONGEST_INTERVAL = 3600.0
-"""Longest time between scans that is believed while no others are known, s."""
-
-
-LATE_IN_A_ROW = 3
-"""Late scans with rising stamps, and none other between, that are a restart after all."""
+MAX_LATE_SCANS = 3
+"""Consecutive late scans with rising stamps that are a restart."""
 
 
 class Arrival(enum.Enum):
-    """How a scan relates to those before it."""
+    """Relation of a scan to the scans before it."""
 
     NEXT = "next"
     SAME_STAMP = "same_stamp"
@@ -30,17 +28,17 @@ class Arrival(enum.Enum):
 
 
 class ScanOrder:
-    """Judges the stamps of arriving scans.
+    """Classifies the stamps of arriving scans.
 
     Parameters
     ----------
     window : int
         Scans of the confirmation window.
     restart_jump : float
-        A stamp farther back than this, s, is a restart (a looping bag, a reset clock) if the next
-        one confirms it; nearer it is a late scan.
+        Backward step, s, above which a stamp is a restart (a looping bag, a reset clock) if the
+        next stamp confirms it; a smaller step is a late scan.
     max_gap : float
-        A stamp farther ahead than this, s, leaves nothing to continue; 0: `window` times the
+        Forward step, s, above which potential tracks are not continued; 0: `window` times the
         median interval of the last scans.
     """
 
@@ -51,28 +49,28 @@ class ScanOrder:
         self._stamp: float | None = None
         self._late_stamps: list[float] = []
 
-    def judge(self, stamp: float) -> Arrival:
-        """Judge the next stamp (s) against the scans accepted so far."""
+    def classify(self, stamp: float) -> Arrival:
+        """Classify the next stamp (s) relative to the scans accepted so far."""
         arrival = self._compare(stamp)
         if arrival is Arrival.LATE or (arrival is Arrival.SAME_STAMP and self._late_stamps):
             return self._late(stamp)
         return arrival
 
     def is_far_back(self, stamp: float) -> bool:
-        """Whether a stamp (s) is a restart only if the one after it says so too."""
+        """Whether a stamp (s) is a restart if the next stamp confirms it."""
         return self._compare(stamp) is Arrival.RESTART
 
     def is_confirmed(self, stamp: float, following: float) -> bool:
-        """Whether the stamp `following` (s) is of the run that one far back (s) would begin.
+        """Whether the stamp `following` (s) confirms a restart at a stamp far back (s).
 
-        It is if it is later, but still before the last one accepted, and near.
+        It does if it is after that stamp by no more than a gap, and before the last accepted stamp.
         """
         assert self._stamp is not None
-        near = following - stamp <= max(self.gap_limit, LONGEST_INTERVAL)
+        near = following - stamp <= max(self.gap_limit, MAX_INTERVAL)
         return stamp < following < self._stamp and near
 
     def accept(self, stamp: float, arrival: Arrival) -> None:
-        """Go on from a scan that is processed; one that is dropped leaves no trace in the order."""
+        """Continue from a processed scan; a dropped scan does not change the order."""
         self._late_stamps.clear()
         if arrival is Arrival.NEXT and self._stamp is not None:
             self._intervals.append(stamp - self._stamp)
@@ -82,16 +80,16 @@ class ScanOrder:
 
     @property
     def gap_limit(self) -> float:
-        """The gap, s, beyond which nothing is continued."""
+        """The gap, s, above which potential tracks are not continued."""
         if self.max_gap > 0:
             return self.max_gap
         if len(self._intervals) < MIN_INTERVALS:
-            return LONGEST_INTERVAL
+            return MAX_INTERVAL
         assert self._intervals.maxlen is not None
         return self._intervals.maxlen * statistics.median(self._intervals)
 
     def resize(self, window: int) -> None:
-        """Change the window's number of scans."""
+        """Change the number of scans in the window."""
         self._intervals = deque(self._intervals, maxlen=window)
 
     def reset(self) -> None:
@@ -105,14 +103,14 @@ class ScanOrder:
         if self._late_stamps and stamp <= self._late_stamps[-1]:
             self._late_stamps.clear()
         self._late_stamps.append(stamp)
-        return Arrival.RESTART if len(self._late_stamps) >= LATE_IN_A_ROW else Arrival.LATE
+        return Arrival.RESTART if len(self._late_stamps) >= MAX_LATE_SCANS else Arrival.LATE
 
     def _compare(self, stamp: float) -> Arrival:
         if self._stamp is None:
             return Arrival.NEXT
-        step = stamp - self._stamp
-        if step == 0:
+        interval = stamp - self._stamp
+        if interval == 0:
             return Arrival.SAME_STAMP
-        if step < 0:
-            return Arrival.RESTART if -step > self.restart_jump else Arrival.LATE
-        return Arrival.GAP if step > self.gap_limit else Arrival.NEXT
+        if interval < 0:
+            return Arrival.RESTART if -interval > self.restart_jump else Arrival.LATE
+        return Arrival.GAP if interval > self.gap_limit else Arrival.NEXT

@@ -1,4 +1,4 @@
-"""The scans that wait: in which order they are processed, and what their stamps mean."""
+"""The queue of scans that wait for processing, and the classification of their stamps."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tsepm_ros.session.refusal import Refusal
 from tsepm_ros.session.scan_order import Arrival, ScanOrder
 
 QUEUE_LENGTH = 1000
-"""Scans that may wait for own-ship data at once."""
+"""Maximum number of scans that wait for own-ship data."""
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
-"""Arrivals of scans that are dropped."""
+"""Classifications of scans that are dropped."""
 
 
 class Waiting(NamedTuple):
-    """The first scan that waits.
+    """The first scan in the queue.
 
     Attributes
     ----------
@@ -34,16 +34,16 @@ class Waiting(NamedTuple):
 
     @property
     def usable(self) -> bool:
-        """Whether its stamp lets it be processed."""
+        """Whether the stamp permits processing."""
         return self.arrival not in UNUSABLE
 
     def refuse(self) -> Refusal | None:
-        """Why its stamp does not let it be processed."""
+        """Refuse a scan whose stamp does not permit processing."""
         if self.usable:
             return None
         stamp = self.scan.scan.stamp
         reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self.arrival.value}"
-        return Refusal(reason, f"the scan of {stamp:.3f} s is not later than the last one")
+        return Refusal(reason, f"the scan at {stamp:.3f} s is not later than the last scan")
 
 
 class ScanQueue:
@@ -54,7 +54,7 @@ class ScanQueue:
     order : ScanOrder
         Of the scans processed so far.
     length : int, optional
-        Scans that may wait; the oldest gives way.
+        Maximum number of scans; the oldest scan is dropped beyond it.
     """
 
     def __init__(self, order: ScanOrder, length: int = QUEUE_LENGTH) -> None:
@@ -69,11 +69,11 @@ class ScanQueue:
 
     @property
     def newest_stamp(self) -> float | None:
-        """Stamp of the scan that arrived last of those that wait, s."""
+        """Stamp of the waiting scan that arrived last, s."""
         return self._scans[-1][1].scan.stamp if self._scans else None
 
     def add(self, arrived: SensorScan, now: Now) -> Refusal | None:
-        """Add a scan that arrived at `now`, s; says so where the oldest gave way to it."""
+        """Add a scan that arrived at `now`, s; refuse the oldest scan if the queue is full."""
         self._scans.append((now, arrived))
         if len(self._scans) <= self._length:
             return None
@@ -81,47 +81,46 @@ class ScanQueue:
         return Refusal("queue_full", f"more than {self._length} scans wait for own-ship data")
 
     def first(self, now: Now, *, last: bool) -> Waiting | None:
-        """The first scan that waits, judged by its stamp.
+        """The first scan in the queue, classified by its stamp.
 
-        One whose stamp is far back is judged by the scan after it, which alone tells a restart from
-        a bad stamp.
+        If the stamp is far back, the next scan's stamp distinguishes a restart from a bad stamp.
 
         Parameters
         ----------
         now : float or tuple of float
             s.
         last : bool
-            Whether no scan follows any more.
+            Whether no further scan follows.
 
         Returns
         -------
         Waiting or None
-            None where no scan waits, or only the next one tells.
+            None if the queue is empty, or the classification needs the next scan.
         """
         if not self._scans:
             return None
         if self._arrival is None:
-            self._arrival = self._judged(last)
+            self._arrival = self._classify(last)
         if self._arrival is None:
             return None
         since, scan = self._scans[0]
         return Waiting(scan, self._arrival, waited(since, now))
 
     def remove_first(self) -> None:
-        """Take the first scan out."""
+        """Remove the first scan."""
         self._scans.popleft()
         self._arrival = None
 
     def clear(self) -> None:
-        """Take all scans out."""
+        """Remove all scans."""
         self._scans.clear()
         self._arrival = None
 
-    def _judged(self, last: bool) -> Arrival | None:
-        """Judge the first scan's stamp."""
+    def _classify(self, last: bool) -> Arrival | None:
+        """Classify the first scan's stamp; None if that needs the next scan."""
         _, arrived = self._scans[0]
         stamp = arrived.scan.stamp
-        arrival = self._order.judge(stamp)
+        arrival = self._order.classify(stamp)
         if not self._order.is_far_back(stamp):
             return arrival
         if len(self._scans) == 1:
@@ -129,5 +128,5 @@ class ScanQueue:
         since, following = self._scans[1]
         if not self._order.is_confirmed(stamp, following.scan.stamp):
             return Arrival.FAR_BACK
-        self._scans[0] = since, arrived  # until now it did not wait for own-ship data
+        self._scans[0] = since, arrived  # its wait for own-ship data begins only now
         return Arrival.RESTART

@@ -1,4 +1,4 @@
-"""A scan put in the fixed frame, or refused, with what there is to say of it."""
+"""Registration of a scan in the fixed frame, with its refusals and notices."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from tsepm_ros.session.refusal import Notice, Refusal, Remark
 from tsepm_ros.settings.settings import Settings
 
 MAX_YAW_VARIANCE = math.pi**2
-"""Variance of the heading above which there is none, rad^2."""
+"""Variance of the heading above which the heading is unknown, rad^2."""
 
 
 def register(
     arrived: SensorScan, own_ship: OwnShipInput, frames: Frames, settings: Settings
 ) -> tuple[Scan | None, list[Remark | None]]:
-    """Put a scan in the fixed frame.
+    """Register a scan in the fixed frame.
 
     Parameters
     ----------
     arrived : SensorScan
     own_ship : OwnShipInput
-        It has the poses, where the sensor moves.
+        The poses of a moving sensor.
     frames : Frames
     settings : Settings
 
     Returns
     -------
     scan : Scan or None
-        None where it is refused.
+        None if the scan is refused.
     remarks : list of Refusal, Notice or None
         Of the scan, and of detections that are left out.
     """
@@ -59,35 +59,39 @@ def register(
 def _refuse_heading(
     arrived: SensorScan, own_ship: OwnShipInput, settings: Settings
 ) -> Refusal | None:
-    """Why a scan cannot be placed without a heading, where none is known."""
-    # Azimuths from north say where in a sector they are only with the heading.
+    """Refuse a scan that needs a heading if the heading is unknown."""
+    # The sector is relative to the bow, so azimuths from north need the heading.
     sector = not settings.sensor.all_round
     if not own_ship.moves:
         if sector and arrived.north_referenced:
-            return Refusal("heading_unknown", "no heading: bearings from north need it in a sector")
+            return Refusal(
+                "heading_unknown", "bearings from north need a heading if the coverage is a sector"
+            )
         return None
     if not (sector or not arrived.north_referenced or settings.mounting.offset):
         return None
     covariance = own_ship.poses.covariance(arrived.scan.stamp)
     if covariance is None or covariance[2, 2] <= MAX_YAW_VARIANCE:
         return None
-    return Refusal("heading_unknown", "the own-ship data has no heading, but it is needed")
+    return Refusal(
+        "heading_unknown", "the detections need a heading, which the own-ship data does not have"
+    )
 
 
 def _refuse_vertical(arrived: SensorScan, scan: Scan) -> Refusal | None:
-    """Why some detections are not in the registered scan."""
+    """Refuse detections without a horizontal range, which registration left out."""
     lost = len(arrived.scan) - len(scan)
     if not lost:
         return None
     return Refusal(
         "no_horizontal_range",
-        f"{lost} detections dropped: straight above or below the tilted sensor",
+        f"{lost} detections dropped: vertically above or below the tilted sensor",
         lost,
     )
 
 
 def _rates_notice(before: Scan, after: Scan) -> Notice | None:
-    """Say where registration took range rates from a scan."""
+    """Return a notice of range rates that registration removed."""
     known = [
         int(np.isfinite(scan.features.get("range_rate", ())).sum()) for scan in (before, after)
     ]
@@ -96,6 +100,6 @@ def _rates_notice(before: Scan, after: Scan) -> Notice | None:
         return None
     return Notice(
         "range_rate_unused",
-        f"{unused} range rates not used: measured too steeply above or below the horizontal, or "
-        "the sensor's velocity is not known",
+        f"{unused} range rates not used: the line of sight is too steep, or the sensor's velocity "
+        "is unknown",
     )

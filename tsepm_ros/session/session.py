@@ -1,13 +1,13 @@
-"""From arriving messages to results, without ROS: what the node and offline replays share.
+"""From arriving messages to results, without ROS, for the node and offline replays.
 
 A session takes own-ship poses, scans and a downstream tracker's reports as they arrive. Each scan
-that is ready goes one way::
+passes the same steps::
 
-    first of the queue -> judged by its stamp -> waits for own-ship data
-        -> registered in the fixed frame -> run through the initiator -> result
+    first of the queue -> classified by its stamp -> waits for own-ship data
+        -> registered in the fixed frame -> processed by the initiator -> result
 
-or is dropped with a reason. The rooms of the session say why, and the session alone counts and
-reports it.
+or is dropped with a reason. The parts of the session return refusals; only the session counts and
+reports them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _ignore(reason: str, sentence: str) -> None:
 
 
 class Session:
-    """Puts scans in order and in place and runs the initiator on them.
+    """Orders and registers scans and runs the initiator on them.
 
     Parameters
     ----------
@@ -49,19 +49,19 @@ class Session:
         Method, options, sensor and frames.
     report : callable, optional
         Called as ``report(reason, sentence)`` for every scan, detection, own-ship sample or tracked
-        target that is dropped, whose reasons are counted in `dropped` as well; for every reset;
-        and where the downstream tracker falls silent or comes back.
+        target that is dropped, and counted in `dropped`; for every restart; and when the
+        downstream tracker falls silent or reports again.
     live : bool, optional
-        Whether `max_scan_time` holds.
+        Whether `max_scan_time` is applied.
     queue_length : int, optional
-        Scans that may wait for own-ship data at once.
+        Maximum number of scans that wait for own-ship data.
 
     Attributes
     ----------
     dropped : Counter
         Drops by reason since the start or the last reset.
     arrived_stamp : float or None
-        Stamp of the scan that arrived last, whatever becomes of it, s.
+        Stamp of the scan that arrived last, dropped or not, s.
     """
 
     def __init__(
@@ -96,12 +96,12 @@ class Session:
 
     @property
     def source(self) -> str:
-        """Where own-ship data comes from: as at the start, whatever settings say later."""
+        """Source of own-ship data; fixed at the start."""
         return self._own_ship.source
 
     @property
     def look_up(self) -> LookUp | None:
-        """What gives the poses of a scan by `add_own_ship`, see `OwnShipInput.look_up`."""
+        """Callback that adds the poses of a scan, see `OwnShipInput.look_up`."""
         return self._own_ship.look_up
 
     @look_up.setter
@@ -110,7 +110,7 @@ class Session:
 
     @property
     def fixed_frame(self) -> str:
-        """Frame of the tracks; empty while it is not known."""
+        """Frame of the tracks; empty while unknown."""
         return self._frames.fixed
 
     @property
@@ -120,7 +120,7 @@ class Session:
 
     @property
     def totals(self) -> ScanStatistics:
-        """Sums over the scans since the start or the last `reset`, whatever started over since."""
+        """Sums over the scans since the start or the last `reset`, restarts included."""
         return self._run.totals
 
     @property
@@ -129,15 +129,15 @@ class Session:
         return self._own_ship.poses.last_stamp
 
     def configure(self, settings: Settings) -> bool:
-        """Change settings before the next scan; frames and the own-ship source stay as they are.
+        """Change settings before the next scan; frames and the own-ship source do not change.
 
-        Where that raises, nothing has changed.
+        An error leaves the settings unchanged.
 
         Returns
         -------
         bool
-            Whether potential tracks were kept. Another method, or another number of hits, starts
-            over.
+            Whether potential tracks were kept. A change of the method or of the number of hits
+            discards them.
         """
         window, options = settings.window, settings.session
         kept = self._run.configure(settings)
@@ -151,11 +151,11 @@ class Session:
         return kept
 
     def rehearse(self, settings: Settings) -> None:
-        """Raise what `configure` would; nothing changes."""
+        """Raise the errors of `configure`, without a change."""
         self._run.rehearse(settings)
 
     def reset(self) -> list[int]:
-        """Forget scans, tracks, poses and counts; returns the ids of the tracks that end."""
+        """Discard scans, tracks, poses and counts; return the ids of the tracks that end."""
         self.dropped.clear()
         self.arrived_stamp = None
         self._order.reset()
@@ -166,17 +166,16 @@ class Session:
         return self._run.reset()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
-        """Count and report something that cannot be used."""
+        """Count and report a drop."""
         self.dropped[reason] += number
         self._report(reason, sentence)
 
     def add_own_ship(self, sample: PoseSample) -> None:
         """Take a pose of the sensor, or of a vessel whose frame is its `child_frame_id`.
 
-        The mounting says where on the vessel the sensor is. Where it says nothing and the frames
-        have different names, the sensor is taken to be at the vessel's origin, and that is
-        reported. The pose is in its `frame_id`, or, where that is empty, in the `fixed_frame`
-        given.
+        The mounting is the pose of the sensor on the vessel. Without a mounting, if the frames
+        have different names, the sensor is assumed at the vessel's origin, which is reported. The
+        pose is in its `frame_id`, or, if that is empty, in the `fixed_frame` of the options.
         """
         try:
             sample.check()
@@ -186,7 +185,7 @@ class Session:
         if self._refused(self._frames.take_pose(sample)):
             return
         if self._refused(self._own_ship.add(sample)):
-            self._tell(self._own_ship.restart_if_late_for_long(sample.stamp))
+            self._report_all(self._own_ship.restart_if_late_for_long(sample.stamp))
 
     def add_scan(self, arrived: SensorScan, now: Now) -> None:
         """Take a scan that arrived at the time `now`."""
@@ -195,31 +194,32 @@ class Session:
         if self._refused(self._frames.refuse_scan(arrived) or self._refuse_size(arrived.scan)):
             return
         self._frames.take_scan(arrived)
-        self._tell(self._queue.add(arrived, now))
+        self._report_all(self._queue.add(arrived, now))
 
     def add_tracked(self, report: TrackerReport) -> None:
-        """Take what a downstream tracker says that it tracks; the newest counts at the next scan.
+        """Take a downstream tracker's report; the next scan uses the newest report.
 
-        Targets that cannot be used are left out, see `downstream_tracker.usable`.
+        Unusable targets are left out, see `downstream_tracker.usable`.
         """
         restart_jump = self._settings.session.restart_jump
         refusal = self._frames.refuse_report(report)
         if not self._refused(refusal or self._downstream.refuse(report, restart_jump)):
-            self._tell(*self._downstream.add(report))
+            self._report_all(*self._downstream.add(report))
 
     def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
-        """Process the scans that can be, in order.
+        """Process the scans that are ready, in order.
 
-        One whose stamp is far back waits for the next: only that tells a restart from a bad stamp.
+        A scan whose stamp is far back waits for the next scan, which distinguishes a restart from a
+        bad stamp.
 
         Parameters
         ----------
         now : float or tuple of float
-            Time on the clock of `add_scan`, s; of several clocks the one counts by which a scan
-            has waited least. Scans that waited too long for own-ship data are dropped; by default
-            none waits any longer.
+            Time on the clock of `add_scan`, s; of several clocks, the clock with the shortest wait
+            counts. Scans that waited too long for own-ship data are dropped; by default, no scan
+            waits any longer.
         last : bool, optional
-            Whether no scan follows any more.
+            Whether no further scan follows.
 
         Yields
         ------
@@ -238,7 +238,7 @@ class Session:
                 yield result
 
     def figures(self) -> SessionSnapshot:
-        """State of the session, by which its health is judged."""
+        """State of the session, for its diagnostics."""
         initiator = self.initiator
         newest = self._queue.newest_stamp
         if newest is None and not self._own_ship.restarted:
@@ -262,13 +262,13 @@ class Session:
 
     @property
     def mounting(self) -> str:
-        """Whether the sensor's place on the vessel is given, assumed, not needed or unknown yet."""
+        """Whether the mounting is given, assumed, not needed or unknown yet."""
         if self.source != "odometry":
             return "not needed"
         known = self.own_ship_stamp is not None
         return self._frames.mounting_state(self._settings.mounting, known)
 
-    def _tell(self, *remarks: Remark | None) -> None:
+    def _report_all(self, *remarks: Remark | None) -> None:
         """Count and report refusals; report notices."""
         for remark in remarks:
             if isinstance(remark, Refusal):
@@ -277,8 +277,8 @@ class Session:
                 self._report(*remark)
 
     def _refused(self, refusal: Refusal | None) -> bool:
-        """Whether something is refused, which is counted and reported."""
-        self._tell(refusal)
+        """Count and report a refusal, if any; return whether there is one."""
+        self._report_all(refusal)
         return refusal is not None
 
     def _refuse_size(self, scan: Scan) -> Refusal | None:
@@ -287,17 +287,17 @@ class Session:
             return None
         return Refusal(
             "too_many_detections",
-            f"a scan of {len(scan)} detections is more than max_detections = {limit}",
+            f"a scan has {len(scan)} detections, more than max_detections = {limit}",
         )
 
     def _must_wait(self, first: Waiting) -> bool:
-        """Whether the first scan needs own-ship data that may still come."""
+        """Whether the first scan needs own-ship data that may still arrive."""
         if first.arrival is Arrival.RESTART and not self._own_ship.restarted:
             self._own_ship.restart(first.scan.scan.stamp)
         return first.usable and self._own_ship.must_wait(first.scan, first.seconds)
 
     def _result(self, first: Waiting) -> ScanResult | None:
-        """Register and run the first scan, which need not wait; None where it is dropped."""
+        """Register and process the first scan, which need not wait; None if it is dropped."""
         arrived, stamp = first.scan, first.scan.scan.stamp
         refusal = (
             first.refuse() or self._refuse_size(arrived.scan) or self._own_ship.refuse(arrived)
@@ -305,7 +305,7 @@ class Session:
         if self._refused(refusal):
             return None
         scan, remarks = register(arrived, self._own_ship, self._frames, self._settings)
-        self._tell(*remarks)
+        self._report_all(*remarks)
         if scan is None:
             return None
         self._order.accept(stamp, first.arrival)
@@ -314,17 +314,19 @@ class Session:
         return self._run_on(scan, first)
 
     def _start_over(self, arrival: Arrival, stamp: float) -> None:
-        """Drop what cannot continue across a restart or a long gap."""
+        """Discard all tracks at a restart, and the potential tracks at a long gap."""
         if arrival is Arrival.RESTART:
-            self._tell(Notice("restart", f"stamps went back to {stamp:.3f} s: starting over"))
+            self._report_all(Notice("restart", f"stamps went back to {stamp:.3f} s: state reset"))
             self._run.start_over()
             self._downstream.clear()
         elif arrival is Arrival.GAP:
-            self._tell(Notice("gap", f"long gap before {stamp:.3f} s: potential tracks dropped"))
+            self._report_all(
+                Notice("gap", f"long gap before {stamp:.3f} s: potential tracks dropped")
+            )
             self.initiator.forget_potential_tracks()
 
     def _report_at(self, stamp: float) -> TrackerReport | None:
-        """The downstream tracker's report for the scan of a stamp (s)."""
+        """The downstream tracker's report for the scan at a stamp (s)."""
         report = self._downstream.take()
         if report is None:
             return None
@@ -337,7 +339,7 @@ class Session:
         """Run the initiator on a registered scan."""
         tracker = self.initiator.maintenance.tracker
         new, seconds = self._run.process(scan, self._report_at(scan.stamp))
-        self._tell(*self._run.remarks(scan, tracker))
+        self._report_all(*self._run.remarks(scan, tracker))
         return ScanResult(
             stamp=scan.stamp,
             stamp_ns=first.scan.stamp_ns,

@@ -1,4 +1,4 @@
-"""The state of a session, by which its health is judged."""
+"""The state of a session, for its diagnostics."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ class SessionSnapshot:
     totals : ScanStatistics
         Sums since the start or the last reset.
     potential_tracks : int
-        Potential tracks held.
+        Number of potential tracks.
     tracks : int
-        Confirmed tracks held.
+        Number of held tracks.
     dropped : mapping of str to int
         Drops by reason.
     waiting : int
-        Scans that wait for own-ship data.
+        Number of scans that wait for own-ship data.
     detection_probability, detection_probability_estimated : float
-        In use, and as the tracks held tell it.
+        The value in use, and the estimate from the held tracks.
     clutter_density : float
-        In use, the mean over the coverage, 1/m^2.
+        The density in use, mean over the coverage, 1/m^2.
     coverage_area : float
         m^2.
     own_ship_source : str
     mounting : str
-        Of the sensor on the vessel: given, assumed, not needed or unknown.
+        Whether the mounting is given, assumed, not needed or unknown.
     own_ship_stamp, scan_stamp : float or None
         Newest stamps, s.
     tracker : str
-        What is known of the downstream tracker.
+        State of the downstream tracker: a value of `Tracker`.
     """
 
     totals: ScanStatistics

@@ -1,1 +1,1 @@
-"""The tables of parameters, and the settings of a session made from them."""
+"""The parameter tables, and the settings of a session made from them."""

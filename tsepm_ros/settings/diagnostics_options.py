@@ -9,7 +9,7 @@ from tsepm_ros.parameters import check_group, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosticsOptions:
-    """From where on something is not healthy.
+    """Thresholds between healthy and unhealthy values.
 
     Raises
     ------
@@ -19,48 +19,51 @@ class DiagnosticsOptions:
 
     window: float = parameter(
         60.0,
-        "Time for which a drop, a late scan, a cut or a long latency keeps its entry from ok",
+        "Time for which a drop, a gap, a cut or a long latency raises the level of its entry",
         unit="s",
         positive=True,
         maximum=86_400.0,
     )
     scan_period: float = parameter(
         0.0,
-        "Expected time between scans; 0: the median of their stamps",
+        "Expected time between scans; 0: the median interval of their stamps",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
     )
     scan_period_factor: float = parameter(
-        2.0, "Times the expected period that is still good", minimum=1.0, maximum=1000.0
+        2.0,
+        "Maximum factor between the observed and the expected time between scans",
+        minimum=1.0,
+        maximum=1000.0,
     )
     stale_time: float = parameter(
         60.0,
-        "Without a scan, or own-ship data, for longer than this an entry is stale",
+        "Time without a scan, or without own-ship data, after which the entry is stale",
         unit="s",
         positive=True,
         maximum=86_400.0,
     )
     max_latency: float = parameter(
         1.0,
-        "Time from a scan's arrival until everything is published, waiting included, that is good",
+        "Maximum acceptable time from a scan's arrival to the end of publishing, waiting included",
         unit="s",
         positive=True,
         maximum=3600.0,
     )
     max_own_ship_age: float = parameter(
         3.0,
-        "Own-ship data may be older than this neither now nor at the newest scan",
+        "Maximum age of own-ship data, relative to now and to the newest scan",
         unit="s",
         positive=True,
         maximum=3600.0,
     )
     max_dropped_share: float = parameter(
-        0.1, "Share of single detections that may be dropped", minimum=0.0, maximum=1.0
+        0.1, "Maximum share of detections dropped one by one", minimum=0.0, maximum=1.0
     )
     clutter_factor: float = parameter(
         3.0,
-        "Times that the density of detections may differ from the clutter density in use",
+        "Maximum factor between the density of detections and the clutter density in use",
         minimum=1.0,
         maximum=1e6,
     )

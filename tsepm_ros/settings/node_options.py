@@ -6,42 +6,42 @@ from dataclasses import dataclass
 
 from tsepm_ros.parameters import check_group, parameter
 
-SLOWEST_SOUND = 100.0
-"""Slowest speed that is taken for one of sound, m/s."""
+MIN_SOUND_SPEED = 100.0
+"""Minimum accepted speed of sound, m/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class InitiatorNodeOptions:
-    """What the node `track_initiator` adds to a session."""
+    """Options of the node `track_initiator` beyond those of a session."""
 
     detections_type: str = parameter(
-        "auto", "Message type of the detections; auto: that of the publisher", read_only=True
+        "auto", "Message type of the detections; auto: the publisher's type", read_only=True
     )
     sound_speed: float = parameter(
         0.0,
-        "Where a message gives no times, echoes are of range / sound_speed after the stamp; 0: of "
-        "the stamp. Where a sonar message does not give its sound speed: that, or with 0 1500 m/s",
+        "Sound speed. Detections without times are valid range / sound_speed after the stamp; 0: "
+        "at the stamp. Sonar messages without a sound speed use this value; 0: 1500 m/s",
         unit="m/s",
         minimum=0.0,
         maximum=10_000.0,
     )
     detections_reliability: str = parameter(
         "auto",
-        "Reliability of the subscription; auto: what the publisher offers",
+        "Reliability of the subscription; auto: the publisher's reliability",
         choices=("auto", "reliable", "best_effort"),
         read_only=True,
     )
     detections_depth: int = parameter(
-        1000, "Scans that may queue up in a burst", minimum=1, maximum=100_000, read_only=True
+        1000, "Maximum number of queued scans", minimum=1, maximum=100_000, read_only=True
     )
     bearing_reference: str = parameter(
         "bow",
-        "What a field named bearing is measured from, clockwise",
+        "Reference direction of a field named bearing, which is positive clockwise",
         choices=("bow", "north"),
         read_only=True,
     )
     publish_potential_tracks: bool = parameter(
-        False, "Publish the hypotheses of two hits and more on potential_tracks, with markers"
+        False, "Publish hypotheses with at least two hits on potential_tracks, with markers"
     )
     diagnostics_period: float = parameter(
         1.0, "Time between messages on /diagnostics", unit="s", minimum=0.05, maximum=3600.0
@@ -49,39 +49,37 @@ class InitiatorNodeOptions:
 
     def __post_init__(self) -> None:
         check_group(self)
-        if 0.0 < self.sound_speed < SLOWEST_SOUND:
+        if 0.0 < self.sound_speed < MIN_SOUND_SPEED:
             raise ValueError(
-                f"sound_speed must be 0 or at least {SLOWEST_SOUND}; got {self.sound_speed}"
+                f"sound_speed must be 0 or at least {MIN_SOUND_SPEED}; got {self.sound_speed}"
             )
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaybackOptions:
-    """How `sonar_simulator` and `scan_player` publish what they play."""
+    """Playback options of `sonar_simulator` and `scan_player`."""
 
     rate_factor: float = parameter(
-        1.0, "How much faster than real time", positive=True, maximum=1e6, read_only=True
+        1.0, "Playback speed relative to real time", positive=True, maximum=1e6, read_only=True
     )
-    publish_clock: bool = parameter(
-        False, "Publish the time of what is played on /clock", read_only=True
-    )
+    publish_clock: bool = parameter(False, "Publish the playback time on /clock", read_only=True)
     wait_for_subscribers: int = parameter(
         1,
-        "Start when this many subscribe to the detections",
+        "Number of subscribers to the detections that playback waits for",
         minimum=0,
         maximum=100,
         read_only=True,
     )
     settling_time: float = parameter(
         1.0,
-        "Time from the last of them to the first scan: discovery may take the middleware that long "
-        "to complete on the other side",
+        "Delay from the last of these subscriptions to the first scan, in which the subscriber's "
+        "side completes its discovery",
         unit="s",
         minimum=0.0,
         maximum=60.0,
         read_only=True,
     )
-    loop: bool = parameter(False, "Start again from the beginning at the end", read_only=True)
+    loop: bool = parameter(False, "Restart from the beginning at the end", read_only=True)
 
     def __post_init__(self) -> None:
         check_group(self)
@@ -89,7 +87,7 @@ class PlaybackOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatorNodeOptions:
-    """What the node `sonar_simulator` plays."""
+    """Options of the node `sonar_simulator`."""
 
     scenario: str = parameter(
         "four_targets", "Name of a shipped scenario, or path of a .yaml file", read_only=True
@@ -97,10 +95,10 @@ class SimulatorNodeOptions:
     detections_type: str = parameter(
         "sensor_msgs/msg/PointCloud2", "Message type of the detections", read_only=True
     )
-    seed: int = parameter(1, "Seed; the same one gives the same scans", minimum=0, read_only=True)
+    seed: int = parameter(1, "Random seed; equal seeds give equal scans", minimum=0, read_only=True)
     start_stamp: float = parameter(
         0.0,
-        "Stamp of the start; negative: the clock's time",
+        "Stamp of the start; negative: the current time",
         unit="s",
         maximum=2e9,
         read_only=True,
@@ -122,29 +120,33 @@ class SimulatorNodeOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PlayerNodeOptions:
-    """What the node `scan_player` plays."""
+    """Options of the node `scan_player`."""
 
     recording: str = parameter(
-        "", "Folder of CSV files; or bag: folder with metadata.yaml, .mcap or .db3", read_only=True
+        "",
+        "Folder of CSV files, or a bag: folder with metadata.yaml, .mcap or .db3",
+        read_only=True,
     )
     start_offset: float = parameter(
         0.0,
-        "Leave out what was recorded before this time after the recording's start",
+        "Time to skip at the start of the recording",
         unit="s",
         minimum=0.0,
         read_only=True,
     )
     start_stamp: float = parameter(
         0.0,
-        "Added to the stamps of a CSV recording; negative: it starts at the clock's time",
+        "Offset of the stamps of a CSV recording; negative: the start has the current time",
         unit="s",
         maximum=2e9,
         read_only=True,
     )
     fixed_frame: str = parameter(
-        "odom", "Frame of a CSV recording's own ship (ENU)", read_only=True
+        "odom", "Frame of the own ship of a CSV recording (ENU)", read_only=True
     )
-    sensor_frame: str = parameter("sonar", "Frame of a CSV recording's detections", read_only=True)
+    sensor_frame: str = parameter(
+        "sonar", "Frame of the detections of a CSV recording", read_only=True
+    )
     detections_topic: str = parameter(
         "", "Topic of a bag to play as detections; empty: found by name or type", read_only=True
     )

@@ -8,12 +8,12 @@ from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.parameters import check_group, parameter
 
 OWN_SHIP_SOURCES = ("none", "odometry", "tf")
-"""Where the sensor's pose may come from."""
+"""Sources of the sensor's pose."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions:
-    """How arriving data is put in order and in place.
+    """Method, frames, and limits on the times of arriving data.
 
     Raises
     ------
@@ -24,56 +24,56 @@ class SessionOptions:
     method: str = parameter("score", "Track initiation method", choices=available_methods())
     own_ship_source: str = parameter(
         "none",
-        "Where the sensor's pose comes from: none (it does not move), odometry or tf",
+        "Source of the sensor's pose: none (the sensor does not move), odometry or tf",
         choices=OWN_SHIP_SOURCES,
         read_only=True,
     )
     fixed_frame: str = parameter(
         "",
-        "Frame of the tracks (ENU); empty: the odometry's frame, else the detections' own",
+        "Frame of the tracks (ENU); empty: the odometry's frame, else the detections' frame",
         read_only=True,
     )
     sensor_frame: str = parameter(
-        "", "Frame of the detections; empty: that of the first message", read_only=True
+        "", "Frame of the detections; empty: the frame of the first message", read_only=True
     )
     own_ship_timeout: float = parameter(
         2.0,
-        "Time that a scan waits for the own-ship data that belongs to it",
+        "Maximum time that a scan waits for own-ship data at its time",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
     )
     own_ship_max_extrapolation: float = parameter(
         0.5,
-        "Own-ship data this much older than the scan still places it, once it has waited",
+        "Maximum extrapolation of the newest pose after own_ship_timeout expires",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
     )
     own_ship_max_gap: float = parameter(
         10.0,
-        "Longest gap between own-ship data that is interpolated across",
+        "Maximum gap between own-ship samples for interpolation",
         unit="s",
         positive=True,
         maximum=3600.0,
     )
     restart_jump: float = parameter(
         60.0,
-        "A stamp farther back than this is a restart and resets the state; nearer is a late scan",
+        "Backward step of the stamps that resets the state; a smaller step means a late scan",
         unit="s",
         minimum=0.0,
     )
     max_gap: float = parameter(
         0.0,
-        "A gap between scans longer than this drops the potential tracks; 0: the window times the "
-        "median scan interval",
+        "Maximum gap between scans; a longer gap drops the potential tracks. 0: the window times "
+        "the median scan interval",
         unit="s",
         minimum=0.0,
     )
     max_scan_time: float = parameter(
         5.0,
-        "Time that a scan may take, a last resort behind the limits on counts; off in studies and "
-        "offline runs, so that they are reproducible",
+        "Maximum computing time of a scan, a safeguard beyond the limits on counts. It is off in "
+        "studies and offline runs, which are therefore reproducible",
         unit="s",
         positive=True,
         maximum=3600.0,

@@ -1,4 +1,4 @@
-"""Everything that a session is made from."""
+"""The settings of a session."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tsepm_ros.settings.session_options import SessionOptions
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything a session is made from.
+    """The settings of a session.
 
     Attributes
     ----------
@@ -25,14 +25,14 @@ class Settings:
     sensor : SensorModel
     common : CommonOptions
     methods : mapping of str to options
-        Each method's own options, by the method's name; defaults where one is missing.
+        Options of each method by its name; a missing method has the defaults.
     mounting : Mounting
-        Where the sensor is on the vessel of the odometry.
+        Pose of the sensor relative to the frame of the odometry.
 
     Raises
     ------
     ValueError
-        If a mounting is given where there is no odometry to use it with.
+        If a mounting is given and own-ship data is not from odometry.
     """
 
     session: SessionOptions = field(default_factory=SessionOptions)
@@ -45,8 +45,8 @@ class Settings:
         source = self.session.own_ship_source
         if self.mounting.given and source != "odometry":
             raise ValueError(
-                f"mounting.x, mounting.y and mounting.yaw must be 0 where own_ship_source is "
-                f"{source}: they say where the sensor is on the vessel of the odometry"
+                f"mounting.x, mounting.y and mounting.yaw must be 0 if own_ship_source is "
+                f"{source}: they are relative to the frame of the odometry"
             )
 
     @property
@@ -70,5 +70,5 @@ class Settings:
 
     @property
     def window(self) -> int:
-        """Scans of the chosen method's window."""
+        """Window of the chosen method, scans."""
         return int(self.method_options.window)

@@ -1,4 +1,4 @@
-"""The parameter tables of the nodes: which groups each has, and how they are made from values."""
+"""The parameter tables of the nodes: their groups, and the options made from values."""
 
 from __future__ import annotations
 
@@ -45,26 +45,26 @@ NODES: dict[str, Groups] = {
 
 
 def full_table(groups: Groups) -> Iterator[Parameter]:
-    """Iterate over all parameters of some groups, with their full names."""
+    """Iterate over all parameters of groups, with their full names."""
     for prefix, group in groups:
         for row in table(group):
             yield replace(row, name=prefix + row.name)
 
 
 def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], Any]:
-    """Make every group from values by full name; a missing one has its default.
+    """Make every group from values by full name; a missing value is the default.
 
     Raises
     ------
     ValueError
-        If a name is unknown or a value is not allowed, by itself or together with another; the
-        sentence has the full name.
+        If a name is unknown, or a value is not allowed by itself or in combination with another;
+        the message has the full name.
     """
     known = {row.name for row in full_table(groups)}
     for name in values:
         if name not in known:
             raise ValueError(unknown_parameter(name, known))
-    made = {}
+    options = {}
     for prefix, group in groups:
         given = {
             row.name: values[prefix + row.name]
@@ -72,37 +72,38 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
             if prefix + row.name in values
         }
         try:
-            made[group] = group(**given)
+            options[group] = group(**given)
         except ValueError as error:
             raise ValueError(f"{prefix}{error}") from None
     if groups is TRACK_INITIATOR:
-        _check_combination(made)
-    return made
+        _check_combination(options)
+    return options
 
 
-def _check_combination(made: Mapping[type[Any], Any]) -> None:
-    """Refuse values of different groups that do not go together."""
-    settings_from(made)
-    session: SessionOptions = made[SessionOptions]
-    from_north = made[InitiatorNodeOptions].bearing_reference == "north"
+def _check_combination(options: Mapping[type[Any], Any]) -> None:
+    """Refuse values of different groups that contradict each other."""
+    settings_from(options)
+    session: SessionOptions = options[SessionOptions]
+    from_north = options[InitiatorNodeOptions].bearing_reference == "north"
     if from_north and session.own_ship_source == "none" and not session.fixed_frame:
         raise ValueError(
-            "fixed_frame must be given where bearing_reference is north and own_ship_source none: "
-            "the tracks are then in an east-north frame, not in the sensor's"
+            "fixed_frame must be given if bearing_reference is north and own_ship_source is none: "
+            "the tracks are then in an east-north frame, not in the sensor frame"
         )
-    if from_north and session.own_ship_source == "none" and not made[SensorModel].all_round:
+    if from_north and session.own_ship_source == "none" and not options[SensorModel].all_round:
         raise ValueError(
-            "own_ship_source must not be none where bearing_reference is north and "
-            "sensor.azimuth_min to sensor.azimuth_max a sector: that turns with the heading"
+            "own_ship_source must not be none if bearing_reference is north and "
+            "sensor.azimuth_min to sensor.azimuth_max is a sector: the sector turns with the "
+            "heading"
         )
 
 
-def settings_from(made: Mapping[type[Any], Any]) -> Settings:
-    """Settings of a session, from the groups of TRACK_INITIATOR."""
+def settings_from(options: Mapping[type[Any], Any]) -> Settings:
+    """Settings of a session, from the options of the groups of TRACK_INITIATOR."""
     return Settings(
-        session=made[SessionOptions],
-        sensor=made[SensorModel],
-        common=made[CommonOptions],
-        methods={name: made[kind.Options] for name, kind in METHODS.items()},
-        mounting=made[Mounting],
+        session=options[SessionOptions],
+        sensor=options[SensorModel],
+        common=options[CommonOptions],
+        methods={name: options[kind.Options] for name, kind in METHODS.items()},
+        mounting=options[Mounting],
     )

@@ -10,11 +10,11 @@ import yaml
 from tsepm_ros.parameters import Value
 
 EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
-"""A number with an exponent, with or without its point."""
+"""A number with an exponent, with or without a decimal point."""
 
 
 def yaml_text(value: Value) -> str:
-    """Write a value as YAML 1.1, which ROS reads; 1e-06 would be a text there, 1.0e-06 is not."""
+    """Write a value as YAML 1.1, which ROS reads; YAML 1.1 reads 1e-06 as a text, not 1.0e-06."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
@@ -24,18 +24,18 @@ def yaml_text(value: Value) -> str:
 
 
 def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
-    """Read assignments ``name:=value``, typed as in YAML; but 1e-9 is a number here.
+    """Read assignments ``name:=value``, typed as in YAML, except that 1e-9 is a number.
 
     Raises
     ------
     ValueError
-        If one is not of this form.
+        If an assignment does not have this form.
     """
     values = {}
     for assignment in assignments:
         name, separator, text = assignment.partition(":=")
         if not separator or not name:
-            raise ValueError(f"a parameter is given as NAME:=VALUE; got {assignment!r}")
+            raise ValueError(f"a parameter must have the form NAME:=VALUE; got {assignment!r}")
         try:
             exponential = EXPONENT.fullmatch(text.strip())
             values[name] = float(text) if exponential else yaml.safe_load(text)
