@@ -40,13 +40,15 @@ def test_a_message_of_an_unknown_type_is_refused_with_the_known_ones():
     with pytest.raises(MessageError) as error:
         read_detections(String())
     assert error.value.reason == "unknown_type"
-    assert "'std_msgs/msg/String' is not known" in str(error.value)
+    assert "'std_msgs/msg/String' is not supported" in str(error.value)
     assert "sensor_msgs/msg/PointCloud2" in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["sensor_msgs/msg/Image", "PointCloud2", "os/system", ""])
 def test_the_class_of_an_unknown_type_is_refused_with_the_known_ones(name):
-    with pytest.raises(MessageError, match=r"known are .*sensor_msgs/msg/PointCloud2") as error:
+    with pytest.raises(
+        MessageError, match=r"supported types are .*sensor_msgs/msg/PointCloud2"
+    ) as error:
         message_class(name)
     assert error.value.reason == "unknown_type"
 

@@ -117,7 +117,7 @@ def test_intensities_of_another_number_are_not_used_and_said():
     found = read_detections(fan([20.0, 30.0, 40.0], intensities=[1.0, 2.0]))
     assert len(found) == 3
     assert found.scan.features == {}
-    said = "intensities are not as many as detections: they are not used"
+    said = "the numbers of intensities and detections differ: intensities are not used"
     assert found.assumptions == (said, NO_TIMES)
 
 

@@ -100,14 +100,14 @@ def test_an_unknown_sound_speed_is_the_parameter_s_and_said(unknown):
     found = read_detections(travel_times([2.0], [0.0], ping_info=info), sound_speed=1450.0)
     assert found.scan.range[0] == 1450.0
     [sentence] = found.assumptions
-    assert "SonarDetections does not give the sound speed" in sentence
+    assert "SonarDetections has no sound speed" in sentence
     assert "1450 m/s" in sentence
     found = read_detections(ranges([2900.0], [(0, 0, 1)], ping_info=info), sound_speed=1450.0)
     assert (found.scan.range[0], found.scan.time_offset[0]) == (2900.0, 2.0)
     assert len(found.assumptions) == 1
     found = read_detections(travel_times([2.0], [0.0], ping_info=info))
     assert found.scan.range[0] == 1500.0
-    assert "1500 m/s; sound_speed is not set" in found.assumptions[0]
+    assert "1500 m/s is assumed; sound_speed is not set" in found.assumptions[0]
 
 
 def test_one_value_holds_for_every_beam():

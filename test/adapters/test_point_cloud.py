@@ -97,11 +97,11 @@ def _cloud(**values):
 
 BAD_FIELDS = [
     pytest.param(_first_field(name="other"), "missing_field", "'a' is missing", id="missing"),
-    pytest.param(_cloud(fields=[]), "missing_field", "the cloud has none", id="no-fields"),
+    pytest.param(_cloud(fields=[]), "missing_field", "the cloud has no fields", id="no-fields"),
     pytest.param(
         lambda cloud: cloud.fields.append(cloud.fields[0]),
         "duplicate_field",
-        "'a' is there 2 times",
+        "'a' occurs 2 times",
         id="duplicate",
     ),
     *(

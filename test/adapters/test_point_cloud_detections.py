@@ -457,8 +457,10 @@ def test_built_cloud_carries_bad_values_as_they_are(header):
         pytest.param(
             {"azimuth": [1.0], "bearing": [1.0]}, "exactly one of azimuth", id="both-angles"
         ),
-        pytest.param({"azimuth": [1.0, 2.0]}, "azimuth must be .* as long", id="length"),
-        pytest.param({"azimuth": 1.0}, "azimuth must be of one dimension", id="scalar"),
+        pytest.param(
+            {"azimuth": [1.0, 2.0]}, "azimuth must have .* the length of range", id="length"
+        ),
+        pytest.param({"azimuth": 1.0}, "azimuth must have one dimension", id="scalar"),
         pytest.param({"azimuth": [1.0], "depth": [1.0]}, "depth is not a field", id="name"),
         pytest.param(
             {"bearing": [1.0], "bearing_reference": "grid"}, "bearing_reference", id="reference"

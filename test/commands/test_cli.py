@@ -197,7 +197,7 @@ def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
     given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
     assert main(["run", path, *given]) == 2
     error = capsys.readouterr().err
-    assert "may be the detections: /a/detections, /b/detections" in error
+    assert "several topics for detections: /a/detections, /b/detections" in error
     assert "--detections" in error
     outs = []
     for name in ("a", "b"):

@@ -97,7 +97,7 @@ def test_silence_is_judged_by_the_median_of_the_stamps_then_by_the_stale_time():
     run = Run(stale_time=60.0)
     run.scans(0.0, 12.0, 24.0)
     assert run.status("detections", 24.0 + 24.0).level == Level.OK
-    said = (Level.WARN, "no scan for 25 s, one is expected every 12 s")
+    said = (Level.WARN, "no scan for 25 s, expected is a scan every 12 s")
     assert run.said("detections", 24.0 + 25.0) == said
     assert run.said("detections", 24.0 + 61.0) == (Level.STALE, "no scan for 61 s")
 
@@ -272,7 +272,7 @@ def test_latency_is_split_and_judged_as_a_whole():
     status = run.status("latency", 12.0)
     assert (status.level, status.message) == (
         Level.WARN,
-        "a scan was done 1.07 s after its arrival",
+        "a scan was finished 1.07 s after its arrival",
     )
     assert {name: round(value) for name, value in status.values.items()} == {
         "latency_ms": 240,
@@ -293,7 +293,7 @@ def test_work_that_takes_longer_than_the_sonar_is_an_error():
     run = Run(max_latency=100.0)
     for time in (0.0, 2.0, 4.0):
         run.scan(time, core=1.5, publishing=0.6, to_all=2.1)
-    said = (Level.ERROR, "a scan took 2.1 s, the next came after 2 s")
+    said = (Level.ERROR, "a scan took 2.1 s, longer than the scan interval of 2 s")
     assert run.said("latency", 4.0) == said
 
 
@@ -346,7 +346,7 @@ def test_the_worst_is_said_first_and_gives_the_level():
         run.scan(time, core=2.1, to_all=2.1)
     level, message = run.said("latency", 4.0)
     assert level == Level.ERROR
-    assert message.index("the next came") < message.index("after its arrival")
+    assert message.index("longer than the scan interval") < message.index("after its arrival")
 
 
 def test_reset_forgets_drops_scans_and_arrivals():

@@ -269,7 +269,7 @@ def test_a_jump_far_back_starts_over_once(world):
     assert_same(second, confirmed(again))
     assert_stamps(second, again)
     assert world.dropped() == {}
-    assert len([line for line in world.logged(WARN) if "starting over" in line]) == 1
+    assert len([line for line in world.logged(WARN) if "state reset" in line]) == 1
 
 
 def test_a_short_loop_starts_over_after_a_few_late_scans(world):
@@ -278,7 +278,7 @@ def test_a_short_loop_starts_over_after_a_few_late_scans(world):
     boat.send(sent)
     for ping in sent:
         boat.driver.ping(ping)
-    world.until_logged("starting over")
+    world.until_logged("state reset")
     late = world.dropped()
     assert late.keys() == {"scan_late"} and late["scan_late"] <= 3
     rest = sent[late["scan_late"] :]

@@ -86,7 +86,7 @@ def test_a_sound_speed_that_is_not_given_is_the_parameter_s_and_said_once(world)
         expected.append(core.process(Scan(stamp=START_NS / 1e9 + 12 * index, **numbers)))
     world.until(lambda: len(tracks) == PINGS, "tracks")
     assert_same(tracks, expected)
-    world.until_logged("does not give the sound speed", "1450 m/s", level=WARN)
+    world.until_logged("has no sound speed", "1450 m/s", level=WARN)
     assert len(world.warned()) == 1
     assert world.dropped() == {}
 

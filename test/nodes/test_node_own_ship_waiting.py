@@ -166,7 +166,7 @@ def test_after_a_short_restart_scans_are_not_placed_by_the_poses_before_it(world
         boat.tracks.clear()
         if simulated_time:
             set_time(world, boat, clock, START_NS + 41 * SECOND)
-    world.until_logged("starting over")
+    world.until_logged("state reset")
     found = [(message, point) for message in tracks for point in points(message)]
     assert found, "eight scans or so see the target"
     for message, point in found:

@@ -118,5 +118,5 @@ def test_a_loop_makes_the_initiator_start_over(world, kind, scenario, record):
     show.begin()
     number = 5 if kind is SonarSimulator else 3
     world.until(lambda: len(boat.tracks) >= 2 * number + 1, "the third round")
-    world.until_logged("starting over")
+    world.until_logged("state reset")
     assert world.dropped() == {}

@@ -37,7 +37,7 @@ def test_an_unsupported_type_is_named_once_and_a_good_driver_is_still_found(worl
     assert POINT_CLOUD in line, "the supported types"
     world.until(lambda: len(world.diagnostics) > 5, "more looks at the graph")
     assert len(world.logged(ERROR)) == 1
-    said = "detections are published as sensor_msgs/msg/Image, which is not read"
+    said = "detections are published as sensor_msgs/msg/Image, which the node does not read"
     assert world.status("detections").message == said
 
     world.end(wrong)

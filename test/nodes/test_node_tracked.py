@@ -144,7 +144,7 @@ def test_a_tracker_that_falls_silent_and_comes_back_is_said(world):
     assert world.figures()["tracker"] == "silent"
     tracker.say(25.0, 9)
     assert ids(tracker.held_at(36.0)) == [9]
-    world.until_logged("downstream tracker is heard again")
+    world.until_logged("downstream tracker reports again")
     assert world.figures()["tracker"] == "alive"
 
 

@@ -179,7 +179,7 @@ def test_a_mounting_is_refused_while_running_without_odometry_and_taken_with_it(
     standing = world.make(TrackInitiator, named({}))
     [refused] = standing.set_parameters(yaw)
     assert not refused.successful
-    assert "must be 0 where own_ship_source is none" in refused.reason
+    assert "must be 0 if own_ship_source is none" in refused.reason
     moving = world.make(TrackInitiator, named({"own_ship_source": "odometry"}))
     [taken] = moving.set_parameters(yaw)
     assert taken.successful, taken.reason

@@ -262,7 +262,7 @@ def test_the_mounting_is_given_or_not_needed():
 @pytest.mark.parametrize("name", ["x", "y", "yaw"])
 def test_a_mounting_without_odometry_is_refused(source, name):
     values = {"own_ship_source": source, "fixed_frame": "map", f"mounting.{name}": 0.5}
-    with pytest.raises(ValueError, match=f"mounting.x, .* must be 0 where .* is {source}"):
+    with pytest.raises(ValueError, match=f"mounting.x, .* must be 0 if .* is {source}"):
         make_groups(TRACK_INITIATOR, values)
     values["own_ship_source"] = "odometry"
     settings = settings_from(make_groups(TRACK_INITIATOR, values))

@@ -110,7 +110,7 @@ def test_a_corrupt_message_is_told_apart_from_the_bag(tmp_path, data, said):
     path = write_bag(tmp_path / "bag", [Entry(1.0, "/detections", POINTS, data)])
     with Bag(path) as bag:
         [message] = bag.messages(["/detections"])
-        with pytest.raises(MessageError, match=f"/detections is no {POINTS}.*{said}"):
+        with pytest.raises(MessageError, match=f"/detections is not a valid {POINTS}.*{said}"):
             bag.read(message)
 
 
@@ -177,18 +177,22 @@ def test_topics_may_be_given_with_or_without_the_slash():
 @pytest.mark.parametrize(
     ("topics", "given", "sentence"),
     [
-        ({}, {}, "no topic of detections; it has none at all"),
+        ({}, {}, "no topic of detections; it has no topics"),
         ({"/log": "rcl_interfaces/msg/Log"}, {}, "it has /log .rcl_interfaces/msg/Log."),
-        ({"/a": POINTS, "/b": POINTS}, {}, "several topics that may be the detections: /a, /b"),
-        ({"/x/detections": POINTS, "/y/detections": POINTS}, {}, "may be the detections: /x"),
+        ({"/a": POINTS, "/b": POINTS}, {}, "several topics for detections: /a, /b"),
+        (
+            {"/x/detections": POINTS, "/y/detections": POINTS},
+            {},
+            "several topics for detections: /x",
+        ),
         (
             {"/detections": POINTS, "/a": ODOMETRY, "/b": ODOMETRY},
             {},
-            "may be the own_ship/odometry: /a, /b",
+            "several topics for own_ship/odometry: /a, /b",
         ),
         ({"/detections": POINTS}, {DETECTIONS: "/other"}, "no topic /other; it has /detections"),
-        ({"/a": ODOMETRY}, {DETECTIONS: "/a"}, f"/a is of type {ODOMETRY}, which is not read"),
-        ({"/a": POINTS, "/b": POINTS}, {DETECTIONS: "a", OWN_SHIP: "b"}, "/b is of type"),
+        ({"/a": ODOMETRY}, {DETECTIONS: "/a"}, f"/a has the type {ODOMETRY}; the type of"),
+        ({"/a": POINTS, "/b": POINTS}, {DETECTIONS: "a", OWN_SHIP: "b"}, "/b has the type"),
     ],
 )
 def test_topics_that_are_missing_wrong_or_several_are_refused_by_name(topics, given, sentence):
@@ -308,7 +312,7 @@ def test_what_the_detections_do_not_say_is_noted():
     )
     given.take_detections(scan, now=0.0)
     assert given.assumptions == {
-        "intensities are not as many as detections: they are not used",
+        "the numbers of intensities and detections differ: intensities are not used",
     }
 
 

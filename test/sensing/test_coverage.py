@@ -260,4 +260,4 @@ def test_detections_outside_the_coverage_are_counted_and_said():
     assert one.dropped == {"outside_coverage": 2}
     ((reason, sentence),) = said
     assert reason == "outside_coverage"
-    assert sentence.startswith("2 of 3 detections are not used")
+    assert sentence.startswith("2 of 3 detections dropped")

@@ -16,25 +16,25 @@ class Order(ScanOrder):
     def __init__(self, window: int = 8, restart_jump: float = 60.0, max_gap: float = 0.0) -> None:
         super().__init__(window, restart_jump, max_gap)
 
-    def judge(self, stamp: float) -> Arrival:
+    def classify(self, stamp: float) -> Arrival:
         arrival = super().classify(stamp)
         if arrival not in (SAME, LATE):
             self.accept(stamp, arrival)
         return arrival
 
 
-def judged(stamps, **options) -> list[Arrival]:
+def classified(stamps, **options) -> list[Arrival]:
     one = Order(**options)
     return [one.classify(stamp) for stamp in stamps]
 
 
 @pytest.mark.parametrize("first", [0.0, -5.0, 1.7e9])
 def test_any_first_stamp_is_the_next(first):
-    assert judged([first, first + 0.1]) == [NEXT, NEXT]
+    assert classified([first, first + 0.1]) == [NEXT, NEXT]
 
 
 def test_an_equal_stamp_is_the_same_scan_again():
-    assert judged([10.0, 10.0, 10.0, 22.0]) == [NEXT, SAME, SAME, NEXT]
+    assert classified([10.0, 10.0, 10.0, 22.0]) == [NEXT, SAME, SAME, NEXT]
 
 
 @pytest.mark.parametrize(
@@ -42,12 +42,12 @@ def test_an_equal_stamp_is_the_same_scan_again():
     [(1e-9, LATE), (12.0, LATE), (60.0, LATE), (60.001, RESTART), (1e9, RESTART)],
 )
 def test_a_step_back_is_late_up_to_the_jump_and_a_restart_beyond(back, arrival):
-    assert judged([100.0, 100.0 - back])[-1] is arrival
+    assert classified([100.0, 100.0 - back])[-1] is arrival
 
 
 def test_a_late_scan_is_forgotten():
     # 30 is later than the late 20, but not than 40.
-    assert judged([40.0, 20.0, 30.0, 41.0]) == [NEXT, LATE, LATE, NEXT]
+    assert classified([40.0, 20.0, 30.0, 41.0]) == [NEXT, LATE, LATE, NEXT]
 
 
 @pytest.mark.parametrize(
@@ -77,26 +77,26 @@ def test_a_gap_that_is_allowed_is_near():
 
 
 def test_after_a_restart_stamps_count_from_there():
-    assert judged([1000.0, 10.0, 22.0, 9.0]) == [NEXT, RESTART, NEXT, LATE]
+    assert classified([1000.0, 10.0, 22.0, 9.0]) == [NEXT, RESTART, NEXT, LATE]
 
 
 def test_a_restart_is_said_once():
     looped = [0.0, 12.0, 24.0, 100.0, 0.0, 12.0, 24.0]
-    assert judged(looped).count(RESTART) == 1
+    assert classified(looped).count(RESTART) == 1
 
 
 def test_a_gap_is_longer_than_the_window_of_median_intervals():
     stamps = [0.0, 10.0, 20.0, 30.0, 40.0]
-    assert judged([*stamps, 40.0 + 80.0])[-1] is NEXT
-    assert judged([*stamps, 40.0 + 80.1])[-1] is GAP
-    assert judged([*stamps, 40.0 + 30.1], window=3)[-1] is GAP
+    assert classified([*stamps, 40.0 + 80.0])[-1] is NEXT
+    assert classified([*stamps, 40.0 + 80.1])[-1] is GAP
+    assert classified([*stamps, 40.0 + 30.1], window=3)[-1] is GAP
 
 
 def test_a_gap_cannot_be_told_from_the_first_intervals():
     assert Order().gap_limit == MAX_INTERVAL
-    assert judged([0.0, 1.0, 2.0, 1000.0]) == [NEXT] * 4
-    assert judged([0.0, 1.0, 2.0, 1e6]) == [NEXT] * 3 + [GAP], "no sonar pings so seldom"
-    assert judged([0.0, 1.0, 2.0, 3.0, 1000.0]) == [NEXT] * 4 + [GAP]
+    assert classified([0.0, 1.0, 2.0, 1000.0]) == [NEXT] * 4
+    assert classified([0.0, 1.0, 2.0, 1e6]) == [NEXT] * 3 + [GAP], "no sonar pings so seldom"
+    assert classified([0.0, 1.0, 2.0, 3.0, 1000.0]) == [NEXT] * 4 + [GAP]
 
 
 def test_one_long_interval_does_not_move_the_median():
@@ -107,18 +107,18 @@ def test_one_long_interval_does_not_move_the_median():
 
 
 def test_a_given_gap_holds_from_the_first_scan():
-    assert judged([0.0, 30.0, 60.1], max_gap=30.0) == [NEXT, NEXT, GAP]
+    assert classified([0.0, 30.0, 60.1], max_gap=30.0) == [NEXT, NEXT, GAP]
 
 
 def test_scanning_goes_on_after_a_gap():
     stamps = [0.0, 10.0, 20.0, 30.0, 500.0, 510.0, 520.0]
-    assert judged(stamps) == [NEXT] * 4 + [GAP, NEXT, NEXT]
+    assert classified(stamps) == [NEXT] * 4 + [GAP, NEXT, NEXT]
 
 
 def test_a_sonar_that_changes_to_a_long_period_is_followed():
     # From a 1 s range scale to a 12 s one: one gap, then the new period is known.
     stamps = [*range(10), *range(21, 141, 12)]
-    arrivals = judged([float(stamp) for stamp in stamps])
+    arrivals = classified([float(stamp) for stamp in stamps])
     assert arrivals.count(GAP) <= 3
     assert arrivals[-5:] == [NEXT] * 5
 
@@ -161,20 +161,20 @@ def test_changed_limits_count_at_the_next_scan():
 def test_late_scans_that_follow_one_another_are_a_restart():
     # A recording of 50 s that loops: shorter than the jump that is a restart at once.
     loop = [0.0, 10.0, 20.0, 30.0, 40.0]
-    assert judged([*loop, *loop]) == [NEXT] * 5 + [LATE, LATE, RESTART, NEXT, NEXT]
+    assert classified([*loop, *loop]) == [NEXT] * 5 + [LATE, LATE, RESTART, NEXT, NEXT]
 
 
 def test_a_loop_of_three_scans_is_a_restart_at_its_third():
-    assert judged([0.0, 12.0, 24.0] * 2) == [NEXT] * 3 + [LATE, LATE, RESTART]
+    assert classified([0.0, 12.0, 24.0] * 2) == [NEXT] * 3 + [LATE, LATE, RESTART]
 
 
 def test_a_stamp_far_ahead_costs_two_scans_and_not_those_until_then():
-    assert judged([0.0, 10.0, 55.0, 20.0, 30.0, 40.0, 50.0])[3:] == [LATE, LATE, RESTART, NEXT]
+    assert classified([0.0, 10.0, 55.0, 20.0, 30.0, 40.0, 50.0])[3:] == [LATE, LATE, RESTART, NEXT]
 
 
 def test_single_late_scans_between_good_ones_never_restart():
     stamps = [0.0, 10.0, 5.0, 20.0, 6.0, 30.0, 7.0, 40.0]
-    assert RESTART not in judged(stamps)
+    assert RESTART not in classified(stamps)
 
 
 def test_a_scan_that_is_not_accepted_leaves_no_trace():

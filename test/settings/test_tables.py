@@ -112,7 +112,7 @@ FROM_NORTH = {"bearing_reference": "north"}
 
 
 def test_bearings_from_north_at_rest_need_a_fixed_frame():
-    with pytest.raises(ValueError, match=r"fixed_frame must be given where bearing_reference is "):
+    with pytest.raises(ValueError, match=r"fixed_frame must be given if bearing_reference is "):
         make_groups(TRACK_INITIATOR, FROM_NORTH)
     for more in ({"fixed_frame": "map"}, {"own_ship_source": "odometry"}):
         made = make_groups(TRACK_INITIATOR, {**FROM_NORTH, **more})
@@ -121,7 +121,7 @@ def test_bearings_from_north_at_rest_need_a_fixed_frame():
 
 def test_bearings_from_north_at_rest_need_a_sensor_that_looks_all_round():
     sector = {**FROM_NORTH, "fixed_frame": "map", "sensor.azimuth_min": -1.0}
-    with pytest.raises(ValueError, match=r"own_ship_source must not be none where bearing_refere"):
+    with pytest.raises(ValueError, match=r"own_ship_source must not be none if bearing_reference"):
         make_groups(TRACK_INITIATOR, sector)
     make_groups(TRACK_INITIATOR, {**sector, "own_ship_source": "odometry"})
 
