@@ -140,7 +140,7 @@ LARGEST = 2**32 - 1
 UNUSABLE = {
     "no_azimuth": Unusable(rename("azimuth", "phi"), "missing_field", "azimuth"),
     "no_range": Unusable(rename("range", "r"), "missing_field", "range"),
-    "no_fields": Unusable(resize(fields=[]), "missing_field", "none"),
+    "no_fields": Unusable(resize(fields=[]), "missing_field", "no fields"),
     "azimuth_as_integer": Unusable(
         setting(1, datatype=PointField.INT32), "wrong_datatype", "azimuth"
     ),
@@ -159,7 +159,7 @@ UNUSABLE = {
         lambda bad: setattr(bad.header, "frame_id", "elsewhere"), "unknown_frame", "'elsewhere'"
     ),
     "no_frame": Unusable(
-        lambda bad: setattr(bad.header, "frame_id", ""), "empty_frame", "no frame"
+        lambda bad: setattr(bad.header, "frame_id", ""), "empty_frame", "frame_id"
     ),
 }
 
