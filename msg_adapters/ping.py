@@ -128,30 +128,30 @@ def good_detections(
             dropped[reason] = count
             kept &= ~bad
 
-    def good(values: FloatArray) -> FloatArray:
+    def selected(values: FloatArray) -> FloatArray:
         return np.asarray(values, np.float64)[
             kept
         ]  # always a copy, independent of the message's buffer
 
-    def good_or_none(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else good(values)
+    def selected_or_none(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else selected(values)
 
     scan = Scan.trusted(
         stamp=ns_to_seconds(stamp_ns),
-        range=good(range),
-        azimuth=wrap(good(azimuth)),
-        range_std=good_or_none(range_std),
-        azimuth_std=good_or_none(azimuth_std),
-        time_offset=good_or_none(time_offset),
-        features={name: good(values) for name, values in (features or {}).items()},
+        range=selected(range),
+        azimuth=wrap(selected(azimuth)),
+        range_std=selected_or_none(range_std),
+        azimuth_std=selected_or_none(azimuth_std),
+        time_offset=selected_or_none(time_offset),
+        features={name: selected(values) for name, values in (features or {}).items()},
     )
     sensor_scan = SensorScan(
         scan=scan,
         frame_id=frame_id,
         north_referenced=north_referenced,
         stamp_ns=stamp_ns,
-        transmit_offset=good_or_none(transmit_offset),
-        height=good_or_none(height),
+        transmit_offset=selected_or_none(transmit_offset),
+        height=selected_or_none(height),
         axes=axes,
     )
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)

@@ -99,7 +99,7 @@ class ScanOrder:
         self._stamp = None
 
     def _late(self, stamp: float) -> Arrival:
-        """A late scan; but some that follow one another are the scans of a restart."""
+        """Classify a late scan; consecutive late scans with rising stamps are a restart."""
         if self._late_stamps and stamp <= self._late_stamps[-1]:
             self._late_stamps.clear()
         self._late_stamps.append(stamp)

@@ -72,7 +72,7 @@ class PlaybackOptions:
     )
     settling_time: float = parameter(
         1.0,
-        "Delay from the last of these subscriptions to the first scan, in which the subscriber's "
+        "Delay from the last required subscription to the first scan, in which the subscriber's "
         "side completes its discovery",
         unit="s",
         minimum=0.0,
