@@ -13,7 +13,7 @@ from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import ns_to_seconds
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan, wrap
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ def good_detections(
     The reasons are ``range_not_finite``, ``range_not_positive``, ``azimuth_not_finite``,
     ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
     ``time_offset_not_finite`` and ``transmit_offset_not_finite``, and ``<field>_too_large`` and
-    ``<field>_too_small`` for values above `tsepm_ros.sensing.scan.LARGEST` or below
-    `tsepm_ros.sensing.scan.SMALLEST`. A detection counts once, under the first reason that applies.
+    ``<field>_too_small`` for values above `tsepm_ros.sensing.scan.MAX_MAGNITUDE` or below
+    `tsepm_ros.sensing.scan.MIN_MAGNITUDE`. A detection counts once, under the first reason that applies.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def good_detections(
     Ping
     """
     if height is not None:
-        height = np.where(np.abs(height) <= LARGEST["range"], height, 0.0)
+        height = np.where(np.abs(height) <= MAX_MAGNITUDE["range"], height, 0.0)
     if time_offset is None and options.sound_speed > 0.0:
         with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
             slant = range if height is None else np.hypot(range, height)
@@ -168,15 +168,15 @@ def _faults(
     """Yield each reason and the detections to which it applies."""
     yield "range_not_finite", ~np.isfinite(range)
     yield "range_not_positive", range <= 0
-    yield "range_too_small", range < SMALLEST["range"]
-    yield "range_too_large", range > LARGEST["range"]
+    yield "range_too_small", range < MIN_MAGNITUDE["range"]
+    yield "range_too_large", range > MAX_MAGNITUDE["range"]
     yield "azimuth_not_finite", ~np.isfinite(azimuth)
     for name, deviation in (("range_std", range_std), ("azimuth_std", azimuth_std)):
         if deviation is not None:
             yield f"{name}_not_positive", ~(np.isfinite(deviation) & (deviation > 0))
-            yield f"{name}_too_small", deviation < SMALLEST[name]
-            yield f"{name}_too_large", deviation > LARGEST[name]
+            yield f"{name}_too_small", deviation < MIN_MAGNITUDE[name]
+            yield f"{name}_too_large", deviation > MAX_MAGNITUDE[name]
     for name, offset in (("time_offset", time_offset), ("transmit_offset", transmit_offset)):
         if offset is not None:
             yield f"{name}_not_finite", ~np.isfinite(offset)
-            yield f"{name}_too_large", np.abs(offset) > LARGEST["time_offset"]
+            yield f"{name}_too_large", np.abs(offset) > MAX_MAGNITUDE["time_offset"]

@@ -9,7 +9,7 @@ import pytest
 from support.raw_cloud import raw_cloud
 
 from msg_adapters import MessageError, detections_cloud, make_header, read_detections
-from tsepm_ros.sensing.scan import LARGEST, wrap
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, wrap
 
 RANGE = [1000.5, 2500.25, 7071.0]
 ANGLE = [0.25, -2.5, 4.75]
@@ -113,7 +113,7 @@ def test_the_horizontal_place_does_not_depend_on_z(z):
     found = read_detections(raw_cloud(fields, [(3.0, 4.0, z, 7.0)]))
     assert (found.scan.range[0], found.scan.azimuth[0]) == (5.0, math.atan2(4.0, 3.0))
     assert (found.scan.features["intensity"][0], found.dropped) == (7.0, {})
-    assert found.sensor_scan.height[0] == (z if abs(z) <= LARGEST["range"] else 0.0)
+    assert found.sensor_scan.height[0] == (z if abs(z) <= MAX_MAGNITUDE["range"] else 0.0)
 
 
 def test_z_is_the_height_beside_x_and_y_alone():
@@ -235,7 +235,11 @@ BAD_DETECTIONS = [
     ),
     ("time_offset_not_finite", "time_offset", NAN),
     ("time_offset_not_finite", "time_offset", -INF),
-    *((f"{name}_too_large", name, 2.0 * LARGEST[name]) for name in FIELDS if name in LARGEST),
+    *(
+        (f"{name}_too_large", name, 2.0 * MAX_MAGNITUDE[name])
+        for name in FIELDS
+        if name in MAX_MAGNITUDE
+    ),
 ]
 
 
@@ -514,7 +518,7 @@ def test_a_time_offset_comes_before_a_two_way_travel_time_even_where_it_is_nan()
 
 @pytest.mark.parametrize(
     ("value", "reason"),
-    [(NAN, "not_finite"), (INF, "not_finite"), (2.1 * LARGEST["time_offset"], "too_large")],
+    [(NAN, "not_finite"), (INF, "not_finite"), (2.1 * MAX_MAGNITUDE["time_offset"], "too_large")],
 )
 def test_a_bad_two_way_travel_time_is_counted_as_a_time_offset(value, reason):
     found = read_detections(raw_cloud(TRAVEL, [(1500.0, 0.1, value), (3000.0, 0.2, 4.0)]))

@@ -10,8 +10,8 @@ import pytest
 from tsepm_ros.kinematics import interacting_models as motion_module
 from tsepm_ros.kinematics.interacting_models import (
     PROCESS_NOISE,
-    TIME_OF_TURN,
-    TIME_TO_TURN,
+    MEAN_TURN_DURATION,
+    MEAN_TIME_TO_TURN,
     InteractingModels,
     stay_or_change,
 )
@@ -37,7 +37,7 @@ def test_two_steps_are_as_one_of_their_sum():
 
 
 def test_what_never_begins_does_not_change_anything(monkeypatch):
-    monkeypatch.setattr(motion_module, "TIME_TO_TURN", math.inf)
+    monkeypatch.setattr(motion_module, "MEAN_TIME_TO_TURN", math.inf)
     motion = InteractingModels.of(STATE, COVARIANCE)
     for _ in range(100):
         motion = motion.predicted(np.full(2, 2.0), MAX_SPEED)
@@ -59,11 +59,11 @@ def test_modes_are_mixed_and_carried_as_in_plain_loops(step):
         root @ np.swapaxes(root, 2, 3) + np.eye(4),
     )
     found = motion.predicted(np.full(2, step), MAX_SPEED)
-    rates = 1.0 / TIME_TO_TURN + 1.0 / TIME_OF_TURN
+    rates = 1.0 / MEAN_TIME_TO_TURN + 1.0 / MEAN_TURN_DURATION
     left = math.exp(-rates * abs(step))
-    turning = 1.0 / TIME_TO_TURN / rates
+    turning = 1.0 / MEAN_TIME_TO_TURN / rates
     change = np.array([[1.0 - turning, turning]] * 2) * (1.0 - left) + np.eye(2) * left
-    turn = (MAX_SPEED / 2.0) ** 2 / max(abs(step), TIME_OF_TURN)
+    turn = (MAX_SPEED / 2.0) ** 2 / max(abs(step), MEAN_TURN_DURATION)
     for track in range(2):
         for mode in range(2):
             weight = [change[i, mode] * motion.probability[i, track] for i in range(2)]

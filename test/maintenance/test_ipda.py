@@ -38,7 +38,7 @@ def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
 
 def test_a_target_may_fade_and_is_given_up_later(monkeypatch):
     # A target is seen, faded or gone: a hidden Markov chain, followed in plain matrices.
-    monkeypatch.setattr(interacting_models, "TIME_TO_TURN", math.inf)
+    monkeypatch.setattr(interacting_models, "MEAN_TIME_TO_TURN", math.inf)
     fade, appear, vanish = 1.0 / TIME_TO_FADE, 1.0 / TIME_OF_FADING, 1.0 / TIME_TO_VANISH
     rates = np.array([[-fade - vanish, fade, vanish], [appear, -appear - vanish, vanish], [0] * 3])
     hold, chain = holding(1), np.array([0.9, 0.0, 0.1])

@@ -12,7 +12,7 @@ from support.builders import whitened
 
 from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import (
-    SHORTEST_PERIOD,
+    MIN_SAMPLE_PERIOD,
     PoseCoverage,
     PoseHistory,
     echo_poses,
@@ -262,7 +262,7 @@ def test_a_ping_of_12_s_is_covered_by_odometry_at_1_khz():
     poses = kilohertz(30.0)
     assert poses.coverage(17.0, 29.0) is YES
     np.testing.assert_allclose(poses.poses([17.0, 29.0])[:, 0], [17.0, 29.0])
-    assert len(poses) < 30.0 / SHORTEST_PERIOD
+    assert len(poses) < 30.0 / MIN_SAMPLE_PERIOD
 
 
 def test_the_newest_of_thinned_samples_is_the_newest_given():
@@ -274,7 +274,7 @@ def test_the_newest_of_thinned_samples_is_the_newest_given():
 
 
 def test_the_number_of_samples_is_bounded_at_any_rate():
-    assert len(kilohertz(30.0, min_samples=10, min_span=2.0)) < 2.0 / SHORTEST_PERIOD + 2
+    assert len(kilohertz(30.0, min_samples=10, min_span=2.0)) < 2.0 / MIN_SAMPLE_PERIOD + 2
 
 
 def test_a_second_run_is_as_long_as_it_is_at_any_rate():

@@ -9,7 +9,7 @@ from scipy import stats
 from tsepm_ros import Scan
 from tsepm_ros.sensing.plot_features import (
     GATE_PROBABILITY,
-    MOST_PLOTS,
+    MAX_PLOT_COUNT,
     Histories,
     decision,
     measured,
@@ -82,7 +82,7 @@ def test_old_plots_fade_so_that_a_changed_aspect_is_followed():
         histories = histories.with_plots(np.array([0]), np.full((1, 3), 0.0))
     for _ in range(100):
         histories = histories.with_plots(np.array([0]), np.full((1, 3), 7.0))
-    assert histories.count[0, 0] == pytest.approx(MOST_PLOTS)
+    assert histories.count[0, 0] == pytest.approx(MAX_PLOT_COUNT)
     assert histories.mean[0, 0] == pytest.approx(7.0, abs=0.5)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan
-from tsepm_ros.sensing.scan import FEATURES, LARGEST, wrap
+from tsepm_ros.sensing.scan import FEATURES, MAX_MAGNITUDE, wrap
 
 GOOD = {"stamp": 5.0, "range": [100.0, 200.0], "azimuth": [0.1, 0.2]}
 
@@ -208,12 +208,12 @@ def test_semi_definite_pose_covariances_are_taken(covariance):
 def test_the_largest_values_are_still_taken():
     scan = Scan(
         0.0,
-        [LARGEST["range"]],
+        [MAX_MAGNITUDE["range"]],
         [0.0],
-        range_std=[LARGEST["range_std"]],
-        azimuth_std=[LARGEST["azimuth_std"]],
-        time_offset=[-LARGEST["time_offset"]],
-        sensor_pose=(LARGEST["sensor_pose"], 0.0, 0.0),
+        range_std=[MAX_MAGNITUDE["range_std"]],
+        azimuth_std=[MAX_MAGNITUDE["azimuth_std"]],
+        time_offset=[-MAX_MAGNITUDE["time_offset"]],
+        sensor_pose=(MAX_MAGNITUDE["sensor_pose"], 0.0, 0.0),
     )
     assert len(scan) == 1
 

@@ -18,23 +18,23 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
+from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
 CELL = 1.0 / 24.0
 """Width of a cell, rad, and its depth as a fraction of its range."""
 INNER_RANGE = 100.0
 """Range within which cells get no smaller, m."""
-SMALLEST_WINDOW = 4
+MIN_WINDOW_CELLS = 4
 """Cells along a side of the smallest window; each next one is twice as wide."""
 MEMORY = 50
 """Scans that count: older ones fade."""
 DATA_SHEET_COUNT = 1.0
 """Detections that the density of the data sheet counts for, in the whole coverage."""
-DEVIATIONS = 1.5
+MAX_DEVIATIONS = 1.5
 """Standard deviations of a window's count within which the density found so far stays."""
 ZONE_FACTOR = 3.0
 """A clutter zone is where clutter is this many times as dense as over the coverage."""
-TARGET_COUNT = 3.0
+MAX_TARGET_COUNT = 3.0
 """Detections in a window that may be a new target's and do not yet tell of clutter."""
 
 
@@ -136,7 +136,7 @@ class ClutterMap:
         """Density of each cell, 1/m^2."""
         shape, area = self._counts.shape, self._sensor.coverage_area
         worth = DATA_SHEET_COUNT
-        given = max(self._sensor.clutter_density, LEAST_DENSITY)
+        given = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
         found = (worth + self._counts.sum()) / (worth / given + self._scans * area)
         density = np.full(shape, found)
         if not self._scans:
@@ -144,21 +144,21 @@ class ClutterMap:
         # Sums over all cells before, so that a window costs the same whatever its size.
         sums = np.zeros((shape[0] + 1, shape[1]))
         np.cumsum(self._counts, axis=0, out=sums[1:])
-        doublings = max(math.ceil(math.log2(max(shape) / SMALLEST_WINDOW)), 0)
+        doublings = max(math.ceil(math.log2(max(shape) / MIN_WINDOW_CELLS)), 0)
         for doubling in reversed(range(doublings + 1)):
-            side = SMALLEST_WINDOW * 2**doubling
+            side = MIN_WINDOW_CELLS * 2**doubling
             height, width = min(side, shape[0]), min(side, shape[1])
             rings = 0.5 * self._width * (self._edges[height:] ** 2 - self._edges[:-height] ** 2)
             exposure = self._scans * width * rings[:, None]
             count = self._along_azimuth(sums[height:] - sums[:-height], width)
-            low = _bound(np.maximum(count - TARGET_COUNT, 0.0), -DEVIATIONS) / exposure
-            high = _bound(count, DEVIATIONS) / exposure
+            low = _bound(np.maximum(count - MAX_TARGET_COUNT, 0.0), -MAX_DEVIATIONS) / exposure
+            high = _bound(count, MAX_DEVIATIONS) / exposure
             density = np.clip(
                 density,
                 self._densest_around(low, height, width),
                 self._densest_around(high, height, width),
             )
-        return np.asarray(np.maximum(density, LEAST_DENSITY))
+        return np.asarray(np.maximum(density, MIN_CLUTTER_DENSITY))
 
     def _goes_round(self, width: int) -> bool:
         """Whether windows of a width go on past the end of the azimuths."""

@@ -12,11 +12,11 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.range_rates import measured, over_ground
 from tsepm_ros.sensing.sensor import SensorModel
 
-LEAST_RATES = 20
+MIN_RATE_COUNT = 20
 """Detections whose range rates tell clutter's: below, the given figure counts."""
 
 
-LARGEST_SPREAD = 1e4
+MAX_CLUTTER_RANGE_RATE = 1e4
 """Median range rate of clutter that is taken, m/s."""
 
 
@@ -24,7 +24,7 @@ MEMORY = 50
 """Scans over which that is taken."""
 
 
-class ClutterRates:
+class ClutterRangeRates:
     """The spread of clutter's range rates, learned from the last scans: nearly all is clutter."""
 
     def __init__(self) -> None:
@@ -39,10 +39,10 @@ class ClutterRates:
     def estimate(self, sensor: SensorModel) -> SensorModel:
         """The sensor with the median of the range rates over ground as `clutter_range_rate`.
 
-        With what is given, while there are fewer than `LEAST_RATES`.
+        With what is given, while there are fewer than `MIN_RATE_COUNT`.
         """
         found = np.concatenate(self._rates) if self._rates else np.zeros(0)
-        if len(found) < LEAST_RATES:
+        if len(found) < MIN_RATE_COUNT:
             return sensor
         half = max(float(np.median(found)), 0.5 * sensor.range_rate_std)
-        return replace(sensor, clutter_range_rate=min(half, LARGEST_SPREAD))
+        return replace(sensor, clutter_range_rate=min(half, MAX_CLUTTER_RANGE_RATE))

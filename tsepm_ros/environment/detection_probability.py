@@ -15,7 +15,7 @@ DATA_SHEET_SCANS = 5.0
 """Scans of a target that the data sheet's figure counts for."""
 MEMORY = 200.0
 """Scans of a target that count: older ones fade."""
-LEAST, LARGEST = 0.05, 0.999
+MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
 """A detection as a miss must stay possible."""
 
 
@@ -51,4 +51,4 @@ class DetectionProbability:
         """The estimate of P_D, for a data sheet that gives p_0."""
         worth = DATA_SHEET_SCANS
         found = (worth * given + self._detected) / (worth + self._covered)
-        return min(max(found, LEAST), LARGEST)
+        return min(max(found, MIN_PROBABILITY), MAX_PROBABILITY)

@@ -31,7 +31,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import NAMES, Histories
 from tsepm_ros.stages.association import Pairs, nearest_first
 
-MOST_CLUTTER = 200
+MAX_CLUTTER_PLOTS = 200
 """Plots that tell the features of clutter, the latest."""
 MEMORY = 64
 """Scans whose plots a new track may have as hits."""
@@ -170,7 +170,7 @@ class Surroundings:
         self._first_scan = scan_index + 1 - len(self._features)
         has = np.isfinite(features).any(axis=1)
         known = np.concatenate([self._clutter, features[clutter & has]])
-        self._clutter = known[-MOST_CLUTTER:]
+        self._clutter = known[-MAX_CLUTTER_PLOTS:]
 
     def histories(self, tracks: TrackArrays) -> Histories:
         """Features of the hits of tracks, as far as their scans are remembered."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from tsepm_ros.environment.clutter_map import ClutterMap
-from tsepm_ros.environment.clutter_range_rates import ClutterRates
+from tsepm_ros.environment.clutter_range_rates import ClutterRangeRates
 from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Surroundings
 from tsepm_ros.sensing.sensor import SensorModel
@@ -18,7 +18,7 @@ class Learned:
     Attributes
     ----------
     clutter_map : ClutterMap
-    clutter_rates : ClutterRates
+    clutter_range_rates : ClutterRangeRates
         Range rates of clutter.
     detection_probability : DetectionProbability
         As the held tracks are detected.
@@ -27,7 +27,7 @@ class Learned:
     """
 
     clutter_map: ClutterMap
-    clutter_rates: ClutterRates = field(default_factory=ClutterRates)
+    clutter_range_rates: ClutterRangeRates = field(default_factory=ClutterRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
     features: Surroundings = field(default_factory=Surroundings)
 

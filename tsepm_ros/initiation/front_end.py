@@ -127,10 +127,10 @@ class FrontEnd:
         if with_features:
             in_zone = learned.clutter_map.in_zone(*self._polar)
             environment = learned.features.at(in_zone, self.common.encounter_time)
-        learned.clutter_rates.update(detections)
+        learned.clutter_range_rates.update(detections)
         clutter_sensor = self.sensor
         if self.common.clutter_density == "estimated":
-            clutter_sensor = learned.clutter_rates.estimate(self.sensor)
+            clutter_sensor = learned.clutter_range_rates.estimate(self.sensor)
         of_rates = range_rates.clutter_density(detections, clutter_sensor)
         before = self._local_density(len(detections)) * of_rates
         held_density = self.maintenance.step(

@@ -1,1 +1,1 @@
-"""States of motion: filters, models, and tracks as arrays."""
+"""Kalman filters, motion models, and tracks as arrays."""

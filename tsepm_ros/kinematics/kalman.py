@@ -20,53 +20,53 @@ from tsepm_ros.sensing.sensor import SensorModel
 
 
 def predict(
-    state: FloatArray, covariance: FloatArray, step: FloatArray | float, noise: float = 0.0
+    state: FloatArray, covariance: FloatArray, elapsed: FloatArray | float, noise: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Carry states over a time step: ``F x``, ``F P F' + Q``.
+    """Predict states over a time interval: ``F x``, ``F P F' + Q``.
 
     Parameters
     ----------
     state : (n, 4) ndarray
         m, m/s.
     covariance : (n, 4, 4) ndarray
-    step : (n,) ndarray or float
-        Time step of each, s; of either sign.
+    elapsed : (n,) ndarray or float
+        Interval of each, s; of either sign.
     noise : float
-        q, m^2/s^3: the velocity's variance grows by q per second on each axis.
+        q, m^2/s^3: the variance of each velocity component grows by q per second.
 
     Returns
     -------
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    step = np.broadcast_to(step, len(state))
+    elapsed = np.broadcast_to(elapsed, len(state))
     state, covariance = state.copy(), covariance.copy()
-    state[:, 0::2] += step[:, None] * state[:, 1::2]
-    covariance[:, 0::2] += step[:, None, None] * covariance[:, 1::2]
-    covariance[:, :, 0::2] += step[:, None, None] * covariance[:, :, 1::2]
+    state[:, 0::2] += elapsed[:, None] * state[:, 1::2]
+    covariance[:, 0::2] += elapsed[:, None, None] * covariance[:, 1::2]
+    covariance[:, :, 0::2] += elapsed[:, None, None] * covariance[:, :, 1::2]
     if noise:
-        size = np.abs(step) * noise
+        velocity_variance = np.abs(elapsed) * noise
         for axis in (0, 2):
-            covariance[:, axis, axis] += size * step**2 / 3.0
-            covariance[:, axis, axis + 1] += size * step / 2.0
-            covariance[:, axis + 1, axis] += size * step / 2.0
-            covariance[:, axis + 1, axis + 1] += size
+            covariance[:, axis, axis] += velocity_variance * elapsed**2 / 3.0
+            covariance[:, axis, axis + 1] += velocity_variance * elapsed / 2.0
+            covariance[:, axis + 1, axis] += velocity_variance * elapsed / 2.0
+            covariance[:, axis + 1, axis + 1] += velocity_variance
     return state, covariance
 
 
-def position_after(state: FloatArray, step: FloatArray | float) -> FloatArray:
-    """Position ``H x`` (n, 2), m, of states (n, 4) after times, (n,) or the same for all, s."""
-    position: FloatArray = state[:, 0::2] + np.asarray(step)[..., None] * state[:, 1::2]
+def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
+    """Position ``H x`` (n, 2), m, of states (n, 4) after times (n,), or a common time, s."""
+    position: FloatArray = state[:, 0::2] + np.asarray(time_after_state)[..., None] * state[:, 1::2]
     return position
 
 
-def position_covariance_after(covariance: FloatArray, step: FloatArray) -> FloatArray:
+def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
     """Position covariance ``H P H'`` a short time after the state's, without process noise.
 
     Parameters
     ----------
     covariance : (n, 4, 4) ndarray
-    step : (n,) ndarray
+    time_after_state : (n,) ndarray
         s.
 
     Returns
@@ -74,7 +74,7 @@ def position_covariance_after(covariance: FloatArray, step: FloatArray) -> Float
     (n, 2, 2) ndarray
         m^2.
     """
-    t = step[:, None, None]
+    t = time_after_state[:, None, None]
     cross = covariance[:, 0::2, 1::2]
     return (
         covariance[:, 0::2, 0::2]
@@ -86,89 +86,91 @@ def position_covariance_after(covariance: FloatArray, step: FloatArray) -> Float
 def innovations(
     state: FloatArray,
     covariance: FloatArray,
-    step: FloatArray,
+    time_after_state: FloatArray,
     detections: NDArray[np.void],
     sensor: SensorModel,
 ) -> tuple[FloatArray, FloatArray]:
-    """How far detections are from where states expect them: ``z - H x``, ``H P H' + R(H x)``.
+    """Innovations of detections and their covariances: ``z - H x``, ``H P H' + R(H x)``.
 
     Parameters
     ----------
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
-    step : (n,) ndarray
+    time_after_state : (n,) ndarray
         Time of each detection after its state's, s.
     detections : (n,) ndarray of DETECTION
     sensor : SensorModel
-        Range errors where a detection has none of its own.
+        Range errors of detections without their own.
 
     Returns
     -------
     innovation : (n, 2) ndarray
         m.
-    spread : (n, 2, 2) ndarray
-        Its covariance S, m^2.
+    innovation_covariance : (n, 2, 2) ndarray
+        S, m^2.
     """
-    expected = state[:, 0::2] + step[:, None] * state[:, 1::2]
-    spread = position_covariance_after(covariance, step)
-    spread += covariance_at(detections, expected, sensor)
-    return detections["position"] - expected, spread
+    expected = state[:, 0::2] + time_after_state[:, None] * state[:, 1::2]
+    innovation_covariance = position_covariance_after(covariance, time_after_state)
+    innovation_covariance += covariance_at(detections, expected, sensor)
+    return detections["position"] - expected, innovation_covariance
 
 
 def update(
     state: FloatArray,
     covariance: FloatArray,
-    step: FloatArray,
+    time_after_state: FloatArray,
     innovation: FloatArray,
-    spread: FloatArray,
+    innovation_covariance: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Update states with a position measured `step` seconds after the state's time.
+    """Update states with positions measured after the states' times.
 
-    ``K = P H' S^-1``, ``x + K (z - H x)``, ``P - K S K'``, ``H = [[1, s, 0, 0], [0, 0, 1, s]]``
+    ``K = P H' S^-1``, ``x + K (z - H x)``, ``P - K S K'``, ``H = [[1, t, 0, 0], [0, 0, 1, t]]``
 
     Parameters
     ----------
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
-    step : (n,) ndarray
+    time_after_state : (n,) ndarray
         s.
     innovation : (n, 2) ndarray
         ``z - H x``, m.
-    spread : (n, 2, 2) ndarray
-        S, the innovation's covariance, m^2.
+    innovation_covariance : (n, 2, 2) ndarray
+        S, m^2.
 
     Returns
     -------
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    weight = kalman_gain(covariance, step, spread)
-    state = state + (weight @ innovation[..., None])[..., 0]
-    return state, covariance - weight @ spread @ np.swapaxes(weight, 1, 2)
+    gain = kalman_gain(covariance, time_after_state, innovation_covariance)
+    state = state + (gain @ innovation[..., None])[..., 0]
+    return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, 1, 2)
 
 
-def kalman_gain(covariance: FloatArray, step: FloatArray, spread: FloatArray) -> FloatArray:
+def kalman_gain(
+    covariance: FloatArray, time_after_state: FloatArray, innovation_covariance: FloatArray
+) -> FloatArray:
     """Kalman gain ``K = P H' S^-1``, (n, 4, 2), for arguments as in `update`."""
-    cross = covariance[:, :, 0::2] + step[:, None, None] * covariance[:, :, 1::2]
-    weight: FloatArray = cross @ inverse(spread)
-    return weight
+    cross = covariance[:, :, 0::2] + time_after_state[:, None, None] * covariance[:, :, 1::2]
+    gain: FloatArray = cross @ inverse(innovation_covariance)
+    return gain
 
 
 def log_likelihood(
     state: FloatArray,
     covariance: FloatArray,
     owner: IntArray,
-    step: FloatArray,
+    time_after_state: FloatArray,
     innovation: FloatArray,
-    spread: FloatArray,
+    innovation_covariance: FloatArray,
     detections: NDArray[np.void],
     gate_probability: float,
 ) -> FloatArray:
-    """Log of the density of detections where states expect them; -inf outside the gates.
+    """Log of the likelihood of detections, given states; -inf outside the gates.
 
-    ``ln N(d; 0, S) + ln N(e; 0, S_e)`` with the innovation e of a range rate, if there is one,
-    against the state that knows the position; both are independent, so that the squared distances
-    add up, and the gate of a position and a range rate is that of three dimensions.
+    ``ln N(d; 0, S) + ln N(e; 0, S_e)`` with the innovation e of a measured range rate against the
+    state updated with the position. The innovations are independent: their squared distances add
+    up, and the gate of a position and a range rate has_range_rate three dimensions.
 
     Parameters
     ----------
@@ -176,12 +178,12 @@ def log_likelihood(
     covariance : (n, 4, 4) ndarray
     owner : (p,) ndarray of int
         State of each detection.
-    step : (p,) ndarray
-        Time of each after its state's, s.
+    time_after_state : (p,) ndarray
+        Time of each detection after its state's, s.
     innovation : (p, 2) ndarray
-        Of the position, m.
-    spread : (p, 2, 2) ndarray
-        Its covariance, m^2.
+        Innovation of each position, m.
+    innovation_covariance : (p, 2, 2) ndarray
+        m^2.
     detections : (p,) ndarray of DETECTION
     gate_probability : float
         Probability that the gate holds a target's detection.
@@ -191,15 +193,21 @@ def log_likelihood(
     (p,) ndarray
         ln of 1/m^2, or of s/m^3.
     """
-    density, distance = log_density(innovation, spread)
+    density, distance = log_density(innovation, innovation_covariance)
     gate = np.full(len(distance), gate_factor(gate_probability) ** 2)
-    has = range_rates.measured(detections)
-    if has.any():
-        gate[has] = range_rates.gate_square(gate_probability)
-        rows = np.flatnonzero(has & (distance <= gate))
-        own, lag = owner[rows], step[rows]
-        placed = update(state[own], covariance[own], lag, innovation[rows], spread[rows])
-        error, variance, _ = range_rates.innovations(*placed, lag, detections[rows])
+    has_range_rate = range_rates.measured(detections)
+    if has_range_rate.any():
+        gate[has_range_rate] = range_rates.gate_square(gate_probability)
+        rows = np.flatnonzero(has_range_rate & (distance <= gate))
+        rated, interval = owner[rows], time_after_state[rows]
+        updated = update(
+            state[rated],
+            covariance[rated],
+            interval,
+            innovation[rows],
+            innovation_covariance[rows],
+        )
+        error, variance, _ = range_rates.innovations(*updated, interval, detections[rows])
         density[rows] += range_rates.log_density(error, variance)
         distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)

@@ -1,4 +1,4 @@
-"""Polynomials in time through the hits of tracks, and what they predict."""
+"""Polynomials in time fitted to the hits of tracks, and their predictions."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Polynomials:
 
     @classmethod
     def fitted(cls, hits: NDArray[np.void], reference: float, degree: int) -> Polynomials:
-        """Fit hits (n, m) of DETECTION; where their times do not tell a degree, the flattest."""
-        tau = hits["time"] - reference
-        scale = np.abs(tau).max(axis=1)
+        """Fit hits (n, m) of DETECTION, by the minimum norm where their times leave it open."""
+        interval = hits["time"] - reference
+        scale = np.abs(interval).max(axis=1)
         scale[scale == 0.0] = 1.0
-        powers = (tau / scale[:, None])[..., None] ** np.arange(degree + 1)
+        powers = (interval / scale[:, None])[..., None] ** np.arange(degree + 1)
         weights = np.linalg.pinv(powers)  # (n, k, m)
         return cls(
             reference,
@@ -86,26 +86,26 @@ class Polynomials:
         covariance : (p, 2, 2) ndarray
             m^2.
         """
-        number = self.coefficients.shape[1]
-        powers = ((time - self.reference) / self.scale[track])[:, None] ** np.arange(number)
+        count = self.coefficients.shape[1]
+        powers = ((time - self.reference) / self.scale[track])[:, None] ** np.arange(count)
         position = np.einsum("pk,pkc->pc", powers, self.coefficients[track])
         covariance = np.einsum(
             "pk,pl,pkluv->puv", powers, powers, self.covariance[track], optimize=True
         )
         return position, covariance
 
-    def reach(self, longest: float) -> tuple[FloatArray, FloatArray]:
-        """Bounds over the times within `longest`, s, of the reference time.
+    def reach(self, max_interval: float) -> tuple[FloatArray, FloatArray]:
+        """Bounds over the times within `max_interval`, s, of the reference time.
 
         Returns
         -------
         drift, sigma : (n,) ndarray
-            How far the position may be from that at the reference time, and the larger axis of its
-            error, m: ``sum |s|^k |c_k|`` from k = 1 on, ``sum |s|^k sigma_k`` (Minkowski).
+            Bounds of the distance from the position at the reference time, ``sum |s|^k |c_k|`` from
+            k = 1 on, and of the error along its major axis, ``sum |s|^k sigma_k`` (Minkowski), m.
         """
-        number = self.coefficients.shape[1]
-        powers = (longest / self.scale)[:, None] ** np.arange(number)
+        count = self.coefficients.shape[1]
+        powers = (max_interval / self.scale)[:, None] ** np.arange(count)
         length = np.hypot(self.coefficients[..., 0], self.coefficients[..., 1])
-        own = np.arange(number)
-        sigma = (powers * major_sigma(self.covariance[:, own, own])).sum(axis=1)
+        diagonal = np.arange(count)
+        sigma = (powers * major_sigma(self.covariance[:, diagonal, diagonal])).sum(axis=1)
         return (powers * length)[:, 1:].sum(axis=1), sigma

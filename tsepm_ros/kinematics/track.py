@@ -1,4 +1,4 @@
-"""What comes out: confirmed tracks."""
+"""Confirmed tracks: the output of initiation."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tsepm_ros.kinematics.kalman import predict
 
 @dataclass(frozen=True, eq=False)
 class ConfirmedTrack:
-    """A confirmed track with the state that a tracker can start from.
+    """A confirmed track with the initial state for a tracker.
 
     Attributes
     ----------
     track_id : int
-        Unique for the life of the initiator that made it; a reset does not start again.
+        Unique for the life of its initiator, across resets.
     stamp : float
         Time of the state, s.
     state : (4,) ndarray
@@ -31,9 +31,9 @@ class ConfirmedTrack:
         (scan index, detection index) of each hit, oldest first. Scans count from 0 since the last
         reset. For a merged track: the hits of its best member.
     evaluation : float
-        The method's own figure.
+        Evaluation of the track by the method.
     score : float
-        Log-likelihood ratio; nan where the method has none.
+        Log-likelihood ratio; nan if the method computes none.
     scan_count : int
         Scans since the first hit, inclusive, at confirmation (N_a).
     age : float
@@ -66,13 +66,13 @@ class ConfirmedTrack:
         return self.covariance[np.ix_([0, 2], [0, 2])]
 
     def predicted(self, stamp: float) -> ConfirmedTrack:
-        """The track carried to another time (s) at constant velocity."""
+        """The track predicted to another time (s) at constant velocity."""
         return TrackArrays.of([self]).predicted(stamp)[0]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrackArrays(Sequence[ConfirmedTrack]):
-    """Tracks as arrays, a row each: a sequence of `ConfirmedTrack` that is quick in numbers.
+    """Tracks as arrays, a row each: a sequence of `ConfirmedTrack` for many tracks at once.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     @classmethod
     def of(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
-        """The arrays of some tracks; those of arrays are themselves."""
+        """The arrays of the given tracks; `TrackArrays` are returned as they are."""
         if isinstance(tracks, cls):
             return tracks
         return cls(
@@ -142,15 +142,15 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:
         """The tracks in the given rows (indices or a mask)."""
         numbers = {name: getattr(self, name)[rows] for name in _NUMBERS}
-        places = np.arange(len(self))[rows].tolist()
-        return TrackArrays(hits=[self.hits[place] for place in places], **numbers)
+        indices = np.arange(len(self))[rows].tolist()
+        return TrackArrays(hits=[self.hits[index] for index in indices], **numbers)
 
     def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
         """The same tracks with other ids, (n,)."""
         return replace(self, track_id=track_id)
 
     def joined(self, *others: TrackArrays) -> TrackArrays:
-        """These tracks and then others."""
+        """These tracks, followed by those of `others`."""
         parts = (self, *others)
         numbers = {
             name: np.concatenate([getattr(part, name) for part in parts]) for name in _NUMBERS
@@ -158,27 +158,27 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         return TrackArrays(hits=[hits for part in parts for hits in part.hits], **numbers)
 
     def predicted(self, stamp: float) -> TrackArrays:
-        """The tracks carried to one time at constant velocity.
+        """The tracks predicted to a common time at constant velocity.
 
         Parameters
         ----------
         stamp : float
-            Time to carry them to, s.
+            Time of the prediction, s.
 
         Returns
         -------
         TrackArrays
             The same tracks with state F x and covariance F P F', F being Eq. 17's transition matrix
-            over the time step.
+            over the time elapsed.
         """
-        step = stamp - self.stamp
-        state, covariance = predict(self.state, self.covariance, step)
+        elapsed = stamp - self.stamp
+        state, covariance = predict(self.state, self.covariance, elapsed)
         return replace(
             self,
             stamp=np.full(len(self), stamp),
             state=state,
             covariance=covariance,
-            age=self.age + step,
+            age=self.age + elapsed,
         )
 
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.sensing.scan import LARGEST, SMALLEST
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 
-LARGEST_STATE = LARGEST["sensor_pose"]
+LARGEST_STATE = MAX_MAGNITUDE["sensor_pose"]
 """Largest magnitude of a state's numbers that is taken, m and m/s."""
-SMALLEST_SIGMA = SMALLEST["range_std"]
+SMALLEST_SIGMA = MIN_MAGNITUDE["range_std"]
 """Smallest standard deviation that is taken, m and m/s."""
 ASYMMETRY = 1e-6
 """Largest difference of two correlations that should be equal."""

@@ -22,7 +22,7 @@ from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.held_update import CoveredTracks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
-from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
+from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
 LEAST_EXISTENCE = 0.01
 """Probability of existence below which a track ends."""
@@ -154,7 +154,7 @@ class TrackMaintenance:
         near, gated = gated_detections.gate(
             held.models, held.tracks.state, stamp, detections, sensor
         )
-        clutter = np.maximum(clutter, LEAST_DENSITY)
+        clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
         ratios = _likelihood_ratios(held, near, gated, detections, clutter, sensor, environment)
         association = ipda.associate(
             held.existence, empty, held.models.probability, ratios, near.track, near.row, clutter

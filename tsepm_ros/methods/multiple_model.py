@@ -46,7 +46,7 @@ from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import parameter
-from tsepm_ros.sensing.conversion import major_sigma, turned
+from tsepm_ros.sensing.conversion import major_sigma, rotated
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import splitting
 from tsepm_ros.stages.association import Pairs, nearest_first, within
@@ -266,4 +266,4 @@ def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, Flo
     along = 0.5 * square * (1.0 + share) - mean**2
     across = 0.5 * square * (1.0 - share)
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    return mean[:, None] * direction, turned(along, across, heading)
+    return mean[:, None] * direction, rotated(along, across, heading)

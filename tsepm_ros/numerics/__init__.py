@@ -1,1 +1,1 @@
-"""Arrays and their arithmetic, without a word of sonar."""
+"""Arrays and their arithmetic, independent of sonar."""

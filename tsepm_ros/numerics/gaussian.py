@@ -34,7 +34,7 @@ def inverse(matrix: FloatArray) -> FloatArray:
     return inverted / (a * d - b * c)[..., None, None]
 
 
-def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
+def log_density(innovation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Log of the Gaussian density of innovations, and their squared distances.
 
     ``ln N(d; 0, S) = -d' S^-1 d / 2 - ln(2 pi sqrt(|S|))``
@@ -43,7 +43,7 @@ def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray,
     ----------
     innovation : (n, 2) ndarray
         d, m.
-    spread : (n, 2, 2) ndarray
+    covariance : (n, 2, 2) ndarray
         S, m^2.
 
     Returns
@@ -53,8 +53,8 @@ def log_density(innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray,
     distance : (n,) ndarray
         ``d' S^-1 d``.
     """
-    distance = squared_distance(innovation, spread)
-    xx, yy, xy = spread[..., 0, 0], spread[..., 1, 1], spread[..., 0, 1]
+    distance = squared_distance(innovation, covariance)
+    xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
 
 
@@ -77,8 +77,9 @@ def mixture(
     state : (..., 4) ndarray
     covariance : (..., 4, 4) ndarray
     """
-    apart = states - states[0]  # exact where the alternatives are equal
-    offset = np.einsum("m...,m...i->...i", weights, apart)
-    shift = apart - offset
-    parts = covariances + shift[..., :, None] * shift[..., None, :]
-    return states[0] + offset, np.einsum("m...,m...ij->...ij", weights, parts)
+    difference = states - states[0]  # exact where the alternatives are equal
+    mean = np.einsum("m...,m...i->...i", weights, difference)
+    deviation = difference - mean
+    second_moments = covariances + deviation[..., :, None] * deviation[..., None, :]
+    covariance = np.einsum("m...,m...ij->...ij", weights, second_moments)
+    return states[0] + mean, covariance

@@ -37,7 +37,7 @@ def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
 
 
 def places(group: IntArray, score: FloatArray) -> IntArray:
-    """Place of each row in its group, 0 for the largest score, (n,)."""
+    """Rank of each row in its group, 0 for the largest score, (n,)."""
     order = np.lexsort((-score, group))
     ordered = group[order]
     first = np.searchsorted(ordered, ordered)
@@ -49,7 +49,7 @@ def places(group: IntArray, score: FloatArray) -> IntArray:
 def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
     """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path.
 
-    At least one detection.
+    `ids` holds at least one detection; other hits count 0.
     """
     place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
     sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)

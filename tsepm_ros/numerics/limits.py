@@ -1,4 +1,4 @@
-"""Keeping the best where there are too many to keep, or too little time."""
+"""Limits of number and time: the rows of least cost, and the time of a scan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 def keep_best(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
     """Rows of the `limit` smallest costs, in ascending order of rows.
 
-    Ties are kept in the order of their rows, so that the choice is the same on every machine.
+    Ties are kept in the order of their rows: the choice is the same on every machine.
 
     Parameters
     ----------
@@ -23,15 +23,15 @@ def keep_best(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
     """
     if len(cost) <= limit:
         return np.arange(len(cost))
-    largest = np.partition(cost, limit - 1)[limit - 1]
-    kept = cost < largest
-    ties = np.flatnonzero(cost == largest)
+    largest_kept = np.partition(cost, limit - 1)[limit - 1]
+    kept = cost < largest_kept
+    ties = np.flatnonzero(cost == largest_kept)
     kept[ties[: limit - np.count_nonzero(kept)]] = True
     return np.flatnonzero(kept)
 
 
 class TimeLimit:
-    """The time that a scan may take.
+    """Limit of the processing time of a scan.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class TimeLimit:
 
     @property
     def finite(self) -> bool:
-        """Whether there is a limit at all."""
+        """Whether the time is limited."""
         return self.seconds < math.inf
 
     @property
@@ -55,5 +55,5 @@ class TimeLimit:
 
     @property
     def left(self) -> float:
-        """Time left, s; below 0 when it is over."""
+        """Time left, s; negative once the limit is exceeded."""
         return self.seconds - self.elapsed

@@ -1,4 +1,4 @@
-"""Arrays of one length, a row of each belonging together."""
+"""Tables: arrays of equal length whose rows belong together."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Rows:
-    """Arrays of one length: a row of each belongs together. The fields of a subclass."""
+    """Arrays of equal length, the fields of a subclass; equal rows belong together."""
 
     def __len__(self) -> int:
         """Number of rows."""

@@ -1,1 +1,1 @@
-"""Where the sensor is: attitude, mounting, poses in time, and scans put in the fixed frame."""
+"""Pose of the sensor: attitude, mounting, pose history, and registration of scans."""

@@ -1,4 +1,4 @@
-"""Where on the vessel the sensor is."""
+"""Mounting of the sensor on the vessel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tsepm_ros.parameters import check_group, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class Mounting:
-    """Where the sensor is on the vessel, in its frame (REP-103): used with odometry alone.
+    """Position and yaw of the sensor in the vessel's frame (REP-103): used with odometry alone.
 
     Raises
     ------
@@ -31,7 +31,7 @@ class Mounting:
     )
     y: float = parameter(
         0.0,
-        "The same to port",
+        "Position of the sensor to port of that origin; with odometry alone",
         unit="m",
         minimum=-1000.0,
         maximum=1000.0,
@@ -50,12 +50,12 @@ class Mounting:
 
     @property
     def offset(self) -> bool:
-        """Whether the sensor is away from the vessel's origin, so that its heading moves it."""
+        """Whether the sensor is away from the vessel's origin and its heading moves the sensor."""
         return bool(self.x or self.y)
 
     @property
     def given(self) -> bool:
-        """Whether it says anything."""
+        """Whether the sensor's pose differs from the vessel's."""
         return self.offset or self.yaw != 0.0
 
     def sensor_poses(self, vessel: FloatArray) -> FloatArray:
@@ -91,14 +91,14 @@ def sensor_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
     Parameters
     ----------
     covariance : (3, 3) ndarray
-        C, of the vessel's x, y and yaw.
+        C, covariance of the vessel's x, y and yaw.
     arm : (2,) ndarray
-        From the vessel's origin to the sensor, in the axes of the fixed frame, m.
+        Vector from the vessel's origin to the sensor, in the axes of the fixed frame, m.
 
     Returns
     -------
     (3, 3) ndarray
-        Of the sensor's x, y and yaw.
+        Covariance of the sensor's x, y and yaw.
     """
     jacobian = np.eye(3)
     jacobian[:2, 2] = -arm[1], arm[0]

@@ -1,4 +1,4 @@
-"""Where the sensor was when an echo left and came back."""
+"""Pose of the sensor at the transmit and the reception of echoes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_sample import PoseSample
 
 RATE_SPAN = 2.0
-"""Time over which poses are compared for the sensor's velocity, s."""
-SHORTEST_RATE_SPAN = 0.5
-"""Where there are poses for less than this, s, their errors drown their difference."""
-SHORTEST_PERIOD = 0.009
-"""Least time between two samples that are kept, s: below that of 100 Hz, far below a roll's."""
+"""Time over which differences of poses give the sensor's velocity, s."""
+MIN_RATE_SPAN = 0.5
+"""Shortest time for differences of poses, s: below, pose errors dominate."""
+MIN_SAMPLE_PERIOD = 0.009
+"""Shortest time between stored samples, s: below the period of 100 Hz, far below a roll's."""
 
 
 class PoseCoverage(enum.Enum):
-    """Whether a history can answer for a span of time."""
+    """Whether a history covers a span of time."""
 
     YES = "yes"
     NOT_YET = "not yet"
@@ -31,27 +31,27 @@ class PoseCoverage(enum.Enum):
 class PoseHistory:
     """Recent poses, interpolated linearly in between.
 
-    Yaw, roll and pitch are interpolated each by itself, the short way round. That is no rotation at
-    a constant rate, but differs from it only in the second order of the turn between two samples.
-    Beyond the first and the last sample, where the pose is extrapolated, roll and pitch are those
-    of that sample: a ship rolls to and fro.
+    Yaw, roll and pitch are interpolated separately, along the shorter arc. This differs from a
+    rotation at a constant rate only in the second order of the turn between two samples. Beyond the
+    first and the last sample the pose is extrapolated, while roll and pitch stay constant: a roll
+    oscillates.
 
-    Samples of more than 100 Hz are thinned: the newest one is always there, and gives way to the
-    next if it is less than `SHORTEST_PERIOD` after the one before it. `coverage` counts only those
-    that stay, so that what is covered is answered to the bit as with all later samples.
+    Samples at more than 100 Hz are thinned: the newest sample is always stored, and the next sample
+    replaces it if it is less than `MIN_SAMPLE_PERIOD` after its predecessor. `coverage` counts only
+    permanent samples: later samples do not change a covered pose by a bit.
 
     Parameters
     ----------
     min_samples : int
-        The oldest samples go where there are more than this number and they are older than
-        `min_span`: their number is bounded by this or ``min_span / SHORTEST_PERIOD``.
+        The oldest samples are removed where there are more than this number and they are older
+        than `min_span`: their number is bounded by this or ``min_span / MIN_SAMPLE_PERIOD``.
     min_span : float
         Time before the newest sample, s, for which samples are kept: a ping lasts seconds, and
-        its poses are looked up as soon as the last of them is there.
+        its poses are requested as soon as the last of them has arrived.
     max_extrapolation : float
-        Time beyond the first or last sample, s, for which the nearest two samples still answer.
+        Time beyond the first or last sample, s, over which poses are extrapolated.
     max_gap : float
-        Longest time between two samples, s, that is interpolated across.
+        Longest interval between two samples, s, for interpolation.
     """
 
     def __init__(
@@ -70,13 +70,14 @@ class PoseHistory:
         self._late_since = math.nan
 
     def __len__(self) -> int:
-        """Number of samples held."""
+        """Number of samples stored."""
         return len(self._samples)
 
     def add(self, sample: PoseSample) -> bool:
-        """Add a sample; returns False, and does not use it, if it is not later than the last one.
+        """Add a sample; return False, without using it, if it is not later than the last sample.
 
-        Those that follow one another so, with none later in between, are kept for `start_over`.
+        A run of late samples in ascending order, with no later sample between them, is kept for
+        `start_over`.
         """
         if self._samples and sample.stamp <= self._samples[-1].stamp:
             if self._late and sample.stamp <= self._late[-1].stamp:
@@ -101,12 +102,12 @@ class PoseHistory:
         return self._late[-1].stamp - self._late_since if self._late else 0.0
 
     def start_over(self) -> None:
-        """Put the samples that came late one after the other, if any, in place of all before."""
+        """Replace the history by the current run of late samples."""
         self._samples, self._late = self._late, self._samples
         self._late.clear()
 
     def clear(self) -> None:
-        """Forget all samples."""
+        """Remove all samples."""
         self._samples.clear()
         self._late.clear()
 
@@ -116,7 +117,7 @@ class PoseHistory:
         return self._samples[-1].stamp if self._samples else None
 
     def coverage(self, first: float, last: float) -> PoseCoverage:
-        """Whether poses from `first` to `last` (s) can be given, now or with later samples."""
+        """Whether poses from `first` to `last` (s) are available, now or with later samples."""
         if not self._samples:
             return PoseCoverage.NOT_YET
         if first < self._samples[0].stamp - self.max_extrapolation:
@@ -132,7 +133,7 @@ class PoseHistory:
         return PoseCoverage.NEVER if (np.diff(inside) > self.max_gap).any() else PoseCoverage.YES
 
     def can_extrapolate(self, last: float) -> bool:
-        """Whether `last` (s) is beyond the newest sample by no more than what is allowed."""
+        """Whether `last` (s) is at most `max_extrapolation` after the newest sample."""
         return bool(self._samples) and last <= self._samples[-1].stamp + self.max_extrapolation
 
     def poses(self, times: FloatArray) -> FloatArray:
@@ -151,61 +152,61 @@ class PoseHistory:
         Raises
         ------
         ValueError
-            If a time is beyond what the history covers and may extrapolate.
+            If a time is beyond the coverage and its extrapolation.
         """
         return self.poses_with_attitude(times)[:, :3]
 
     def poses_with_attitude(self, times: FloatArray) -> FloatArray:
-        """As `poses`, with the attitude: x, y, yaw, roll, pitch, (n, 5)."""
+        """Poses with attitude at the given times: x, y, yaw, roll, pitch, (n, 5); see `poses`."""
         times = np.asarray(times, float)
         if len(times) == 0:
             return np.zeros((0, 5))
         samples = self._around(float(times.min()), float(times.max()))
         stamps = np.array([sample.stamp for sample in samples])
-        values = np.array([(one.x, one.y, one.yaw, one.roll, one.pitch) for one in samples])
+        values = np.array([(s.x, s.y, s.yaw, s.roll, s.pitch) for s in samples])
         values[:, 2:] = np.unwrap(values[:, 2:], axis=0)
         if len(samples) == 1:
             poses = np.repeat(values, len(times), axis=0)
         else:
-            # At a sample's own stamp the one before it counts, which is there: the next may not be.
+            # A time at a sample's stamp uses the interval before: the next sample may be missing.
             left = np.clip(np.searchsorted(stamps, times) - 1, 0, len(stamps) - 2)
-            step = (stamps[left + 1] - stamps[left])[:, None]
-            share = np.repeat((times - stamps[left])[:, None] / step, 5, axis=1)
-            share[:, 3:] = share[:, 3:].clip(0.0, 1.0)
-            poses = values[left] + share * (values[left + 1] - values[left])
+            interval = (stamps[left + 1] - stamps[left])[:, None]
+            fraction = np.repeat((times - stamps[left])[:, None] / interval, 5, axis=1)
+            fraction[:, 3:] = fraction[:, 3:].clip(0.0, 1.0)
+            poses = values[left] + fraction * (values[left + 1] - values[left])
         newest = self._samples[-1]
         beyond = times > newest.stamp
         if newest.rates is not None and beyond.any():
-            ahead = (times[beyond] - newest.stamp)[:, None]
-            carried = values[-1, :3] + ahead * np.array(newest.rates)
-            poses[beyond, :3] = np.where(np.isnan(carried), poses[beyond, :3], carried)
+            elapsed = (times[beyond] - newest.stamp)[:, None]
+            predicted = values[-1, :3] + elapsed * np.array(newest.rates)
+            poses[beyond, :3] = np.where(np.isnan(predicted), poses[beyond, :3], predicted)
         return poses
 
     def rates(self, times: FloatArray, last: float) -> FloatArray:
-        """Velocities and rates of the yaw at the given times, in the fixed frame.
+        """Velocities and yaw rates at the given times, in the fixed frame.
 
-        The samples' own rates, interpolated linearly; beyond the newest sample those it has. Where
-        they are unknown, the difference of the poses over the `RATE_SPAN` around a time: less where
-        the history begins or had a gap before, and moved back so that it ends at the first sample
-        at or after `last`. That sample and those before it are all that is used: what comes later
-        changes nothing of what is covered up to `last`.
+        Rates of the samples are interpolated linearly, and constant beyond the newest sample.
+        Unknown rates are differences of poses over the `RATE_SPAN` around each time. The span is
+        shorter after the begin of the history or a gap, and shifted back to end at the first sample
+        at or after `last`. Samples after that sample are not used: they cannot change the rates up
+        to `last`.
 
         A source's own rates are mostly far better: white errors of sigma in the positions leave
-        ``sigma sqrt(2) / RATE_SPAN`` in each component of the velocity, 0.7 m/s of 1 m. Moved back
-        by up to half the span, the difference is as old.
+        ``sigma sqrt(2) / RATE_SPAN`` in each component of the velocity, 0.7 m/s for 1 m. A span
+        shifted by up to half its length gives rates older by that time.
 
         Parameters
         ----------
         times : (n,) ndarray
             s, at most `last`.
         last : float
-            End of the span of time that is covered, s.
+            End of the covered time, s.
 
         Returns
         -------
         (n, 3) ndarray
-            vx, vy in m/s and rad/s; nan where they are unknown and there are poses for less than
-            `SHORTEST_RATE_SPAN`.
+            vx, vy in m/s and yaw rate in rad/s; nan where they are unknown and the poses span less
+            than `MIN_RATE_SPAN`.
         """
         times = np.asarray(times, float)
         if not self._samples or not times.size:
@@ -215,19 +216,21 @@ class PoseHistory:
         stamps = np.array([sample.stamp for sample in samples])
         right = np.searchsorted(stamps, times).clip(max=len(stamps) - 1)
         left = (right - 1).clip(min=0)
-        given = np.array([sample.rates or (np.nan,) * 3 for sample in samples])
-        step = stamps[right] - stamps[left]
-        share = np.divide(times - stamps[left], step, out=np.ones(len(times)), where=step > 0)
-        own = given[left] + share.clip(0.0, 1.0)[:, None] * (given[right] - given[left])
-        unknown = np.isnan(own)
+        source_rates = np.array([sample.rates or (np.nan,) * 3 for sample in samples])
+        interval = stamps[right] - stamps[left]
+        fraction = np.ones(len(times))
+        np.divide(times - stamps[left], interval, out=fraction, where=interval > 0)
+        change = source_rates[right] - source_rates[left]
+        rates = source_rates[left] + fraction.clip(0.0, 1.0)[:, None] * change
+        unknown = np.isnan(rates)
         if not unknown.any():
-            return own
-        return np.where(unknown, self._differences(samples, stamps, times, last), own)
+            return rates
+        return np.where(unknown, self._differences(samples, stamps, times, last), rates)
 
     def _differences(
         self, samples: list[PoseSample], stamps: FloatArray, times: FloatArray, last: float
     ) -> FloatArray:
-        """Rates by the poses at the ends of a span around each time; nan where it is too short."""
+        """Rates from the poses at the ends of a span around each time; nan for too short a span."""
         final = min(int(np.searchsorted(stamps, last)), len(stamps) - 1)
         after_gap = np.diff(stamps, prepend=stamps[0]) > self.max_gap
         since = np.maximum.accumulate(np.where(after_gap, stamps, stamps[0]))
@@ -236,11 +239,11 @@ class PoseHistory:
         begin = np.maximum(end - RATE_SPAN, since[right])
         yaws = np.unwrap([sample.yaw for sample in samples])
         changes = [
-            np.interp(end, stamps, along) - np.interp(begin, stamps, along)
-            for along in ([sample.x for sample in samples], [sample.y for sample in samples], yaws)
+            np.interp(end, stamps, values) - np.interp(begin, stamps, values)
+            for values in ([sample.x for sample in samples], [sample.y for sample in samples], yaws)
         ]
         span = end - begin
-        span[span < SHORTEST_RATE_SPAN] = np.nan
+        span[span < MIN_RATE_SPAN] = np.nan
         return np.stack(changes, axis=-1) / span[:, None]
 
     def covariance(self, time: float) -> FloatArray | None:
@@ -250,7 +253,7 @@ class PoseHistory:
         return min(self._around(time, time), key=lambda s: abs(s.stamp - time)).covariance
 
     def _around(self, first: float, last: float) -> list[PoseSample]:
-        """The samples around a span of time that is covered."""
+        """The samples around a covered span of time."""
         if self.coverage(first, last) is not PoseCoverage.YES and not (
             self.coverage(first, first) is not PoseCoverage.NEVER and self.can_extrapolate(last)
         ):
@@ -265,8 +268,8 @@ class PoseHistory:
 
 
 def _settled(samples: list[PoseSample]) -> int:
-    """Number of samples that stay: all but a newest one too close to the one before it."""
-    close = len(samples) > 1 and samples[-1].stamp - samples[-2].stamp < SHORTEST_PERIOD
+    """Number of permanent samples: all but a newest sample too close to its predecessor."""
+    close = len(samples) > 1 and samples[-1].stamp - samples[-2].stamp < MIN_SAMPLE_PERIOD
     return len(samples) - close
 
 
@@ -283,41 +286,41 @@ def echo_poses(
     transmit_offset: FloatArray | None = None,
     heading: bool = True,
 ) -> FloatArray:
-    """Sensor poses that place echoes received by a moving, turning sensor.
+    """Sensor poses that register the echoes received by a moving, turning sensor.
 
-    An echo leaves at t0 = stamp + transmit_offset and arrives at t1, and its position is valid
-    halfway, at stamp + time_offset. Its azimuth was measured against the heading at t1, its range
-    r is the mean of both legs. With u the line of sight, the leg back is
-    ``r - u.(s(t1) - s(t0)) / 2`` to first order, so the target is at distance r along u from
+    A ping leaves at t0 = stamp + transmit_offset, its echo arrives at t1, and the position is valid
+    halfway, at stamp + time_offset. The azimuth is relative to the heading at t1, the range r is
+    the mean of both legs. With u the line of sight, the leg back is ``r - u.(s(t1) - s(t0)) / 2``
+    to first order, so the target is at distance r along u from
     ``s(t1) - u u.(s(t1) - s(t0)) / 2``, with the yaw at t1.
 
     Parameters
     ----------
     poses_at : callable
-        Gives the sensor's poses (x, y, yaw), (m, 3), at m times, such as `PoseHistory.poses`.
+        Function from m times to the sensor's poses (x, y, yaw), (m, 3): `PoseHistory.poses`.
     stamp : float
         Start of transmit, s.
     time_offset : (n,) ndarray or None
-        Time after `stamp` for which each position is valid, s; None: 0 for all.
+        Time after `stamp` at which each position is valid, s; None: 0 for all.
     azimuth : (n,) ndarray
         rad, sensor frame.
     transmit_offset : (n,) ndarray, optional
         Time after `stamp` at which each ping left, s; 0 if not given.
     heading : bool, optional
-        False where the azimuths count from the fixed frame's x axis already: the yaw is then 0.
+        False where the azimuths count from the fixed frame's x axis: the yaw is then 0.
 
     Returns
     -------
     (3,) or (n, 3) ndarray
-        One pose for the scan where there are no time offsets, else one per detection.
+        One pose for a scan without time offsets, else one per detection.
     """
-    turned = 1.0 if heading else 0.0
+    with_yaw = [1.0, 1.0, 1.0 if heading else 0.0]
     delay = np.zeros(1) if transmit_offset is None else transmit_offset
     if time_offset is None or not time_offset.any():
-        return poses_at(np.array([stamp]))[0] * [1.0, 1.0, turned]
+        return poses_at(np.array([stamp]))[0] * with_yaw
     sent = poses_at(stamp + delay)
-    poses = poses_at(stamp + 2.0 * time_offset - delay) * [1.0, 1.0, turned]
+    poses = poses_at(stamp + 2.0 * time_offset - delay) * with_yaw
     sight = np.stack([np.cos(azimuth + poses[:, 2]), np.sin(azimuth + poses[:, 2])], axis=1)
-    moved = ((poses[:, :2] - sent[:, :2]) * sight).sum(axis=1, keepdims=True)
-    poses[:, :2] -= 0.5 * moved * sight
+    displacement = ((poses[:, :2] - sent[:, :2]) * sight).sum(axis=1, keepdims=True)
+    poses[:, :2] -= 0.5 * displacement * sight
     return poses

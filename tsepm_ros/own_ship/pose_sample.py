@@ -1,4 +1,4 @@
-"""One sample of own-ship data: where the vessel or its sensor was at a time."""
+"""One sample of own-ship data: the pose of the vessel or its sensor at a time."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.sensing.scan import LARGEST, checked_covariance
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, checked_covariance
 
 
 @dataclass(frozen=True)
 class PoseSample:
-    """A pose of the sensor, or of the vessel that it is mounted on, at a time.
+    """Pose of the sensor, or of its vessel, at a time.
 
     Attributes
     ----------
@@ -24,12 +24,12 @@ class PoseSample:
     covariance : (3, 3) ndarray or None
         Covariance of x, y, yaw; None if unknown.
     rates : (float, float, float) or None
-        Velocity vx, vy (fixed frame, m/s) and yaw rate (rad/s); None, or nan one by one, if
-        unknown: the difference of poses counts. See `known_rates` for a source's zeros.
+        Velocity vx, vy (fixed frame, m/s) and yaw rate (rad/s); None if all are unknown, nan for
+        an unknown component: differences of poses replace them. `known_rates` treats zeros.
     roll, pitch : float
-        Attitude, rad, as in `tsepm_ros.own_ship.attitude`; 0 where the source does not know it.
+        Attitude, rad, as in `tsepm_ros.own_ship.attitude`; 0 if unknown.
     frame_id, child_frame_id : str
-        The fixed frame, and that of the sensor or vessel; empty where the source names none.
+        The fixed frame, and the frame of the sensor or vessel; empty if unnamed.
     """
 
     stamp: float
@@ -44,33 +44,35 @@ class PoseSample:
     child_frame_id: str = ""
 
     def check(self) -> None:
-        """Check that a scan can be placed by this sample.
+        """Check that the sample is usable for registration.
 
         Raises
         ------
         ValueError
-            If it cannot; the message says why.
+            If it is not; the message names the value.
         """
         rates = self.rates or ()
         pose = (self.x, self.y, self.yaw, self.roll, self.pitch)
         if not math.isfinite(self.stamp):
             raise ValueError(f"stamp must be finite; got {self.stamp}")
-        if not all(abs(value) <= LARGEST["sensor_pose"] for value in pose):
+        if not all(abs(value) <= MAX_MAGNITUDE["sensor_pose"] for value in pose):
             raise ValueError(f"pose must be finite and on earth; got {pose}")
-        if any(abs(rate) > LARGEST["sensor_velocity"] for rate in rates):
-            raise ValueError(f"rates must be at most {LARGEST['sensor_velocity']:g}; got {rates}")
+        if any(abs(rate) > MAX_MAGNITUDE["sensor_velocity"] for rate in rates):
+            raise ValueError(
+                f"rates must be at most {MAX_MAGNITUDE['sensor_velocity']:g}; got {rates}"
+            )
         if self.covariance is not None:
             checked_covariance("covariance", self.covariance)
-            of_position = self.covariance[:2, :2]  # an unknown heading must not hide what it is
-            if np.linalg.eigvalsh(of_position)[0] < -1e-9 * np.abs(of_position).max():
+            position = self.covariance[:2, :2]  # a large heading variance must not hide its error
+            if np.linalg.eigvalsh(position)[0] < -1e-9 * np.abs(position).max():
                 raise ValueError("covariance of x and y must be positive semi-definite")
 
 
 def known_rates(vx: float, vy: float, yaw_rate: float) -> tuple[float, float, float]:
-    """Rates of a source, nan where it leaves them at 0: a message has no other way to say nothing.
+    """Replace zero rates by nan: Odometry cannot mark a rate unknown.
 
-    Velocity and yaw rate count each by itself, since a source may know one of them alone. Of a ship
-    that is at rest, or does not turn, the poses say the same.
+    Velocity and yaw rate are treated separately, since a source may provide only one of them. For a
+    ship at rest, or on a straight course, the differences of poses give the same rates.
     """
     if not (vx or vy):
         vx = vy = math.nan

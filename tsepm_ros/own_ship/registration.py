@@ -1,7 +1,7 @@
-"""Placing a scan in the fixed frame: levelled, and with the sensor's pose at each echo.
+"""Registration of scans in the fixed frame: levelling, and the sensor's pose at each echo.
 
-What the sensor measured along its own axes becomes range and azimuth in the horizontal plane, and
-the vessel's poses become those of the sensor, which is mounted somewhere on it.
+Measurements along the sensor's axes become range and azimuth in the horizontal plane. The mounting
+turns the vessel's poses into the sensor's.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
 from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
-from tsepm_ros.sensing.scan import LARGEST, SMALLEST, Scan, wrap
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 
 
 @dataclass(frozen=True)
 class SensorScan:
-    """A scan as it arrives: not yet placed in the fixed frame.
+    """A scan as received, before its registration in the fixed frame.
 
     Attributes
     ----------
     scan : Scan
-        Detections; its sensor pose is not used. The ranges are those in the sensor's own x-y
-        plane; range rates are along the slant line of sight.
+        Detections; its sensor pose is not used. Ranges are in the sensor's x-y plane, range rates
+        along the slant line of sight.
     frame_id : str
         The sensor's frame.
     north_referenced : bool
@@ -37,9 +37,9 @@ class SensorScan:
     transmit_offset : (n,) ndarray or None
         Time after the stamp at which each detection's ping left, s; None: at the stamp.
     height : (n,) ndarray or None
-        Height of each detection above the sensor's own x-y plane, m; None: 0.
+        Height of each detection above the sensor's x-y plane, m; None: 0.
     axes : str
-        Which of the sensor frame's axes are ahead, port and up, see `attitude.AXES`.
+        Convention of the sensor frame's axes, a key of `attitude.AXES`.
     """
 
     scan: Scan
@@ -51,142 +51,144 @@ class SensorScan:
     axes: str = "body"
 
 
-def at_rest(arrived: SensorScan) -> Scan:
-    """Place a scan of a level sensor that stays at the origin of the fixed frame."""
-    return _chosen(arrived, arrived.scan.range, arrived.scan.azimuth).scan
+def at_rest(sensor_scan: SensorScan) -> Scan:
+    """Register a scan of a level sensor at rest at the origin of the fixed frame."""
+    return _with_horizontal(sensor_scan, sensor_scan.scan.range, sensor_scan.scan.azimuth).scan
 
 
 def to_fixed_frame(
-    arrived: SensorScan, poses: PoseHistory, mounting: Mounting, *, sector: bool = False
+    sensor_scan: SensorScan, poses: PoseHistory, mounting: Mounting, *, sector: bool = False
 ) -> Scan:
-    """Place a scan by the poses of its echoes.
+    """Register a scan by the poses of its echoes.
 
     Parameters
     ----------
-    arrived : SensorScan
+    sensor_scan : SensorScan
     poses : PoseHistory
-        Of the vessel; it must cover `echo_span`.
+        Poses of the vessel; they must cover `echo_span`.
     mounting : Mounting
-        Of the sensor on it.
+        Mounting of the sensor on the vessel.
     sector : bool, optional
-        Whether azimuths from north are turned to the sensor's axes, by the heading at reception:
-        its coverage is a sector of them. Positions and their covariances are the same.
+        Whether azimuths from north are converted to the sensor's axes, by the heading at reception,
+        for a sensor whose coverage is a sector. Positions and their covariances stay the same.
 
     Returns
     -------
     Scan
-        Without the detections that lie straight above or below the tilted sensor. Range rates are
-        nan where the sensor's velocity is not known, or beyond what `LARGEST` allows (poses that
-        jump): measured against that, they say nothing.
+        Without the detections straight above or below the tilted sensor. Range rates are nan where
+        the sensor's velocity is unknown, or exceeds `MAX_MAGNITUDE` (poses that jump).
 
     Raises
     ------
     ValueError
-        If a time is beyond what the poses cover.
+        If a time is beyond the coverage of the poses.
     """
-    arrived = _levelled(arrived, poses, mounting)
-    scan = arrived.scan
-    heading = not arrived.north_referenced
+    sensor_scan = _levelled(sensor_scan, poses, mounting)
+    scan = sensor_scan.scan
+    heading = not sensor_scan.north_referenced
     velocity, features = np.zeros(2), scan.features
     if "range_rate" in features:
-        velocity = _sensor_velocity(arrived, poses, mounting)
-        known = np.asarray((np.abs(velocity) <= LARGEST["sensor_velocity"]).all(axis=-1))
+        velocity = _sensor_velocity(sensor_scan, poses, mounting)
+        known = np.asarray((np.abs(velocity) <= MAX_MAGNITUDE["sensor_velocity"]).all(axis=-1))
         velocity = np.where(known[..., None], velocity, 0.0)
         features = {**features, "range_rate": np.where(known, features["range_rate"], np.nan)}
-    placed = scan.replaced(
+    registered = scan.replaced(
         features=features,
         sensor_pose=echo_poses(
             lambda times: _sensor_poses(times, poses, mounting),
             scan.stamp,
             scan.time_offset,
             scan.azimuth,
-            transmit_offset=arrived.transmit_offset,
+            transmit_offset=sensor_scan.transmit_offset,
             heading=heading,
         ),
         sensor_pose_covariance=_sensor_covariance(scan.stamp, poses, mounting, heading),
         sensor_velocity=velocity,
     )
     if heading or not sector:
-        return placed
-    return _by_the_sensor(placed, _received(arrived), poses, mounting)
+        return registered
+    return _by_the_sensor(registered, _arrival_times(sensor_scan), poses, mounting)
 
 
-def echo_span(arrived: SensorScan) -> tuple[float, float]:
-    """Time from the transmit to the last echo's arrival, s, for which poses are needed."""
-    scan = arrived.scan
+def echo_span(sensor_scan: SensorScan) -> tuple[float, float]:
+    """Begin and end of the time for which poses are needed, s: transmit to last arrival."""
+    scan = sensor_scan.scan
     if scan.time_offset is None or not len(scan):
         return scan.stamp, scan.stamp
-    sent = np.zeros(1) if arrived.transmit_offset is None else arrived.transmit_offset
+    sent = np.zeros(1) if sensor_scan.transmit_offset is None else sensor_scan.transmit_offset
     times = np.concatenate([[0.0], sent, 2.0 * scan.time_offset - sent])
     return scan.stamp + float(times.min()), scan.stamp + float(times.max())
 
 
-def _received(arrived: SensorScan) -> FloatArray:
-    """Times at which the echoes arrived, s, (n,) or, where all arrived at once, (1,)."""
-    scan = arrived.scan
+def _arrival_times(sensor_scan: SensorScan) -> FloatArray:
+    """Arrival times of the echoes, s, (n,), or (1,) without time offsets."""
+    scan = sensor_scan.scan
     if scan.time_offset is None:
         return np.array([scan.stamp])
-    sent = 0.0 if arrived.transmit_offset is None else arrived.transmit_offset
+    sent = 0.0 if sensor_scan.transmit_offset is None else sensor_scan.transmit_offset
     return scan.stamp + 2.0 * scan.time_offset - sent
 
 
-def _chosen(arrived: SensorScan, range: FloatArray, azimuth: FloatArray) -> SensorScan:
-    """A scan's detections at the horizontal ranges and azimuths given, as far as those are good."""
-    scan = arrived.scan
-    if range is scan.range and (arrived.height is None or "range_rate" not in scan.features):
-        return arrived
-    good = (range >= SMALLEST["range"]) & (range <= LARGEST["range"])
+def _with_horizontal(sensor_scan: SensorScan, range: FloatArray, azimuth: FloatArray) -> SensorScan:
+    """A scan's detections at new horizontal ranges and azimuths, without unusable ranges."""
+    scan = sensor_scan.scan
+    if range is scan.range and (sensor_scan.height is None or "range_rate" not in scan.features):
+        return sensor_scan
+    usable = (range >= MIN_MAGNITUDE["range"]) & (range <= MAX_MAGNITUDE["range"])
 
-    def of(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else values[good]
+    def select(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else values[usable]
 
     features = dict(scan.features)
     if "range_rate" in features:
-        height = 0.0 if arrived.height is None else arrived.height
+        height = 0.0 if sensor_scan.height is None else sensor_scan.height
         slant = np.hypot(scan.range, height)
         features["range_rate"] = horizontal_range_rate(features["range_rate"], slant, range)
-    chosen = Scan.trusted(
+    levelled_scan = Scan.trusted(
         stamp=scan.stamp,
-        range=range[good],
-        azimuth=wrap(azimuth[good]),
-        range_std=of(scan.range_std),
-        azimuth_std=of(scan.azimuth_std),
-        time_offset=of(scan.time_offset),
-        features={name: values[good] for name, values in features.items()},
+        range=range[usable],
+        azimuth=wrap(azimuth[usable]),
+        range_std=select(scan.range_std),
+        azimuth_std=select(scan.azimuth_std),
+        time_offset=select(scan.time_offset),
+        features={name: values[usable] for name, values in features.items()},
     )
     return dataclasses.replace(
-        arrived, scan=chosen, transmit_offset=of(arrived.transmit_offset), height=None
+        sensor_scan,
+        scan=levelled_scan,
+        transmit_offset=select(sensor_scan.transmit_offset),
+        height=None,
     )
 
 
 def _sensor_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
-    """Poses of the sensor at some times (s), (n, 3)."""
+    """Poses of the sensor at the given times (s), (n, 3)."""
     return mounting.sensor_poses(poses.poses_with_attitude(times))
 
 
 def _by_the_sensor(
-    scan: Scan, received: FloatArray, poses: PoseHistory, mounting: Mounting
+    scan: Scan, arrival_times: FloatArray, poses: PoseHistory, mounting: Mounting
 ) -> Scan:
-    """A placed scan with azimuths from north as one with the sensor's azimuths and yaws."""
+    """Convert a registered scan's azimuths from north to the sensor's azimuths and yaws."""
     pose = np.array(scan.sensor_pose)
-    at_once = pose.ndim == 1
-    times = np.array([scan.stamp]) if at_once else received
+    common_pose = pose.ndim == 1
+    times = np.array([scan.stamp]) if common_pose else arrival_times
     yaw = _sensor_poses(times, poses, mounting)[:, 2]
-    pose[..., 2] = yaw[0] if at_once else yaw
+    pose[..., 2] = yaw[0] if common_pose else yaw
     return scan.replaced(azimuth=scan.azimuth - yaw, sensor_pose=pose)
 
 
 def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
-    """From the vessel's origin to the sensor in the fixed frame's axes, m, (n, 2)."""
+    """Lever arm from the vessel's origin to the sensor, in the fixed frame's axes, m, (n, 2)."""
     vessel = poses.poses_with_attitude(times)
     return mounting.sensor_poses(vessel)[:, :2] - vessel[:, :2]
 
 
-def _sensor_velocity(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
-    """Velocity of the sensor when each echo was reflected, m/s, (n, 2), or (2,) for all."""
-    scan = arrived.scan
+def _sensor_velocity(sensor_scan: SensorScan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+    """Velocity of the sensor at each reflection, m/s, (n, 2), or (2,) for all detections."""
+    scan = sensor_scan.scan
     times = scan.stamp + (np.zeros(1) if scan.time_offset is None else scan.time_offset)
-    rates = poses.rates(times, echo_span(arrived)[1])
+    rates = poses.rates(times, echo_span(sensor_scan)[1])
     velocity = rates[:, :2]
     if mounting.offset:
         arm = _arm(times, poses, mounting)
@@ -206,11 +208,11 @@ def _sensor_covariance(
     return covariance if heading else covariance * np.outer([1, 1, 0], [1, 1, 0])
 
 
-def _levelled(arrived: SensorScan, poses: PoseHistory, mounting: Mounting) -> SensorScan:
-    """Bring a scan into the horizontal plane, by the attitude with which it was received."""
-    scan = arrived.scan
+def _levelled(sensor_scan: SensorScan, poses: PoseHistory, mounting: Mounting) -> SensorScan:
+    """Convert a scan to the horizontal plane, by the attitude at reception."""
+    scan = sensor_scan.scan
     range_, azimuth = scan.range, scan.azimuth
-    if not arrived.north_referenced:
-        _, _, _, roll, pitch = poses.poses_with_attitude(_received(arrived)).T
-        range_, azimuth = levelled(range_, azimuth, arrived.height, roll, pitch, mounting.yaw)
-    return _chosen(arrived, range_, azimuth)
+    if not sensor_scan.north_referenced:
+        _, _, _, roll, pitch = poses.poses_with_attitude(_arrival_times(sensor_scan)).T
+        range_, azimuth = levelled(range_, azimuth, sensor_scan.height, roll, pitch, mounting.yaw)
+    return _with_horizontal(sensor_scan, range_, azimuth)

@@ -9,7 +9,7 @@ import numpy as np
 
 from msg_adapters import MessageError, read_track_cloud, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import SHORTEST_PERIOD
+from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag
 from tsepm_ros.replay.message_input import MessageInput
@@ -61,7 +61,7 @@ def recording_results(
         )
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
-        until = recorded.time + _longest_echo(ping.scan.time_offset) + SHORTEST_PERIOD
+        until = recorded.time + _longest_echo(ping.scan.time_offset) + MIN_SAMPLE_PERIOD
         last = session.own_ship_stamp
         while motions and (last is None or last < until):
             last = motions[0].time

@@ -16,7 +16,7 @@ DETECTION = np.dtype(
     [
         ("scan", np.int64),  # scan index
         ("index", np.int64),  # detection index within its scan
-        ("time", np.float64),  # s, for which the position is valid
+        ("time", np.float64),  # s, at which the position is valid
         ("position", np.float64, (2,)),  # m, fixed frame
         ("covariance", np.float64, (2, 2)),  # m^2, at the measured position
         ("major_sigma", np.float64),  # m, major axis of that covariance (sigma_Rmax)
@@ -27,11 +27,11 @@ DETECTION = np.dtype(
         ("sensor_velocity", np.float64, (2,)),  # m/s, fixed frame
         ("range_rate", np.float64),  # m/s, against the moving sensor
         ("range_rate_std", np.float64),  # m/s; 0: no range rate
-        ("clutter_density", np.float64),  # 1/m^2, where it is
+        ("clutter_density", np.float64),  # 1/m^2, at its position
         ("features", np.float64, (3,)),  # as in plot_features; nan: not measured
     ]
 )
-"""A converted detection, with what re-evaluating its covariance elsewhere needs."""
+"""A converted detection, with the fields for re-evaluating its covariance elsewhere."""
 
 
 def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLike) -> FloatArray:
@@ -55,7 +55,7 @@ def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLi
 
 
 def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
-    """Undo `unbiased_position`: what the sensor measured.
+    """Measured range and azimuth, the inverse of `unbiased_position`.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def position_covariance(
     Parameters
     ----------
     range, azimuth, range_variance, azimuth_std : (...) array_like
-        m, rad, m^2, rad. The true range and azimuth, or the best that is known of them.
+        m, rad, m^2, rad. The true range and azimuth, or their best estimates.
 
     Returns
     -------
@@ -99,15 +99,15 @@ def position_covariance(
     """
     square = np.square(range)
     angle_variance = np.square(azimuth_std)
-    # (1 +- b^4) / (2 b^2) = cosh(s^2), sinh(s^2), and cosh(u) - 1 = 2 sinh(u/2)^2: no digits are
-    # lost where s is small.
+    # (1 +- b^4) / (2 b^2) = cosh(s^2), sinh(s^2), and cosh(u) - 1 = 2 sinh(u/2)^2: small s
+    # costs no digits.
     along = 2.0 * square * np.sinh(0.5 * angle_variance) ** 2
     along = along + range_variance * np.cosh(angle_variance)
     across = (square + range_variance) * np.sinh(angle_variance)
-    return turned(along, across, azimuth)
+    return rotated(along, across, azimuth)
 
 
-def turned(along: ArrayLike, across: ArrayLike, azimuth: ArrayLike) -> FloatArray:
+def rotated(along: ArrayLike, across: ArrayLike, azimuth: ArrayLike) -> FloatArray:
     """Covariance (..., 2, 2) of variances (...) along and across a direction (...), rad."""
     along, across = np.asarray(along), np.asarray(across)
     cosine, sine = np.cos(azimuth), np.sin(azimuth)
@@ -119,12 +119,12 @@ def turned(along: ArrayLike, across: ArrayLike, azimuth: ArrayLike) -> FloatArra
 
 
 def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
-    """The detections as Split-merge 2016 converts them: as measured, R by the unscented transform.
+    """Convert the detections as Split-merge 2016 does, with R by the unscented transform.
 
-    The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position` removes. Of
-    the sigma points (r, a), (r +- sqrt(3) s_r, a) and (r, a +- sqrt(3) s_a), with the weights 1/3
-    and 1/6 (Julier, Uhlmann 1997, n + kappa = 3), the variances along and across the line of sight
-    are::
+    The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position` removes.
+    The sigma points are (r, a), (r +- sqrt(3) s_r, a) and (r, a +- sqrt(3) s_a), with the weights
+    1/3 and 1/6 (Julier, Uhlmann 1997, n + kappa = 3). The variances along and across the line of
+    sight are::
 
         along  = s_r^2 + 2/9 r^2 (1 - cos(sqrt(3) s_a))^2
         across = 1/3 r^2 sin(sqrt(3) s_a)^2
@@ -134,25 +134,25 @@ def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.v
     detections : (...) ndarray of DETECTION
         From `convert`.
     sensor : SensorModel
-        Range errors where a detection has none of its own.
+        Range errors of detections without their own.
 
     Returns
     -------
     (...) ndarray of DETECTION
     """
-    made = detections.copy()
+    converted = detections.copy()
     range_, azimuth = measured_polar(detections)
     offset = range_[..., None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     angle = math.sqrt(3.0) * detections["azimuth_std"]
     along = range_variance_at(detections, range_, sensor)
     along = along + 2.0 / 9.0 * np.square(range_ * (1.0 - np.cos(angle)))
     across = np.square(range_ * np.sin(angle)) / 3.0
-    made["position"] = detections["sensor_pose"][..., :2] + offset
-    made["covariance"] = turned(along, across, azimuth) + pose_error_covariance(
+    converted["position"] = detections["sensor_pose"][..., :2] + offset
+    converted["covariance"] = rotated(along, across, azimuth) + pose_error_covariance(
         offset, detections["sensor_pose_covariance"]
     )
-    made["major_sigma"] = major_sigma(made["covariance"])
-    return made
+    converted["major_sigma"] = major_sigma(converted["covariance"])
+    return converted
 
 
 def pose_error_covariance(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:
@@ -168,8 +168,8 @@ def pose_error_covariance(offset: FloatArray, pose_covariance: FloatArray) -> Fl
     Returns
     -------
     (..., 2, 2) ndarray
-        m^2. Hits of one track come from different scans, so within a track these errors count as
-        independent although they are common to one scan's detections.
+        m^2. The error is common to the detections of a scan. Hits of a track come from different
+        scans, so within a track these errors count as independent.
     """
     jacobian = np.zeros((*offset.shape[:-1], 2, 3))
     jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1.0
@@ -193,9 +193,9 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
     scan : Scan
         The n detections as measured.
     sensor : SensorModel
-        Errors where the scan gives none of its own.
+        Errors of measurements for which the scan has none.
     scan_index : int
-        Index to note with each detection.
+        Index stored with each detection.
 
     Returns
     -------
@@ -233,19 +233,19 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
 def covariance_at(
     detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel
 ) -> FloatArray:
-    """Re-evaluate the detections' covariances as if their targets were at other positions.
+    """Re-evaluate the detections' covariances for targets at other positions.
 
-    The deviation of a range error that grows with range, and the direction of the error ellipse,
-    are better known at a fitted position than at the measured one (design: R at the fit).
+    A fitted position gives a better range-dependent error, and a better direction of the error
+    ellipse, than the measured position (design: R at the fit).
 
     Parameters
     ----------
     detections : (...) ndarray of DETECTION
         Detections.
     positions : (..., 2) ndarray
-        Position to evaluate each one's covariance at, fixed frame, m.
+        Position of each target, fixed frame, m.
     sensor : SensorModel
-        Range errors where a detection has none of its own.
+        Range errors of detections without their own.
 
     Returns
     -------
@@ -266,7 +266,7 @@ def covariance_at(
 def range_variance_at(
     detections: NDArray[np.void], range: FloatArray, sensor: SensorModel
 ) -> FloatArray:
-    """Variance of the detections' ranges for targets at the given ones, (...), m^2.
+    """Variance of the detections' ranges for targets at the given ranges, (...), m^2.
 
     A detection's own deviation does not depend on the range.
     """

@@ -1,4 +1,4 @@
-"""What of a scan lies in the sensor's coverage, which moves and turns while the echoes come in."""
+"""Coverage of a sensor that moves and turns while the echoes arrive."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ EDGE_DEVIATIONS = 3.0
 
 
 def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
-    """Which detections (n,) may be of a target in the coverage, with the errors that they have.
+    """Which detections (n,) may be of a target in the coverage, given their errors.
 
-    A sensor that covers no more detects no target elsewhere: a detection there is false.
+    The sensor detects no target outside the coverage: detections beyond are false.
     """
     range_std = scan.range_std
     if range_std is None:
@@ -31,17 +31,17 @@ def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class PosesByRange:
-    """Poses of the sensor over the range of the echoes that they place.
+    """Poses of the sensor as a function of the range of the echoes.
 
-    The farther away, the later an echo comes in: the range tells the pose, whatever the order of
-    the detections in their message.
+    Echoes arrive in the order of their ranges: the range determines the pose, whatever the order
+    of the detections in their message.
 
     Attributes
     ----------
     range : (k,) ndarray
-        Rising, m.
+        Ascending, m.
     pose : (k, 3) ndarray
-        x, y, yaw, the yaw without jumps.
+        x, y, yaw; the yaw is unwrapped.
     """
 
     range: FloatArray
@@ -49,7 +49,7 @@ class PosesByRange:
 
     @classmethod
     def of(cls, scan: Scan) -> PosesByRange | None:
-        """The poses of a scan; None where it has one for each detection, but no detections."""
+        """The poses of a scan; None for a pose per detection without detections."""
         pose = np.reshape(scan.sensor_pose, (-1, 3))
         if len(pose) < 2:
             return cls(np.zeros(1), pose) if len(pose) else None
@@ -60,18 +60,18 @@ class PosesByRange:
 
     @property
     def middle(self) -> FloatArray:
-        """The pose of the echo in the middle, (3,)."""
+        """The pose of the echo of median range, (3,)."""
         return self.pose[len(self.pose) // 2]
 
     def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and azimuth (rad), against the sensor, of positions (n, 2) in the fixed frame.
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame.
 
-        The pose is interpolated at the range from the middle one.
+        The pose is interpolated at the range from the middle pose.
         """
         pose = self.middle
         if len(self.pose) > 1:
             distance = np.hypot(*(positions - pose[:2]).T)
-            pose = np.stack([np.interp(distance, self.range, along) for along in self.pose.T])
+            pose = np.stack([np.interp(distance, self.range, values) for values in self.pose.T])
         x, y, yaw = pose
         east, north = positions[:, 0] - x, positions[:, 1] - y
         return np.hypot(east, north), np.arctan2(north, east) - yaw

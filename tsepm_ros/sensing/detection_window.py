@@ -1,4 +1,4 @@
-"""The detections that living potential tracks may still refer to, and what is known of them."""
+"""The detections to which current potential tracks may refer."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from tsepm_ros.sensing.conversion import DETECTION
 class DetectionWindow:
     """Detections of the recent scans, addressed by ids that never change.
 
-    Ids count from 0 in order of arrival; forgetting old scans leaves the ids of the others as they
-    are, so memory stays bounded by the window while hypotheses hold plain integers.
+    Ids count from 0 in order of arrival. Removing old scans leaves the other ids unchanged:
+    hypotheses refer to detections by integers, and the window bounds the memory.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class DetectionWindow:
         return np.arange(first, first + len(detections))
 
     def forget(self, before_scan: int) -> None:
-        """Forget the detections of the scans before the given scan index."""
+        """Remove the detections of the scans before the given scan index."""
         old = int(np.searchsorted(self._detections["scan"], before_scan))
         self._detections = self._detections[old:]
         self._not_held = self._not_held[old:]
@@ -39,16 +39,16 @@ class DetectionWindow:
         return self._detections[ids - self._first_id]
 
     def note_held(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
-        """Note that detections are a confirmed track's with a probability, (n,) each."""
+        """Note the probabilities that detections belong to confirmed tracks, (n,) each."""
         np.multiply.at(self._not_held, ids - self._first_id, 1.0 - np.minimum(probability, 1.0))
 
     def held_probability(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Probability that the detections with the given ids are some confirmed track's, (...).
+        """Probability that the detections with the given ids belong to a confirmed track, (...).
 
-        As if what several tracks claim were independent.
+        The probabilities of different tracks count as independent.
         """
-        claimed: NDArray[np.float64] = 1.0 - self._not_held[ids - self._first_id]
-        return claimed
+        probability: NDArray[np.float64] = 1.0 - self._not_held[ids - self._first_id]
+        return probability
 
     def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Positions of the detections with the given ids, (..., 2), m."""
@@ -56,10 +56,10 @@ class DetectionWindow:
         return positions
 
     def clutter_densities(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Clutter densities where the detections with the given ids are, (...), 1/m^2."""
+        """Clutter densities at the detections with the given ids, (...), 1/m^2."""
         densities: NDArray[np.float64] = self._detections["clutter_density"][ids - self._first_id]
         return densities
 
     def __len__(self) -> int:
-        """Number of detections held."""
+        """Number of detections in the window."""
         return len(self._detections)

@@ -8,14 +8,14 @@ more, the decision function is ``J = sum_p |u'_p - u_p|^2`` (Eq. 11), small for 
 Readings
 --------
 - As printed, J adds squares of unlike units, and falls with ``1 / (n + 1)^2`` as the history grows,
-  so that no threshold fits two tracks, and no method associates by it: `decision` is there to
-  reproduce the source's Table 1, not as an option. What is used here is the distance of the plot
-  from the mean in units of its own spread, ``t_p^2 = (z_p - u_p)^2 / (s_p^2 (1 + 1 / n_p))`` with
-  the variance s_p^2 of the track's n_p plots: of F distribution with 1 and n_p - 1 degrees of
-  freedom for a plot of its own whose features are Gaussian. Each t_p^2 is put on the scale of
-  chi-square by its probability, so that their sum has a gate that holds for short histories too.
+  so that no threshold fits two tracks. `decision` reproduces the source's Table 1; no method uses
+  it. Association uses the distance of the plot from the mean in units of the track's own standard
+  deviation, ``t_p^2 = (z_p - u_p)^2 / (s_p^2 (1 + 1 / n_p))`` with
+  the variance s_p^2 of the track's n_p plots. For a plot of the track with Gaussian features it
+  has an F distribution with 1 and n_p - 1 degrees of freedom. The chi-square quantile of its
+  probability replaces each t_p^2: the gate of the sum then also holds for short histories.
 - "The point track and track interval are used as feature distances" where a plot fits several
-  tracks: the distance in position counts beside J.
+  tracks: the distance in position is added to J.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ from tsepm_ros.sensing.scan import Scan
 NAMES = ("intensity", "range_width", "azimuth_width")
 """The features, in the order of their columns."""
 GATE_PROBABILITY = 0.99
-"""Probability that a plot of the target's own resembles the others."""
-MOST_PLOTS = 30
-"""Plots that count, K of Eq. 10: a target's aspect changes, and older ones fade."""
-LEAST_SPREAD = 0.01
-"""Standard deviation that a feature has at the least, of its mean: sensors round."""
-LARGEST = 1e100
-"""Magnitude from which on a feature counts as not measured: its square could overflow."""
-LEAST_PROBABILITY = 1e-300
-"""Floor of a probability, whose quantile stays finite."""
+"""Probability that a plot of the target passes the gate of its features."""
+MAX_PLOT_COUNT = 30
+"""Number of plots averaged, K of Eq. 10: the aspect changes, and older plots fade."""
+MIN_RELATIVE_STD = 0.01
+"""Smallest standard deviation of a feature, as a fraction of its mean: sensors round."""
+MAX_FEATURE = 1e100
+"""Magnitude from which a feature counts as not measured: its square could overflow."""
+MIN_TAIL_PROBABILITY = 1e-300
+"""Floor of a tail probability, which keeps its quantile finite."""
 
 
 def measured(scan: Scan) -> FloatArray:
     """Features of a scan's detections, (n, 3); nan where not measured."""
     columns = [scan.features.get(name, np.full(len(scan), np.nan)) for name in NAMES]
     values = np.stack(columns, axis=1)
-    return np.where(np.abs(values) < LARGEST, values, np.nan)
+    return np.where(np.abs(values) < MAX_FEATURE, values, np.nan)
 
 
 def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
@@ -59,12 +59,12 @@ def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
     history : (..., n, p) ndarray
         Features of a track's plots.
     candidate : (..., p) ndarray
-        Of the plot that may be its next.
+        Features of the plot that may be the track's next.
 
     Returns
     -------
     (...) ndarray
-        J, small for a plot of the track's own.
+        J, small for a plot of the same target.
     """
     n = history.shape[-2]
     mean = history.mean(axis=-2)
@@ -74,12 +74,12 @@ def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Histories(Rows):
-    """Features of the plots of tracks so far, a row each.
+    """Statistics of the features of tracks' plots, a row for each track.
 
     Attributes
     ----------
     count : (n, 3) ndarray
-        Plots that had each feature.
+        Number of plots with each feature.
     mean : (n, 3) ndarray
         Eq. 10.
     square : (n, 3) ndarray
@@ -101,44 +101,46 @@ class Histories(Rows):
         return cls(count, mean, square)
 
     def with_plots(self, rows: IntArray, features: FloatArray) -> Self:
-        """The histories after one more plot, (p, 3), of some rows (p,), none of them twice."""
-        made = type(self)(self.count.copy(), self.mean.copy(), self.square.copy())
+        """The histories after a further plot, (p, 3), of the rows (p,), each at most once."""
+        updated = type(self)(self.count.copy(), self.mean.copy(), self.square.copy())
         has = np.isfinite(features)
-        fading = np.minimum(1.0, (MOST_PLOTS - 1.0) / np.maximum(self.count[rows], 1.0))
+        fading = np.minimum(1.0, (MAX_PLOT_COUNT - 1.0) / np.maximum(self.count[rows], 1.0))
         count = np.where(has, self.count[rows] * fading + 1.0, self.count[rows])
         deviation = np.where(has, features - self.mean[rows], 0.0)
-        share = deviation / np.maximum(count, 1.0)
-        made.count[rows] = count
-        made.mean[rows] += share
+        mean_change = deviation / np.maximum(count, 1.0)
+        updated.count[rows] = count
+        updated.mean[rows] += mean_change
         kept = np.where(has, fading, 1.0) * self.square[rows]
-        made.square[rows] = kept + deviation * (deviation - share)
-        return made
+        updated.square[rows] = kept + deviation * (deviation - mean_change)
+        return updated
 
     def dissimilarity(self, features: FloatArray) -> FloatArray:
-        """How unlike its track's plots each of some plots (n, 3) is, (n,).
+        """Distance of each plot's features (n, 3) from those of its track, (n,).
 
-        Chi-square distributed for plots of the track's own, with as many degrees of freedom as
-        features are known (`known`).
+        Chi-square distributed for plots of the same target; the number of comparable features
+        (`known`) is the degrees of freedom.
         """
         known = self.known(features)
         freedom = np.where(known, self.count - 1.0, 1.0)
         variance = self.square / freedom
-        variance = np.maximum(variance, np.square(LEAST_SPREAD * self.mean))
+        variance = np.maximum(variance, np.square(MIN_RELATIVE_STD * self.mean))
         variance = variance * (1.0 + 1.0 / np.maximum(self.count, 1.0))
-        misfit = np.where(known, np.square(features - self.mean), 0.0)
-        # Where nothing ever varied, not even around 0: as far off as can be told, or not at all.
-        largest = np.where(misfit > 0.0, np.inf, 0.0)
+        squared_deviation = np.where(known, np.square(features - self.mean), 0.0)
+        # A variance of 0: the distance is infinite for a different feature, 0 for an equal one.
+        at_no_variance = np.where(squared_deviation > 0.0, np.inf, 0.0)
         with np.errstate(over="ignore"):
-            distance = np.divide(misfit, variance, out=largest, where=variance > 0.0)
-        probability = np.maximum(fdtrc(1.0, freedom, distance), LEAST_PROBABILITY)
+            distance = np.divide(
+                squared_deviation, variance, out=at_no_variance, where=variance > 0.0
+            )
+        probability = np.maximum(fdtrc(1.0, freedom, distance), MIN_TAIL_PROBABILITY)
         return np.asarray(chdtri(1.0, probability).sum(axis=1))
 
     def known(self, features: FloatArray) -> BoolArray:
-        """Which features of plots (n, 3) can be compared: both have them, the track twice."""
+        """Which features of plots (n, 3) are comparable: measured, and twice in the track."""
         return np.isfinite(features) & (self.count >= 2.0)
 
     def resembled_by(self, features: FloatArray) -> BoolArray:
-        """Whether plots (n, 3) resemble their tracks'; those that cannot be compared do."""
+        """Whether plots (n, 3) resemble those of their tracks; true without comparable features."""
         freedom = self.known(features).sum(axis=1)
         gate = chdtri(np.maximum(freedom, 1), 1.0 - GATE_PROBABILITY)
         return np.asarray((self.dissimilarity(features) <= gate) | (freedom == 0))

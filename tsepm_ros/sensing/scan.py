@@ -1,4 +1,4 @@
-"""One ping's detections."""
+"""Detections of one ping."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from numpy.typing import ArrayLike
 
 from tsepm_ros.numerics.arrays import FloatArray
 
-LARGEST = {
+MAX_MAGNITUDE = {
     "range": 1e8,  # m
     "range_std": 1e8,  # m
     "azimuth_std": math.pi,  # rad
     "time_offset": 1e6,  # s
     "sensor_pose": 1e9,  # m, rad
-    "sensor_pose_covariance": 1e13,  # m^2, rad^2: beyond, what else is known is lost by rounding
+    "sensor_pose_covariance": 1e13,  # m^2, rad^2: beyond, rounding loses other covariances
     "sensor_velocity": 1e6,  # m/s
     "range_rate": 1e6,  # m/s
 }
-"""Largest magnitudes that are taken: beyond, a number is a fault, and its square could overflow."""
+"""Largest magnitudes accepted: a larger number is a fault, and its square could overflow."""
 
-SMALLEST = {"range": 1e-3, "range_std": 1e-6, "azimuth_std": 1e-9}
-"""Smallest positive values that are taken, m and rad: below, squares vanish."""
+MIN_MAGNITUDE = {"range": 1e-3, "range_std": 1e-6, "azimuth_std": 1e-9}
+"""Smallest positive values accepted, m and rad: the squares of smaller values vanish."""
 
 FEATURES = ("intensity", "range_width", "azimuth_width", "range_rate")
-"""Names that `Scan.features` may have."""
+"""Names allowed in `Scan.features`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,26 +40,26 @@ class Scan:
     stamp : float
         Start of transmit, s.
     range : (n,) array_like
-        Range of each detection, m, above 0. No value may be beyond `LARGEST` or below `SMALLEST`.
+        Range of each detection, m, above 0. `MAX_MAGNITUDE` and `MIN_MAGNITUDE` bound all values.
     azimuth : (n,) array_like
         Azimuth of each detection, rad, counter-clockwise from the sensor's x axis (REP-103). Any
         finite angle; it is wrapped to [-pi, pi].
     range_std, azimuth_std : (n,) array_like, optional
         Standard deviation of each detection, m and rad, in place of the sensor model's.
     time_offset : (n,) array_like, optional
-        Time after `stamp` for which each detection's position is valid, s; 0 if not given.
+        Time after `stamp` at which each detection's position is valid, s; 0 if not given.
     features : mapping of str to (n,) array_like, optional
         Further measurements by name: intensity, range_width (m), azimuth_width (rad),
         range_rate (m/s, above 0 where the range grows, in the horizontal plane as the range,
-        against the moving sensor; nan or beyond `LARGEST`: none).
+        against the moving sensor; nan or beyond `MAX_MAGNITUDE`: none).
     sensor_pose : (3,) or (n, 3) array_like, optional
         Pose (x, y, yaw) of the sensor in the fixed frame, m and rad: one for the scan, or one per
-        detection. At the origin if not given.
+        detection; the origin if not given.
     sensor_pose_covariance : (3, 3) array_like, optional
         Covariance of the sensor pose. The error is common to all detections of the scan.
     sensor_velocity : (2,) or (n, 2) array_like, optional
         Velocity of the sensor in the fixed frame, m/s, at the time of the scan, or of each
-        detection's position: range rates are measured against it. At rest if not given.
+        detection's position: range rates are measured against it. Zero if not given.
 
     Raises
     ------
@@ -85,12 +85,12 @@ class Scan:
 
     @classmethod
     def trusted(cls, **fields: Any) -> Self:
-        """A scan of fields that are as this class keeps them: none is checked, copied or wrapped.
+        """A scan of fields in the form that this class keeps: none is checked, copied or wrapped.
 
         Parameters
         ----------
         **fields
-            Every field that is not at its default; arrays of float64 that nobody writes to.
+            Every field without its default value; arrays of float64 that are not written to.
         """
         scan = object.__new__(cls)
         defaults = {"features": {}, "sensor_pose": np.zeros(3), "sensor_velocity": np.zeros(2)}
@@ -98,7 +98,7 @@ class Scan:
         return scan
 
     def replaced(self, **fields: Any) -> Self:
-        """As `dataclasses.replace` for the same detections; only the new fields are checked.
+        """The scan with some fields replaced, for the same detections; only these are checked.
 
         Raises
         ------
@@ -114,7 +114,7 @@ class Scan:
 
 
 def wrap(angle: ArrayLike) -> FloatArray:
-    """Wrap angles to [-pi, pi], leaving those inside untouched to the bit."""
+    """Wrap angles to [-pi, pi]; angles inside stay the same to the bit."""
     angle = np.asarray(angle, float)
     inside = np.abs(angle) <= np.pi
     if inside.all():
@@ -125,7 +125,7 @@ def wrap(angle: ArrayLike) -> FloatArray:
 
 
 def _checked(name: str, value: Any, n: int) -> Any:
-    """A field of a scan of n detections as it is kept; raises ValueError if it is not allowed."""
+    """A field of a scan of n detections in its stored form; ValueError if it is not allowed."""
     match name:
         case "stamp":
             return _stamp(value)
@@ -191,8 +191,10 @@ def _finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
 
 def _bounded(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     array = _finite(name, value, shape)
-    if (np.abs(array) > LARGEST[name]).any():
-        raise ValueError(f"{name} must be at most {LARGEST[name]:g}; got {np.abs(array).max():g}")
+    if (np.abs(array) > MAX_MAGNITUDE[name]).any():
+        raise ValueError(
+            f"{name} must be at most {MAX_MAGNITUDE[name]:g}; got {np.abs(array).max():g}"
+        )
     return array
 
 
@@ -200,24 +202,24 @@ def _positive(name: str, value: ArrayLike, n: int) -> FloatArray:
     array = _bounded(name, value, (n,))
     if (array <= 0).any():
         raise ValueError(f"{name} must be above 0; got {array[array <= 0][0]}")
-    if (array < SMALLEST[name]).any():
-        raise ValueError(f"{name} must be at least {SMALLEST[name]:g}; got {array.min():g}")
+    if (array < MIN_MAGNITUDE[name]).any():
+        raise ValueError(f"{name} must be at least {MIN_MAGNITUDE[name]:g}; got {array.min():g}")
     return array
 
 
 def checked_covariance(name: str, value: ArrayLike) -> FloatArray:
-    """A (3, 3) covariance as an array.
+    """Return a (3, 3) covariance as a checked array.
 
     Raises
     ------
     ValueError
-        If it is not finite, symmetric and positive semi-definite, or larger than `LARGEST` has it;
-        the message names it.
+        If it is not finite, symmetric and positive semi-definite, or exceeds `MAX_MAGNITUDE`; the
+        message starts with `name`.
     """
     array = _finite(name, value, (3, 3))
-    largest = LARGEST["sensor_pose_covariance"]
-    if (np.abs(array) > largest).any():
-        raise ValueError(f"{name} must be at most {largest:g}; got {np.abs(array).max():g}")
+    limit = MAX_MAGNITUDE["sensor_pose_covariance"]
+    if (np.abs(array) > limit).any():
+        raise ValueError(f"{name} must be at most {limit:g}; got {np.abs(array).max():g}")
     scale = np.abs(array).max()
     symmetric = np.abs(array - array.T).max() <= 1e-9 * scale
     if not symmetric or np.linalg.eigvalsh(array).min() < -1e-9 * scale:

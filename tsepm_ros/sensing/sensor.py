@@ -1,4 +1,4 @@
-"""The sensor: its errors, its coverage and what else it detects."""
+"""The sensor: its errors, its coverage, its detection probability and its clutter."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.sensing.scan import LARGEST, SMALLEST
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 
-NARROWEST_SECTOR = 1e-6
-"""Least width of the azimuth sector covered, rad."""
-LARGEST_CLUTTER_DENSITY = 1e30
-"""Far above what is estimated in the smallest coverage, 1/m^2."""
-LONGEST_ERROR = 1e11
-"""Largest ratio of `range_std` to `azimuth_std`, m/rad: beyond, the smaller one is lost."""
-SMALLEST_RANGE_RATE_STD = 1e-3
-"""Least standard deviation of a range rate that is used, m/s: below, fits lose the positions."""
+MIN_SECTOR_WIDTH = 1e-6
+"""Smallest width of the azimuth sector covered, rad."""
+MIN_CLUTTER_DENSITY = 1e-12
+"""Floor of the clutter density, 1/m^2: false detections are possible everywhere."""
+MAX_CLUTTER_DENSITY = 1e30
+"""Upper bound of the clutter density, 1/m^2, far above estimates in the smallest coverage."""
+MAX_STD_RATIO = 1e11
+"""Largest ratio of `range_std` to `azimuth_std`, m/rad: beyond, rounding loses the smaller."""
+MIN_RANGE_RATE_STD = 1e-3
+"""Smallest standard deviation of range rates, m/s: below, fits lose the positions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +42,7 @@ class SensorModel:
     )
     range_std_fraction: float = parameter(
         0.015,
-        "Part of the range's standard deviation that grows with range, as a fraction of it",
+        "Range-dependent part of the range's standard deviation, as a fraction of the range",
         minimum=0.0,
         maximum=1.0,
     )
@@ -52,14 +54,14 @@ class SensorModel:
         maximum=1.0,
     )
     min_range: float = parameter(
-        0.0, "Nearest range covered", unit="m", minimum=0.0, maximum=LARGEST["range"]
+        0.0, "Nearest range covered", unit="m", minimum=0.0, maximum=MAX_MAGNITUDE["range"]
     )
     max_range: float = parameter(
         9000.0,
         "Farthest range covered",
         unit="m",
-        minimum=SMALLEST["range"],
-        maximum=LARGEST["range"],
+        minimum=MIN_MAGNITUDE["range"],
+        maximum=MAX_MAGNITUDE["range"],
     )
     azimuth_min: float = parameter(
         -math.pi,
@@ -83,20 +85,19 @@ class SensorModel:
         "Expected false detections per scan and square metre",
         unit="1/m^2",
         positive=True,
-        maximum=LARGEST_CLUTTER_DENSITY,
+        maximum=MAX_CLUTTER_DENSITY,
     )
     range_rate_std: float = parameter(
         0.0,
-        "Standard deviation of the range rate that detections may have; 0: range rates are not "
-        "used",
+        "Standard deviation of the range rates of detections; 0: range rates are not used",
         unit="m/s",
         minimum=0.0,
         maximum=1e4,
     )
     clutter_range_rate: float = parameter(
         3.0,
-        "Half of the false detections have a range rate over ground within plus or minus this "
-        "(Cauchy distribution), where range rates are used",
+        "Median magnitude of the range rate over ground of false detections (Cauchy distribution); "
+        "used with range rates",
         unit="m/s",
         minimum=1e-4,
         maximum=1e4,
@@ -106,24 +107,24 @@ class SensorModel:
         check_group(self)
         if max(self.range_std, self.range_std_fraction) < 1e-6:
             raise ValueError("range_std and range_std_fraction must not both be 0")
-        if self.range_std > LONGEST_ERROR * self.azimuth_std:
+        if self.range_std > MAX_STD_RATIO * self.azimuth_std:
             raise ValueError(
-                f"range_std must be at most {LONGEST_ERROR:g} m/rad times azimuth_std; got "
+                f"range_std must be at most {MAX_STD_RATIO:g} m/rad times azimuth_std; got "
                 f"{self.range_std} and {self.azimuth_std}"
             )
-        if self.max_range - self.min_range < SMALLEST["range"]:
+        if self.max_range - self.min_range < MIN_MAGNITUDE["range"]:
             raise ValueError(
-                f"min_range must be below max_range by at least {SMALLEST['range']:g}; got "
+                f"min_range must be below max_range by at least {MIN_MAGNITUDE['range']:g}; got "
                 f"{self.min_range} and {self.max_range}"
             )
-        if self.azimuth_max - self.azimuth_min < NARROWEST_SECTOR:
+        if self.azimuth_max - self.azimuth_min < MIN_SECTOR_WIDTH:
             raise ValueError(
-                f"azimuth_min must be below azimuth_max by at least {NARROWEST_SECTOR:g}; got "
+                f"azimuth_min must be below azimuth_max by at least {MIN_SECTOR_WIDTH:g}; got "
                 f"{self.azimuth_min} and {self.azimuth_max}"
             )
-        if 0.0 < self.range_rate_std < SMALLEST_RANGE_RATE_STD:
+        if 0.0 < self.range_rate_std < MIN_RANGE_RATE_STD:
             raise ValueError(
-                f"range_rate_std must be 0 or at least {SMALLEST_RANGE_RATE_STD:g}; got "
+                f"range_rate_std must be 0 or at least {MIN_RANGE_RATE_STD:g}; got "
                 f"{self.range_rate_std}"
             )
 
@@ -157,29 +158,25 @@ class SensorModel:
         range_margin: ArrayLike = 0.0,
         azimuth_margin: ArrayLike = 0.0,
     ) -> NDArray[np.bool_]:
-        """Whether positions given in the sensor frame can be detected at all.
+        """Whether positions in the sensor frame are in the coverage.
 
         Parameters
         ----------
         range, azimuth : (n,) array_like
             m and rad.
         range_margin, azimuth_margin : float or (n,) array_like, optional
-            How far beyond the edges it may be, m and rad.
+            Distance by which a position may lie beyond the edges, m and rad.
 
         Returns
         -------
         (n,) ndarray of bool
         """
-        distance, beyond = np.asarray(range, float), np.asarray(range_margin, float)
-        aside = np.asarray(azimuth_margin, float)
-        begin = self.azimuth_min - aside
-        turned = np.remainder(np.asarray(azimuth, float) - begin, 2 * np.pi)
+        distance, range_margin = np.asarray(range, float), np.asarray(range_margin, float)
+        azimuth_margin = np.asarray(azimuth_margin, float)
+        sector_start = self.azimuth_min - azimuth_margin
+        from_start = np.remainder(np.asarray(azimuth, float) - sector_start, 2 * np.pi)
         return (
-            (distance >= self.min_range - beyond)
-            & (distance <= self.max_range + beyond)
-            & (turned <= self.sector_width + 2.0 * aside)
+            (distance >= self.min_range - range_margin)
+            & (distance <= self.max_range + range_margin)
+            & (from_start <= self.sector_width + 2.0 * azimuth_margin)
         )
-
-
-LEAST_DENSITY = 1e-12
-"""Floor of the clutter density, 1/m^2: nothing is free of false detections."""

@@ -18,7 +18,7 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation.own_ship_motion import Motion, OwnShipMotion, WaypointMotion
 from tsepm_ros.simulation.scenario import ClutterPatch, Scenario, TargetArea
 
-LARGEST_SCANS = 10_000_000
+MAX_SCANS = 10_000_000
 
 
 def shipped_scenarios() -> list[str]:
@@ -103,8 +103,8 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
         if key in values:
             raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
     scenario: Scenario = _section(Scenario, values, "scenario")
-    if not 1 <= scenario.scans <= LARGEST_SCANS:
-        raise ValueError(f"scenario.scans must be from 1 to {LARGEST_SCANS}; got {scenario.scans}")
+    if not 1 <= scenario.scans <= MAX_SCANS:
+        raise ValueError(f"scenario.scans must be from 1 to {MAX_SCANS}; got {scenario.scans}")
     if scenario.period <= 0 or scenario.sound_speed < 0:
         raise ValueError("scenario.period must be above 0 and scenario.sound_speed at least 0")
     return dataclasses.replace(

@@ -30,9 +30,9 @@ from tsepm_ros.stages.paths import Paths
 ESTIMATORS = ("unweighted", "weighted", "polar")
 WEIGHTED_PASSES = 2
 POLAR_PASSES = 10
-CONVERGED = 1e-3
+POLAR_TOLERANCE = 1e-3
 """Step of the polar fit, in standard deviations of each component, that ends it."""
-CLEAR_OF_SENSOR = 3.0
+MIN_SENSOR_DISTANCE = 3.0
 """Distance of a hit from its sensor, in standard deviations of the fit, that a polar fit needs."""
 
 
@@ -236,7 +236,7 @@ def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
         )
         current = current + step
         sigma = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-        done = (np.abs(step) <= CONVERGED * sigma).all(axis=1)
+        done = (np.abs(step) <= POLAR_TOLERANCE * sigma).all(axis=1)
         found = rows[done]
         state[found], covariance[found] = current[done], spread[done]
         hit_covariance[found] = covariance_at(
@@ -262,7 +262,7 @@ def _nearly_linear(
     range_ = np.hypot(offset[..., 0], offset[..., 1])
     sigma = major_sigma(position_covariances_at(covariance, tau))
     depth = 0.5 * np.square(sigma)
-    linear = range_ > CLEAR_OF_SENSOR * sigma
+    linear = range_ > MIN_SENSOR_DISTANCE * sigma
     linear &= depth < range_ * np.sqrt(range_variance_at(hits, range_, sensor))
     return linear.all(axis=1)
 

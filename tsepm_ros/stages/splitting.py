@@ -32,7 +32,7 @@ class Gated:
         Gate i holds ``detection[start[i]:start[i + 1]]``.
     detection : (p,) ndarray of int
         Rows of the gated detections, ascending within a gate.
-    claimed : (n,) ndarray of bool
+    in_any_gate : (n,) ndarray of bool
         Which of the scan's detections lie in some gate. Those that were cut are included, with
         the gates as they are at the scan's farthest time.
     cut : int
@@ -41,7 +41,7 @@ class Gated:
 
     start: IntArray
     detection: IntArray
-    claimed: BoolArray
+    in_any_gate: BoolArray
     cut: int = 0
 
     @property
@@ -116,11 +116,11 @@ def gate_within(
         )
     start = np.zeros(n_gates + 1, np.int64)
     np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
-    claimed = np.zeros(len(detections), bool)
-    claimed[candidate[inside]] = True
+    in_any_gate = np.zeros(len(detections), bool)
+    in_any_gate[candidate[inside]] = True
     if cut:
-        claimed |= _in_any_disc(positions, centres, radius)
-    return Gated(start, candidate[inside], claimed, cut)
+        in_any_gate |= _in_any_disc(positions, centres, radius)
+    return Gated(start, candidate[inside], in_any_gate, cut)
 
 
 def neighbours(
@@ -218,14 +218,14 @@ def split(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
 
 def residual(gated: Gated) -> IntArray:
     """Rows of the detections that lie in no gate and so start new potential tracks (Step 8)."""
-    return np.flatnonzero(~gated.claimed)
+    return np.flatnonzero(~gated.in_any_gate)
 
 
 def left_out(gated: Gated) -> IntArray:
     """Rows of the detections that lie in some gate, but were cut from all of them."""
-    claimed = gated.claimed.copy()
-    claimed[gated.detection] = False
-    return np.flatnonzero(claimed)
+    in_any_gate = gated.in_any_gate.copy()
+    in_any_gate[gated.detection] = False
+    return np.flatnonzero(in_any_gate)
 
 
 def split_within(

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.sensing.sensor import LEAST_DENSITY
+from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY
 
 MAX_DETECTION_PROBABILITY = 0.999
 """A miss must stay possible: a target fades, whatever the data sheet says."""
@@ -40,7 +40,7 @@ def hit_increment(
     """
     probability = np.minimum(detection_probability, MAX_DETECTION_PROBABILITY)
     with np.errstate(divide="ignore"):
-        ratio = np.log(probability / np.maximum(clutter, LEAST_DENSITY))
+        ratio = np.log(probability / np.maximum(clutter, MIN_CLUTTER_DENSITY))
     increment: FloatArray = log_density + ratio
     return increment
 

@@ -30,7 +30,7 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
-from tsepm_ros.sensing.sensor import LEAST_DENSITY, SensorModel
+from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.stages import pruning, splitting
 from tsepm_ros.stages.paths import starting
 
@@ -94,7 +94,9 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
 
 def held_penalty(observed: Observation) -> FloatArray:
     """``ln((lambda + held density) / lambda)``, (d,): what a hit adds less given held tracks."""
-    return np.log1p(observed.held_density / np.maximum(observed.clutter_density, LEAST_DENSITY))
+    return np.log1p(
+        observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
+    )
 
 
 def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -> Hypotheses:
