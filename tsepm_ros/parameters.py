@@ -1,8 +1,8 @@
-"""Describing parameters once: the table behind options, ROS parameters, YAML and documentation.
+"""The parameter table behind options, ROS parameters, YAML and documentation.
 
-A group of parameters is a frozen dataclass whose fields are made by :func:`parameter`. The field's
-name, type and default, and the description, unit and bounds given here, are all that declaration,
-validation and documentation need.
+A group of parameters is a frozen dataclass whose fields are made by :func:`parameter`. Declaration,
+validation and documentation use the name, type and default of the field, and its description, unit
+and bounds.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Parameter:
     positive : bool
         The number must be larger than zero.
     choices : tuple of str
-        The values that a string may take; empty: any.
+        Allowed values of a string; empty: any.
     read_only : bool
         The value cannot change while a node runs.
     """
@@ -58,7 +58,7 @@ class Parameter:
 
     @property
     def bounds(self) -> str:
-        """The allowed values in words; empty where anything goes."""
+        """The allowed values in words; empty if all values are allowed."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         low = f"{self.minimum:g}"
@@ -76,14 +76,14 @@ class Parameter:
         Parameters
         ----------
         value : object
-            What the user gave. An int is accepted for a float, nothing else is converted.
+            Value from the user. An int is accepted for a float, other types are not converted.
         name : str, optional
-            Name for the message, where it differs from the one in the group.
+            Name in the message, if it differs from the name in the group.
 
         Raises
         ------
         ValueError
-            If the type or the value is not allowed; the sentence names the parameter.
+            If the type or the value is not allowed; the message names the parameter.
         """
         name = name or self.name
         typed: Value = self._typed(value, name)
@@ -107,7 +107,7 @@ class Parameter:
 
 
 def _as_float(value: int) -> float | int:
-    """The float of an integer, or the integer itself where none is large enough."""
+    """The integer as a float, or the integer itself if it is too large for a float."""
     try:
         return float(value)
     except OverflowError:
@@ -122,7 +122,7 @@ def parameter(default: Value, description: str, **details: Any) -> Any:
 
 
 def unknown_parameter(name: str, known: Collection[str]) -> str:
-    """Return the sentence that refuses a name, with the one of `known` that is nearest to it."""
+    """Return the error message for an unknown name, with the closest name of `known`."""
     near = difflib.get_close_matches(name, known, n=1)
     return f"{name} is not a parameter{f'; did you mean {near[0]}?' if near else ''}"
 

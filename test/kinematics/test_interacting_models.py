@@ -9,9 +9,9 @@ import pytest
 
 from tsepm_ros.kinematics import interacting_models as motion_module
 from tsepm_ros.kinematics.interacting_models import (
-    PROCESS_NOISE,
-    MEAN_TURN_DURATION,
     MEAN_TIME_TO_TURN,
+    MEAN_TURN_DURATION,
+    PROCESS_NOISE,
     InteractingModels,
     stay_or_change,
 )

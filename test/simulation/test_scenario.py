@@ -299,7 +299,7 @@ def test_drawn_targets_stay_within_their_ranges_for_the_whole_run(one):
 
 
 def test_targets_that_cannot_stay_are_refused():
-    with pytest.raises(ValueError, match="targets: none found"):
+    with pytest.raises(ValueError, match="targets: no target stays"):
         TargetArea(1, (100.0, 101.0), (0.0, 6.0), 50.0).draw(np.random.default_rng(1), 60.0)
 
 

@@ -114,7 +114,7 @@ def test_the_weighted_fit_takes_the_errors_at_the_fit_of_the_pass_before():
 def test_the_polar_fit_gives_the_errors_at_its_state():
     hits = noisy_hits(np.random.default_rng(3), 50)
     fitted = fit(hits, 50.0, SENSOR, "polar")
-    at_fit = covariance_at(hits, positions_at(fitted.state, fitted.tau), SENSOR)
+    at_fit = covariance_at(hits, positions_at(fitted.state, fitted.time_after_state), SENSOR)
     np.testing.assert_allclose(fitted.hit_covariance, at_fit, rtol=1e-9)
     assert not (fitted.state == fit(hits, 50.0, SENSOR, "weighted").state).all(axis=1).any()
 

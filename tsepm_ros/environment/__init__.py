@@ -1,1 +1,1 @@
-"""What is learned of the surroundings: clutter, detection probability, encounters."""
+"""Models of the surroundings: clutter, detection probability, encounters."""

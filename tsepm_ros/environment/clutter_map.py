@@ -1,12 +1,12 @@
-"""Clutter density, estimated from scan to scan in windows of many sizes.
+"""Clutter density, estimated from scan to scan in windows of several sizes.
 
 Detections are counted on a polar grid, as in Environment 2018's clutter zones; its rings widen with
-range, as the errors of a sonar do. From coarse to fine, the density of a cell is moved as little as
-the counts of the windows around it demand (Lepski, "On a problem of adaptive estimation in Gaussian
-white noise", Theory Probab. Appl. 35(3), 1991). Of all windows of a size that hold the cell the
-densest counts, as in a greatest-of CFAR (Hansen, "Constant false alarm rate processing in search
-radars", IEE Radar, 1973): where clutter ends, a window across the border would tell a density too
-low exactly where the detections are, and each hit of a false track would count for too much.
+range, as the errors of a sonar do. From coarse to fine, the density of a cell changes only as far
+as the counts of the windows around it require (Lepski, "On a problem of adaptive estimation in
+Gaussian white noise", Theory Probab. Appl. 35(3), 1991). For each size, the densest
+window that holds the cell counts, as in a greatest-of CFAR (Hansen, "Constant false alarm rate
+processing in search radars", IEE Radar, 1973). At the edge of clutter, a window across the edge
+biases the density low exactly at the detections, which raises the scores of false tracks.
 """
 
 from __future__ import annotations
@@ -23,34 +23,35 @@ from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 CELL = 1.0 / 24.0
 """Width of a cell, rad, and its depth as a fraction of its range."""
 INNER_RANGE = 100.0
-"""Range within which cells get no smaller, m."""
+"""Range within which the cells keep their depth, m."""
 MIN_WINDOW_CELLS = 4
-"""Cells along a side of the smallest window; each next one is twice as wide."""
+"""Cells along a side of the smallest window; each larger window is twice as wide."""
 MEMORY = 50
-"""Scans that count: older ones fade."""
+"""Time constant, in scans, with which older scans fade."""
 DATA_SHEET_COUNT = 1.0
-"""Detections that the density of the data sheet counts for, in the whole coverage."""
+"""Weight of the data sheet's density, as a number of detections in the whole coverage."""
 MAX_DEVIATIONS = 1.5
-"""Standard deviations of a window's count within which the density found so far stays."""
+"""Standard deviations of a window's count within which the density stays unchanged."""
 ZONE_FACTOR = 3.0
-"""A clutter zone is where clutter is this many times as dense as over the coverage."""
+"""Ratio of the density in a clutter zone to its mean over the coverage."""
 MAX_TARGET_COUNT = 3.0
-"""Detections in a window that may be a new target's and do not yet tell of clutter."""
+"""Detections in a window attributed to a new target, not to clutter."""
 
 
 class ClutterMap:
     """Estimates the clutter density over the coverage.
 
-    It begins with that of the whole coverage, ``(w + N) / (w / lambda_0 + n A)`` for N detections
-    of clutter in n scans (both fading), area A and the data sheet's lambda_0, worth w detections.
-    Each size of window then bounds it by ``[low(N - t), high(N)] / (n A)``, with t detections for a
-    target that is not known yet, and the score interval of a Poisson mean,
+    The estimate begins with the density of the whole coverage,
+    ``(w + N) / (w / lambda_0 + n A)`` for N detections of clutter in n scans (both fading), area A
+    and the data sheet's lambda_0 with the weight of w detections.
+    Each size of window then bounds it by ``[low(N - t), high(N)] / (n A)``, with t detections of an
+    unknown target, and the score interval of a Poisson mean,
     ``N + c^2 / 2 -+ c sqrt(N + c^2 / 4)``.
 
     Parameters
     ----------
     sensor : SensorModel
-        Its coverage, and the density to begin with.
+        Coverage, and initial density.
     """
 
     def __init__(self, sensor: SensorModel) -> None:
@@ -66,9 +67,9 @@ class ClutterMap:
         self._density: FloatArray | None = None
 
     def fits(self, sensor: SensorModel) -> bool:
-        """Whether the map is of a sensor's coverage and begins with its density."""
-        concerned = ("min_range", "max_range", "azimuth_min", "azimuth_max", "clutter_density")
-        return all(getattr(sensor, name) == getattr(self._sensor, name) for name in concerned)
+        """Whether the map has a sensor's coverage and initial density."""
+        names = ("min_range", "max_range", "azimuth_min", "azimuth_max", "clutter_density")
+        return all(getattr(sensor, name) == getattr(self._sensor, name) for name in names)
 
     def at(self, range: FloatArray, azimuth: FloatArray) -> FloatArray:
         """Density at positions in the sensor's frame, (n,), 1/m^2.
@@ -76,35 +77,35 @@ class ClutterMap:
         Parameters
         ----------
         range, azimuth : (n,) ndarray
-            m, rad. Outside the coverage the nearest cell counts.
+            m, rad. Positions outside the coverage use the nearest cell.
         """
         return np.asarray(self._densities[self._cells(range, azimuth)])
 
     @property
     def mean(self) -> float:
         """Mean density over the coverage, 1/m^2."""
-        area = np.diff(self._edges**2)  # of a ring's cells, up to a factor
+        area = np.diff(self._edges**2)  # of a ring's cells, up to a common factor
         return float(np.average(self._densities.mean(axis=1), weights=area))
 
     def in_zone(self, range: FloatArray, azimuth: FloatArray) -> NDArray[np.bool_]:
         """Whether positions (n,) are in a clutter zone (Environment 2018, Section 2.1); see `at`.
 
-        A reading: the source counts plots per cell, and a zone is where a cell's count and its
-        neighbours' exceed thresholds. It gives neither these nor the cells nor the scans that are
-        counted; and a count grows with the cell's area and with the scans. Here the density, which
-        `at` smooths over the neighbours, is more than `ZONE_FACTOR` times its mean.
+        A reading: the source counts plots per cell; in a zone, the counts of a cell and its
+        neighbours exceed thresholds. It gives no thresholds, cells or number of scans, and a count
+        grows with the cell's area and with the scans. Here the density, which `at` smooths over the
+        neighbours, is more than `ZONE_FACTOR` times its mean.
         """
         return np.asarray(self.at(range, azimuth) > ZONE_FACTOR * self.mean)
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
-        """Take a scan's detections.
+        """Update the map with a scan's detections.
 
         Parameters
         ----------
         range, azimuth : (n,) ndarray
             m, rad.
         weight : (n,) ndarray
-            Probability that each is clutter.
+            Probability that each detection is clutter.
         """
         keep = 1.0 - 1.0 / MEMORY
         self._scans = keep * self._scans + 1.0
@@ -113,16 +114,16 @@ class ClutterMap:
         self._density = None
 
     def withdraw(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
-        """Take back weight of the last scan's detections: counted from the next update on."""
+        """Remove weight of the last scan's detections, with effect from the next update."""
         np.subtract.at(self._counts, self._cells(range, azimuth), weight)
         np.maximum(self._counts, 0.0, out=self._counts)
 
     def _cells(self, range: FloatArray, azimuth: FloatArray) -> tuple[IntArray, IntArray]:
         """Row (by range) and column (by azimuth)."""
         rows, columns = self._counts.shape
-        turned = np.remainder(azimuth - self._sensor.azimuth_min, 2.0 * np.pi)
+        from_start = np.remainder(azimuth - self._sensor.azimuth_min, 2.0 * np.pi)
         row = np.clip(np.searchsorted(self._edges, range, side="right") - 1, 0, rows - 1)
-        column = np.clip(turned / self._width, 0, columns - 1).astype(np.int64)
+        column = np.clip(from_start / self._width, 0, columns - 1).astype(np.int64)
         return row, column
 
     @property
@@ -135,13 +136,13 @@ class ClutterMap:
     def _estimate(self) -> FloatArray:
         """Density of each cell, 1/m^2."""
         shape, area = self._counts.shape, self._sensor.coverage_area
-        worth = DATA_SHEET_COUNT
-        given = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
-        found = (worth + self._counts.sum()) / (worth / given + self._scans * area)
-        density = np.full(shape, found)
+        weight = DATA_SHEET_COUNT
+        prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
+        overall = (weight + self._counts.sum()) / (weight / prior + self._scans * area)
+        density = np.full(shape, overall)
         if not self._scans:
             return density
-        # Sums over all cells before, so that a window costs the same whatever its size.
+        # Cumulative sums: the cost of a window does not depend on its size.
         sums = np.zeros((shape[0] + 1, shape[1]))
         np.cumsum(self._counts, axis=0, out=sums[1:])
         doublings = max(math.ceil(math.log2(max(shape) / MIN_WINDOW_CELLS)), 0)
@@ -160,22 +161,21 @@ class ClutterMap:
             )
         return np.asarray(np.maximum(density, MIN_CLUTTER_DENSITY))
 
-    def _goes_round(self, width: int) -> bool:
-        """Whether windows of a width go on past the end of the azimuths."""
+    def _wraps(self, width: int) -> bool:
+        """Whether windows of a width wrap around in azimuth."""
         return self._sensor.sector_width >= 2.0 * np.pi and width < self._counts.shape[1]
 
     def _along_azimuth(self, sums: FloatArray, width: int) -> FloatArray:
         """Sums over each run of `width` columns."""
-        if self._goes_round(width):
+        if self._wraps(width):
             sums = np.pad(sums, ((0, 0), (0, width - 1)), mode="wrap")
         total = np.pad(np.cumsum(sums, axis=1), ((0, 0), (1, 0)))
-        # Never below 0 by rounding.
-        return np.maximum(total[:, width:] - total[:, :-width], 0.0)
+        return np.maximum(total[:, width:] - total[:, :-width], 0.0)  # rounding errors
 
     def _densest_around(self, values: FloatArray, height: int, width: int) -> FloatArray:
         """The largest value of the windows that hold each cell."""
         around = np.pad(values, ((height - 1, height - 1), (0, 0)), constant_values=-np.inf)
-        if self._goes_round(width):
+        if self._wraps(width):
             around = np.pad(around, ((0, 0), (width - 1, 0)), mode="wrap")
         else:
             around = np.pad(around, ((0, 0), (width - 1, width - 1)), constant_values=-np.inf)
@@ -187,7 +187,7 @@ class ClutterMap:
 
 
 def _bound(count: FloatArray, deviations: float) -> FloatArray:
-    """Bound of a Poisson mean whose count is so many standard deviations away.
+    """Bound of a Poisson mean at a distance of `deviations` standard deviations from the count.
 
     The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).
     """

@@ -1,8 +1,8 @@
-"""Detection probability, estimated from the tracks held.
+"""Detection probability, estimated from the held tracks.
 
-Whether a target was there in a scan in which it was not detected is known once it is detected
-again. So the scans from one detection of a held target to its next are counted, and that is one
-detection in so many: targets that are gone do not count as missed, however long they are held.
+A missed target was present if it is detected again. Therefore the scans from each detection of a
+held target to its next detection count as one detection in their number: a target that has left is
+not counted as missed, however long its track is held.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import math
 from tsepm_ros.numerics.arrays import FloatArray
 
 DATA_SHEET_SCANS = 5.0
-"""Scans of a target that the data sheet's figure counts for."""
+"""Weight of the data sheet's probability, as a number of scans of a target."""
 MEMORY = 200.0
-"""Scans of a target that count: older ones fade."""
+"""Time constant, in scans of a target, with which older scans fade."""
 MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
-"""A detection as a miss must stay possible."""
+"""Bounds of the estimate: both a detection and a miss stay possible."""
 
 
 class DetectionProbability:
-    """Estimates P_D from D detections in C scans of targets that were covered, both fading.
+    """Estimates P_D from D detections in C scans of covered targets, both fading.
 
     ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0, worth w scans, and the
     probability P_G that a detection falls into the gate: the mean of a beta distribution.
@@ -31,14 +31,14 @@ class DetectionProbability:
         self._covered = 0.0
 
     def update(self, detected: FloatArray, scans: FloatArray, gate_probability: float) -> None:
-        """Take what a scan says of the tracks that it covers.
+        """Update the estimate with the tracks covered by a scan.
 
         Parameters
         ----------
         detected : (n,) ndarray
             Probability that each track's target exists and was detected.
         scans : (n,) ndarray
-            Scans that covered the target since it was detected before, this one included.
+            Scans that covered the target since its previous detection, the present scan included.
         gate_probability : float
             P_G.
         """
@@ -48,7 +48,7 @@ class DetectionProbability:
         self._covered = keep * self._covered + covered
 
     def estimate(self, given: float) -> float:
-        """The estimate of P_D, for a data sheet that gives p_0."""
-        worth = DATA_SHEET_SCANS
-        found = (worth * given + self._detected) / (worth + self._covered)
-        return min(max(found, MIN_PROBABILITY), MAX_PROBABILITY)
+        """The estimate of P_D, with p_0 = `given`."""
+        weight = DATA_SHEET_SCANS
+        estimate = (weight * given + self._detected) / (weight + self._covered)
+        return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)

@@ -1,21 +1,21 @@
-"""What surrounds the targets, and what it changes in the association (Environment 2018).
+"""Association by plot features in clutter zones and encounters (Environment 2018).
 
 Shen Y., "The target tracking algorithm based on environment technology", ICOI 2018. In a clutter
-zone, and where targets meet, a track takes only plots whose features resemble those of its own. The
-clutter that does so is thinner than all clutter: its density counts with the share of the latest
-clutter that resembles the track. Where plots may be several meeting targets', each goes to one, by
-its distance in position and features.
+zone, and in an encounter, a track accepts only plots whose features resemble those of its own. The
+clutter density is multiplied by the fraction of recent clutter that resembles the track. A plot in
+the gates of several tracks in an encounter is assigned to a single track, by its distance in
+position and features.
 
-Both are tests of a fixed size, not ratios of densities: what distribution the features of clutter
-have need not be known.
+Both are tests of a fixed size, not ratios of densities: they need no distribution of the features
+of clutter.
 
 Readings
 --------
 - Resemblance is the normalised distance of `sensing.plot_features`, not the printed decision
   function (Eqs. 10 and 11), for which no threshold fits two tracks.
-- A clutter zone is where the estimated density is several times its mean over the coverage
-  (`clutter_map.ClutterMap.in_zone`). The source asks for a cell's count and its neighbours' above
-  thresholds that it does not give.
+- In a clutter zone the estimated density is several times its mean over the coverage
+  (`clutter_map.ClutterMap.in_zone`). The source compares the counts of a cell and its neighbours
+  with thresholds, whose values it does not give.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from tsepm_ros.sensing.plot_features import NAMES, Histories
 from tsepm_ros.stages.association import Pairs, nearest_first
 
 MAX_CLUTTER_PLOTS = 200
-"""Plots that tell the features of clutter, the latest."""
+"""Number of latest clutter plots whose features are kept."""
 MEMORY = 64
-"""Scans whose plots a new track may have as hits."""
+"""Number of latest scans whose plots may be hits of a new track."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Environment:
     clutter : (m, 3) ndarray
         Features of the latest plots that are probably clutter.
     encounter_time : float
-        Time before and after it for which targets meet, s.
+        Largest time of an encounter before or after the scan, s.
     """
 
     in_zone: BoolArray
@@ -59,10 +59,10 @@ class Environment:
         self, state: FloatArray, covariance: FloatArray, error: FloatArray, gate: float
     ) -> BoolArray:
         """Which pairs of targets meet, (n, n); see `encounters.meeting`."""
-        one, two = encounters.meeting(state, covariance, error, gate, self.encounter_time)
-        pairs = np.zeros((len(state), len(state)), bool)
-        pairs[one, two] = pairs[two, one] = True
-        return pairs
+        first, second = encounters.meeting(state, covariance, error, gate, self.encounter_time)
+        meets = np.zeros((len(state), len(state)), bool)
+        meets[first, second] = meets[second, first] = True
+        return meets
 
     def factors(
         self,
@@ -76,56 +76,55 @@ class Environment:
         Parameters
         ----------
         histories : Histories
-            Of the n tracks.
+            Features of the n tracks.
         meets : (n, n) ndarray of bool
-            Which of them meet.
+            Which pairs of tracks meet.
         pairs : Pairs
-            Their cost is a squared distance in position; infinite outside the gate.
+            The cost is the squared distance in position; infinite outside the gate.
         features : (d, 3) ndarray
-            Of the scan's detections.
+            Features of the scan's detections.
 
         Returns
         -------
         (p,) ndarray
-            1 where nothing is special; else 0, or 1 over the share of clutter that resembles the
-            track.
+            1 outside of clutter zones and encounters; inside, 0 for an unlike plot, else 1 over the
+            fraction of clutter that resembles the track.
         """
         factors = np.ones(len(pairs))
         in_encounter: BoolArray = np.asarray(meets.any(axis=1))
         rows = np.flatnonzero(self.in_zone[pairs.row] | in_encounter[pairs.parent])
         if not len(rows):
             return factors
-        some = pairs[rows]
-        own, found = histories[some.parent], features[some.row]
-        alike = own.resembled_by(found)
-        factors[rows] = alike / self._share(histories, some.parent)
-        fits = np.flatnonzero(alike & np.isfinite(some.cost) & ~self.in_zone[some.row])
-        fits = fits[_contested(some[fits], meets)]
-        cost = some.cost[fits] + own[fits].dissimilarity(found[fits])
-        candidates = Pairs(some.parent[fits], some.row[fits], cost)
-        lost = ~np.isin(
-            _names(candidates, len(features)), _names(nearest_first(candidates), len(features))
-        )
-        factors[rows[fits[lost]]] = 0.0
+        tested = pairs[rows]
+        tracks, plots = histories[tested.parent], features[tested.row]
+        alike = tracks.resembled_by(plots)
+        factors[rows] = alike / self._clutter_fraction(histories, tested.parent)
+        rivals = np.flatnonzero(alike & np.isfinite(tested.cost) & ~self.in_zone[tested.row])
+        rivals = rivals[_contested(tested[rivals], meets)]
+        cost = tested.cost[rivals] + tracks[rivals].dissimilarity(plots[rivals])
+        candidates = Pairs(tested.parent[rivals], tested.row[rivals], cost)
+        assigned = _pair_ids(nearest_first(candidates), len(features))
+        lost = ~np.isin(_pair_ids(candidates, len(features)), assigned)
+        factors[rows[rivals[lost]]] = 0.0
         return factors
 
-    def _share(self, histories: Histories, parent: IntArray) -> FloatArray:
-        """Share of clutter that resembles the tracks (p,), one plot more counted as if it did."""
-        tracks, place = np.unique(parent, return_inverse=True)
+    def _clutter_fraction(self, histories: Histories, parent: IntArray) -> FloatArray:
+        """Fraction of clutter that resembles the tracks (p,), with one more such plot (Laplace)."""
+        tracks, track = np.unique(parent, return_inverse=True)
         m = len(self.clutter)
         repeated = histories[np.repeat(tracks, m)]
         alike = repeated.resembled_by(np.tile(self.clutter, (len(tracks), 1)))
-        share = (1.0 + alike.reshape(len(tracks), m).sum(axis=1)) / (1.0 + m)
-        return np.asarray(share[place.ravel()])
+        fraction = (1.0 + alike.reshape(len(tracks), m).sum(axis=1)) / (1.0 + m)
+        return np.asarray(fraction[track.ravel()])
 
 
-def _names(pairs: Pairs, detections: int) -> IntArray:
-    """A number for each pair that no other has."""
+def _pair_ids(pairs: Pairs, detections: int) -> IntArray:
+    """A unique number for each pair."""
     return np.asarray(pairs.parent * detections + pairs.row)
 
 
 def _contested(pairs: Pairs, meets: BoolArray) -> BoolArray:
-    """Which pairs' detection may also be that of a track that meets theirs, (p,)."""
+    """Which pairs' detections also pair with a track in an encounter with theirs, (p,)."""
     several = np.flatnonzero(np.bincount(pairs.row)[pairs.row] > 1)
     parent, row = pairs.parent[several], pairs.row[several]
     contested = np.zeros(len(pairs), bool)
@@ -135,7 +134,7 @@ def _contested(pairs: Pairs, meets: BoolArray) -> BoolArray:
 
 
 class Surroundings:
-    """What the scans so far tell of plots' features."""
+    """Features of the plots of recent scans, and of clutter."""
 
     def __init__(self) -> None:
         self._first_scan = 0
@@ -143,24 +142,24 @@ class Surroundings:
         self._clutter = np.zeros((0, len(NAMES)))
 
     def at(self, in_zone: BoolArray, encounter_time: float) -> Environment:
-        """The environment of a scan, of whose detections (d,) some are in a clutter zone."""
+        """The environment of a scan whose detections (d,) are partly in a clutter zone."""
         return Environment(in_zone, self._clutter, encounter_time)
 
     def observe(
         self, scan_index: int, index: IntArray, features: FloatArray, clutter: BoolArray
     ) -> None:
-        """Take what a scan tells, after its association.
+        """Store the features of a scan, after its association.
 
-        Scans come one by one; after a gap what was before is forgotten.
+        Scans are consecutive; a gap clears the stored scans.
 
         Parameters
         ----------
         scan_index : int
         index : (d,) ndarray of int
-            Of the detections in the coverage, within the whole scan: hits are named by it.
+            Index in the whole scan of each detection in the coverage, as in tracks' hits.
         features : (d, 3) ndarray
         clutter : (d,) ndarray of bool
-            Which of them are probably clutter.
+            Which detections are probably clutter.
         """
         if scan_index != self._first_scan + len(self._features):
             self._features.clear()
@@ -173,12 +172,12 @@ class Surroundings:
         self._clutter = known[-MAX_CLUTTER_PLOTS:]
 
     def histories(self, tracks: TrackArrays) -> Histories:
-        """Features of the hits of tracks, as far as their scans are remembered."""
-        most = max((len(hits) for hits in tracks.hits), default=0)
-        features = np.full((len(tracks), most, len(NAMES)), np.nan)
+        """Features of the hits of tracks, as far as their scans are stored."""
+        max_hits = max((len(hits) for hits in tracks.hits), default=0)
+        features = np.full((len(tracks), max_hits, len(NAMES)), np.nan)
         for row, hits in enumerate(tracks.hits):
             for place, (scan, index) in enumerate(hits):
-                back = scan - self._first_scan
-                if 0 <= back < len(self._features):
-                    features[row, place] = self._features[back][index]
+                stored = scan - self._first_scan
+                if 0 <= stored < len(self._features):
+                    features[row, place] = self._features[stored][index]
         return Histories.of(features)

@@ -1,4 +1,4 @@
-"""What has been learned of the surroundings, whatever the method."""
+"""Models of the surroundings, independent of the method."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tsepm_ros.sensing.sensor import SensorModel
 
 @dataclass(frozen=True)
 class Learned:
-    """What the scans so far taught; it survives a change of method.
+    """Models learned from the scans so far; they survive a change of method.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Learned:
     clutter_range_rates : ClutterRangeRates
         Range rates of clutter.
     detection_probability : DetectionProbability
-        As the held tracks are detected.
+        Estimated from the held tracks.
     features : Surroundings
         Features of the plots.
     """
@@ -33,11 +33,11 @@ class Learned:
 
     @classmethod
     def nothing(cls, sensor: SensorModel) -> Learned:
-        """Before the first scan of a sensor."""
+        """Models before the first scan of a sensor."""
         return cls(ClutterMap(sensor))
 
     def under(self, sensor: SensorModel) -> Learned:
-        """What remains of it for a sensor: its clutter map only in the same coverage."""
+        """The models for a sensor; the clutter map is kept only for the same coverage."""
         if self.clutter_map.fits(sensor):
             return self
         return replace(self, clutter_map=ClutterMap(sensor))

@@ -42,7 +42,7 @@ def estimate(
     least_squares = fit(hits, stamp, sensor, "unweighted")
     if estimator == "least_squares":
         return least_squares
-    tau, raw = least_squares.tau, hits["covariance"]
+    tau, raw = least_squares.time_after_state, hits["covariance"]
     if estimator == "kalman_filter":
         return Fit(*kalman(tau, hits["position"], raw, noise), tau, raw)
     state, covariance = line(tau, hits["position"], raw)

@@ -1,4 +1,4 @@
-"""How the platform of a scenario moves: at constant speed and turn rate, or along waypoints."""
+"""Motion of a scenario's platform: at constant speed and turn rate, or along waypoints."""
 
 from __future__ import annotations
 
@@ -37,36 +37,37 @@ class OwnShipMotion:
         """Pose (x, y, yaw) at a time after the start, s."""
         yaw = self.yaw + self.turn_rate * time
         if abs(self.turn_rate) < 1e-9:
-            along = self.speed * time * np.array([math.cos(self.yaw), math.sin(self.yaw)])
+            displacement = self.speed * time * np.array([math.cos(self.yaw), math.sin(self.yaw)])
         else:
             radius = self.speed / self.turn_rate
-            along = radius * np.array(
+            displacement = radius * np.array(
                 [math.sin(yaw) - math.sin(self.yaw), math.cos(self.yaw) - math.cos(yaw)]
             )
-        return np.array([self.x + along[0], self.y + along[1], yaw])
+        return np.array([self.x + displacement[0], self.y + displacement[1], yaw])
 
     def rates(self, time: float) -> FloatArray:
-        """Velocity (vx, vy), m/s, and rate of the yaw, rad/s, at a time after the start, s."""
+        """Velocity (vx, vy), m/s, and yaw rate, rad/s, at a time after the start, s."""
         yaw = self.yaw + self.turn_rate * time
         return np.array([self.speed * math.cos(yaw), self.speed * math.sin(yaw), self.turn_rate])
 
 
 @dataclass(frozen=True)
 class WaypointMotion:
-    """A platform that runs from waypoint to waypoint at constant speed.
+    """A platform that moves from waypoint to waypoint at constant speed.
 
-    It starts at the first waypoint and cuts every corner on the arc that it turns on.
+    It starts at the first waypoint and cuts every corner on the arc of its turn.
 
     Attributes
     ----------
     waypoints : tuple of (float, float)
-        x, y of at least two places, m.
+        x, y of at least two waypoints, m.
     speed : float
-        m/s; 0: it stays at the first waypoint and looks at the second.
+        m/s; 0: it stays at the first waypoint, with the heading to the second.
     turn_rate : float
-        Of the turns, either way, rad/s.
+        Rate of the turns, to either side, rad/s.
     closed : bool
-        After the last waypoint it goes to the first again, and so on; else straight on.
+        After the last waypoint it returns to the first and repeats the course; else it continues
+        straight.
 
     Raises
     ------
@@ -96,12 +97,12 @@ class WaypointMotion:
         return leg.pose(since)
 
     def rates(self, time: float) -> FloatArray:
-        """Velocity (vx, vy), m/s, and rate of the yaw, rad/s, at a time after the start, s."""
+        """Velocity (vx, vy), m/s, and yaw rate, rad/s, at a time after the start, s."""
         leg, since = self._at(time)
         return leg.rates(since)
 
     def _at(self, time: float) -> tuple[OwnShipMotion, float]:
-        """The leg under way at a time, and the time since its beginning, s."""
+        """The current leg at a time, and the time since its beginning, s."""
         legs, durations = self._legs
         ends = np.cumsum(durations)
         if self.closed and time > ends[-1]:
@@ -111,33 +112,33 @@ class WaypointMotion:
 
     @property
     def _course(self) -> FloatArray:
-        """The corners of the way, (n, 2); if closed, the first straight is there again at the end.
+        """The corners of the course, (n, 2); a closed course ends with the first straight again.
 
-        All after the first straight is then what repeats.
+        The part after the first straight then repeats.
         """
-        again = self.waypoints[:2] if self.closed else ()
-        return np.array([*self.waypoints, *again], float)
+        first_straight = self.waypoints[:2] if self.closed else ()
+        return np.array([*self.waypoints, *first_straight], float)
 
     @cached_property
     def _legs(self) -> tuple[list[OwnShipMotion], FloatArray]:
         """Motion and duration (s) of each straight and each arc."""
         course = self._course
-        along = np.diff(course, axis=0)
-        lengths, yaws = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
+        straights = np.diff(course, axis=0)
+        lengths, yaws = np.hypot(*straights.T), np.arctan2(straights[:, 1], straights[:, 0])
         turns = np.remainder(np.diff(yaws) + math.pi, 2 * math.pi) - math.pi
-        # At each straight's end and begin: the arc touches it so far from the corner.
+        # Distance from the corner at which the arc touches each straight, at its end and begin.
         radius = self.speed / self.turn_rate
-        last = turns[:1] if self.closed else np.zeros(1)
-        after = radius * np.tan(np.abs(np.append(turns, last)) / 2)
-        before = np.append(0.0, after[:-1])
+        last_turn = turns[:1] if self.closed else np.zeros(1)
+        at_end = radius * np.tan(np.abs(np.append(turns, last_turn)) / 2)
+        at_begin = np.append(0.0, at_end[:-1])
         legs, durations = [], []
         for k, yaw in enumerate(yaws.tolist()):
-            x, y = course[k] + along[k] * before[k] / lengths[k]
-            straight = float(lengths[k] - before[k] - after[k])
+            x, y = course[k] + straights[k] * at_begin[k] / lengths[k]
+            length = float(lengths[k] - at_begin[k] - at_end[k])
             legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed))
-            durations.append(straight / self.speed if self.speed else math.inf)
+            durations.append(length / self.speed if self.speed else math.inf)
             if k < len(turns):
-                x, y = course[k + 1] - along[k] * after[k] / lengths[k]
+                x, y = course[k + 1] - straights[k] * at_end[k] / lengths[k]
                 rate = math.copysign(self.turn_rate, turns[k])
                 legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed, rate))
                 durations.append(abs(float(turns[k])) / self.turn_rate)

@@ -1,4 +1,4 @@
-"""What is simulated: the sonar, its clutter, the targets and the platform."""
+"""Scenario of a simulation: the sonar, its clutter, the targets and the platform."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from tsepm_ros.simulation.own_ship_motion import Motion, OwnShipMotion
 PLACEMENT_TRIES = 10_000
 
 Features = Mapping[str, tuple[float, float]]
-"""Mean and standard deviation by the name of a feature of plots."""
+"""Mean and standard deviation of plots' features, by name."""
 
 
 @dataclass(frozen=True)
 class ClutterPatch:
-    """A patch of more clutter.
+    """A patch of additional clutter.
 
     Attributes
     ----------
     box : (4,) tuple of float
         x from, x to, y from, y to, m.
     density : float
-        False detections per scan and m^2, beside those of the sensor's clutter density.
+        False detections per scan and m^2, in addition to the sensor's clutter density.
     """
 
     box: tuple[float, float, float, float]
@@ -36,10 +36,10 @@ class ClutterPatch:
 
 @dataclass(frozen=True)
 class TargetArea:
-    """Targets to draw: how many, from where, how fast.
+    """Random targets in an area, with a given speed.
 
-    Each target starts anywhere in the area with equal probability per m^2, with any heading, and is
-    drawn again until it stays within `ranges` for the whole run.
+    Initial positions are uniform in area, headings uniform. Each target is drawn again until it
+    stays within `ranges` for the whole run.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class TargetArea:
     speed : float
         m/s.
     features : mapping, optional
-        Of their plots.
+        Features of their plots.
     """
 
     count: int
@@ -67,7 +67,7 @@ class TargetArea:
         Raises
         ------
         ValueError
-            If no target could be found that stays within the ranges.
+            If no drawn target stays within the ranges.
         """
         return [self._draw_one(rng, duration) for _ in range(self.count)]
 
@@ -81,13 +81,15 @@ class TargetArea:
             velocity = self.speed * np.array([math.cos(heading), math.sin(heading)])
             if self._stays(position, velocity, duration):
                 return np.array([position[0], velocity[0], position[1], velocity[1]])
-        raise ValueError(f"targets: none found that stays within {self.ranges} m for {duration} s")
+        raise ValueError(f"targets: no target stays within {self.ranges} m for {duration} s")
 
     def _stays(self, position: FloatArray, velocity: FloatArray, duration: float) -> bool:
-        closest = 0.0
+        closest_time = 0.0
         if velocity.any():
-            closest = float(np.clip(-position @ velocity / (velocity @ velocity), 0.0, duration))
-        distances = [np.linalg.norm(position + velocity * t) for t in (0.0, closest, duration)]
+            closest_time = float(
+                np.clip(-position @ velocity / (velocity @ velocity), 0.0, duration)
+            )
+        distances = [np.linalg.norm(position + velocity * t) for t in (0.0, closest_time, duration)]
         return bool(min(distances) >= self.ranges[0] and max(distances) <= self.ranges[1])
 
 
@@ -103,18 +105,18 @@ class Scenario:
     period : float
         Time between scans, s; scan k is sent at ``k * period``.
     sensor : SensorModel
-        The true sensor; its clutter density and detection probability are what is simulated.
+        The true sensor, with the simulated clutter density and detection probability.
     sound_speed : float
         m/s; 0: echoes arrive at once.
     targets : tuple of (4,) ndarray
         States ``[x, vx, y, vy]`` at time 0.
     areas : tuple of TargetArea
-        Targets to draw anew in every run.
+        Random targets, drawn for every run.
     own_ship : OwnShipMotion or WaypointMotion
     clutter_box : (4,) tuple of float, optional
-        Clutter fills x from, x to, y from, y to (m) instead of the sensor's whole coverage.
+        x from, x to, y from, y to (m) of the clutter, instead of the sensor's whole coverage.
     clutter_patches : tuple of ClutterPatch
-        More clutter, as far as the sensor covers it.
+        Additional clutter inside the coverage.
     target_features : tuple of mapping
         Features of the plots of each of `targets`; Gaussian, widths at least 0.
     clutter_features : mapping
@@ -141,7 +143,7 @@ class Scenario:
 
     @property
     def area(self) -> float:
-        """Area that clutter fills, m^2."""
+        """Area of the clutter, m^2."""
         if self.clutter_box is None:
             return self.sensor.coverage_area
         x_min, x_max, y_min, y_max = self.clutter_box

@@ -1,4 +1,4 @@
-"""Scenarios from YAML files, those that are shipped and others."""
+"""Scenarios from YAML files: shipped scenarios and files of users."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_SCANS = 10_000_000
 
 
 def shipped_scenarios() -> list[str]:
-    """Names of the scenarios that come with the package."""
+    """Names of the shipped scenarios."""
     folder = resources.files("tsepm_ros.simulation") / "scenarios"
     return sorted(
         item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml")
@@ -37,12 +37,12 @@ def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenar
     name : str
         A name from `shipped_scenarios` or a path ending in ``.yaml``.
     changes : mapping, optional
-        Values to put in place of the file's, by key, such as ``scans`` or ``sensor.azimuth_std``.
+        Values that replace those of the file, by key, for example ``sensor.azimuth_std``.
 
     Raises
     ------
     ValueError
-        If there is no such scenario, or a value in it is not allowed; the message names it.
+        If the scenario does not exist, or a value in it is not allowed; the message names it.
     """
     if name.endswith((".yaml", ".yml")):
         try:
@@ -160,9 +160,9 @@ def _number(value: Any, kind: str, where: str) -> float | int:
 
 
 def _own_ship(values: dict[str, Any]) -> Motion:
-    """A platform; one whose waypoints are given runs along them."""
+    """A platform, along waypoints if they are given."""
     if "waypoints" in values:
-        points = _entries(values["waypoints"], "own_ship.waypoints", " of places [x, y]")
+        points = _entries(values["waypoints"], "own_ship.waypoints", " of waypoints [x, y]")
         values["waypoints"] = tuple(
             tuple(_numbers(point, 2, where).tolist()) for where, point in points
         )
@@ -208,18 +208,18 @@ def _patches(entries: Any) -> tuple[ClutterPatch, ...]:
 
 def _radians(content: Any, where: str) -> dict[str, Any]:
     """Convert the values whose key ends in `_deg`."""
-    turned = dict(_mapping(content, where))
-    for key in [key for key in turned if isinstance(key, str) and key.endswith("_deg")]:
-        value = turned.pop(key)
+    converted = dict(_mapping(content, where))
+    for key in [key for key in converted if isinstance(key, str) and key.endswith("_deg")]:
+        value = converted.pop(key)
         try:
-            turned[key.removesuffix("_deg")] = np.deg2rad(np.asarray(value, float)).tolist()
+            converted[key.removesuffix("_deg")] = np.deg2rad(np.asarray(value, float)).tolist()
         except (TypeError, ValueError):
             raise ValueError(f"{where}.{key} must be in degrees; got {value!r}") from None
-    return turned
+    return converted
 
 
 def _intervals(value: Any, count: int, where: str) -> tuple[float, ...]:
-    """Some intervals, from and to each."""
+    """Bounds of intervals, low and high of each."""
     numbers = _numbers(value, 2 * count, where).tolist()
     if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
         raise ValueError(f"{where} must go from low to high; got {value!r}")

@@ -15,7 +15,7 @@ from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation.scenario import Scenario
 
 CLUTTER = -1
-"""Origin of a detection that comes from no target."""
+"""Origin of a false detection."""
 
 ECHO_ITERATIONS = 50
 ECHO_TOLERANCE = 1e-9
@@ -49,7 +49,7 @@ class Simulator:
     Parameters
     ----------
     scenario : Scenario
-        What to simulate.
+        Scenario to simulate.
     seed : int or sequence of int
         Seed; the same seed gives the same scans, bit for bit.
     start : float, optional
@@ -64,7 +64,7 @@ class Simulator:
             state for area in scenario.areas for state in area.draw(self._rng, scenario.duration)
         ]
         self.targets = [*scenario.targets, *drawn]
-        # Beside the other draws: a seed gives the same positions with range rates or features.
+        # Separate streams: range rates and features do not change the positions of a seed.
         streams = np.random.SeedSequence(seed).spawn(2)
         self._rate_rng, self._feature_rng = map(np.random.default_rng, streams)
         drawn_features = [area.features for area in scenario.areas for _ in range(area.count)]
@@ -97,12 +97,14 @@ class Simulator:
         speed = self.scenario.sound_speed
         offsets = ranges / speed if speed > 0 else None
         own_ship, features = self.scenario.own_ship, self._plot_features(origin)
-        moving: FloatArray = np.zeros(2)
+        sensor_velocity: FloatArray = np.zeros(2)
         if self.scenario.sensor.range_rate_std > 0.0:
             delay = np.zeros(len(ranges)) if offsets is None else offsets
-            moving = np.array([own_ship.rates(time + one)[:2] for one in delay]).reshape(-1, 2)
-            features["range_rate"] = self._range_rates(time, delay, azimuths, origin, moving)
-        last = 0.0 if offsets is None or not len(offsets) else 2.0 * float(offsets.max())
+            sensor_velocity = np.array([own_ship.rates(time + t)[:2] for t in delay]).reshape(-1, 2)
+            features["range_rate"] = self._range_rates(
+                time, delay, azimuths, origin, sensor_velocity
+            )
+        last_arrival = 0.0 if offsets is None or not len(offsets) else 2.0 * float(offsets.max())
         return SimulatedScan(
             scan=Scan(
                 stamp=self.start + time,
@@ -111,11 +113,11 @@ class Simulator:
                 time_offset=offsets,
                 features=features,
                 sensor_pose=own_ship.pose(time),
-                sensor_velocity=moving,
+                sensor_velocity=sensor_velocity,
             ),
             origin=origin,
             truth=self.truth(time),
-            complete=self.start + time + last,
+            complete=self.start + time + last_arrival,
         )
 
     def _detect(
@@ -124,7 +126,7 @@ class Simulator:
         """Measure one target; None if it is missed or outside the coverage."""
         sensor = self.scenario.sensor
         distance, azimuth = self._echo(state, time)
-        # The draws do not depend on the outcome, so that one target's luck is not another's.
+        # The number of draws does not depend on the outcome: targets stay independent.
         missed = self._rng.random() >= sensor.detection_probability
         errors = self._rng.standard_normal(2)
         if missed or not sensor.covers([distance], [azimuth])[0]:
@@ -140,60 +142,61 @@ class Simulator:
         delay: FloatArray,
         azimuths: FloatArray,
         origin: NDArray[np.int64],
-        moving: FloatArray,
+        sensor_velocity: FloatArray,
     ) -> FloatArray:
-        """Range rates of the scan's detections, (n,), m/s, to first order in speed over sound's.
+        """Range rates of the scan's detections, (n,), m/s, to first order in Mach number.
 
-        A target's is the rate of the mean of both legs, with an error; clutter's is drawn over
-        ground, with the line of sight as measured. `moving` is the sensor's velocity (n, 2) when
-        each echo was reflected, `delay` (n,) after the ping, s.
+        The range rate of a target is the rate of the mean of both legs, plus an error. The range
+        rate of clutter is drawn over ground, along the measured line of sight. `sensor_velocity`
+        (n, 2) is valid at the reflection of each echo, `delay` (n,) after the ping, s.
         """
         sensor, own_ship = self.scenario.sensor, self.scenario.own_ship
-        yaw = np.array([own_ship.pose(time + 2.0 * one)[2] for one in delay])
+        yaw = np.array([own_ship.pose(time + 2.0 * t)[2] for t in delay])
         sight = np.stack([np.cos(azimuths + yaw), np.sin(azimuths + yaw)], axis=1)
         errors = sensor.range_rate_std * self._rate_rng.standard_normal(len(delay))
         over_ground = sensor.clutter_range_rate * self._rate_rng.standard_cauchy(len(delay))
-        rates = over_ground - (sight * moving).sum(axis=1)
+        rates = over_ground - (sight * sensor_velocity).sum(axis=1)
         for row in np.flatnonzero(origin != CLUTTER):
             state = self.targets[origin[row]]
-            there = state[0::2] + state[1::2] * (time + delay[row])
-            away = there - own_ship.pose(time + delay[row])[:2]
-            rates[row] = (state[1::2] - moving[row]) @ away / np.hypot(*away) + errors[row]
+            position = state[0::2] + state[1::2] * (time + delay[row])
+            offset = position - own_ship.pose(time + delay[row])[:2]
+            rates[row] = (state[1::2] - sensor_velocity[row]) @ offset / np.hypot(*offset) + errors[
+                row
+            ]
         return rates
 
     def _echo(self, state: FloatArray, time: float) -> tuple[float, float]:
         """True range (mean of both legs) and azimuth (against the heading at arrival).
 
-        The ping leaves at `time`, meets the moving target, and returns to where the sensor is then.
+        The ping leaves at `time`, meets the moving target, and returns to the moving sensor.
         """
         own_ship = self.scenario.own_ship
         sent = own_ship.pose(time)[:2]
         speed = self.scenario.sound_speed
         position, velocity = state[0::2], state[1::2]
         if speed <= 0:
-            there = position + velocity * time
-            return _polar(there, own_ship.pose(time))
+            return _polar(position + velocity * time, own_ship.pose(time))
         out = _travel(lambda delay: position + velocity * (time + delay), sent, speed)
-        there = position + velocity * (time + out)
-        back = _travel(lambda delay: own_ship.pose(time + out + delay)[:2], there, speed)
-        _, azimuth = _polar(there, own_ship.pose(time + out + back))
+        reflection = position + velocity * (time + out)
+        back = _travel(lambda delay: own_ship.pose(time + out + delay)[:2], reflection, speed)
+        _, azimuth = _polar(reflection, own_ship.pose(time + out + back))
         return 0.5 * speed * (out + back), azimuth
 
     def _plot_features(self, origin: NDArray[np.int64]) -> dict[str, FloatArray]:
-        """Features of the scan's detections, (n,) by name; those that any plot has."""
+        """Features of the scan's detections, (n,) by name, for the features of any plot."""
         drawn = {}
         for name in NAMES:
             if not any(name in features for features in self._features):
                 continue
-            figures = [features.get(name, (np.nan, 0.0)) for features in self._features]
-            # Clutter is -1, the last.
-            mean, deviation = np.array(figures)[origin].reshape(-1, 2).T
+            moments = [features.get(name, (np.nan, 0.0)) for features in self._features]
+            # CLUTTER is -1, the last entry.
+            mean, deviation = np.array(moments)[origin].reshape(-1, 2).T
             values = mean + deviation * self._feature_rng.standard_normal(len(origin))
             drawn[name] = values if name == "intensity" else np.maximum(values, 0.0)
         return drawn
 
     def _clutter(self, time: float) -> tuple[FloatArray, FloatArray]:
-        """Ranges and azimuths of the clutter, that of the patches included."""
+        """Ranges and azimuths of the clutter, including the patches."""
         parts = [self._even_clutter(time)]
         for patch in self.scenario.clutter_patches:
             x_min, x_max, y_min, y_max = patch.box
@@ -221,7 +224,7 @@ class Simulator:
     def _in_box(
         self, box: tuple[float, float, float, float], number: int, time: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Ranges and azimuths of so many points, uniform in a box."""
+        """Ranges and azimuths of points, uniform in a box."""
         x_min, x_max, y_min, y_max = box
         x, y, yaw = self.scenario.own_ship.pose(time)
         east = self._rng.uniform(x_min, x_max, number) - x
@@ -232,13 +235,13 @@ class Simulator:
 def _travel(
     position_after: Callable[[float], FloatArray], start: FloatArray, speed: float
 ) -> float:
-    """Time in which sound from `start` meets something that moves, s."""
+    """Travel time of sound from `start` to a moving point, s."""
     delay = 0.0
     for _ in range(ECHO_ITERATIONS):
-        longer = float(np.linalg.norm(position_after(delay) - start)) / speed
-        if abs(longer - delay) < ECHO_TOLERANCE:
-            return longer
-        delay = longer
+        next_delay = float(np.linalg.norm(position_after(delay) - start)) / speed
+        if abs(next_delay - delay) < ECHO_TOLERANCE:
+            return next_delay
+        delay = next_delay
     return delay
 
 

@@ -1,7 +1,7 @@
-"""Pairs of potential tracks and detections, and the choice of those that are used.
+"""Association: pairs of potential tracks and detections, and their assignment.
 
-`disjoint`, `nearest_first` and `oldest_first` use each track and each detection once;
-`best_of_each` each track once, and a detection for several; `within` chooses nothing yet.
+`within` gates pairs. `disjoint`, `nearest_first` and `oldest_first` assign each track and each
+detection once; `best_of_each` assigns each track once, and a detection to several tracks.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.stages.paths import NO_HIT
 
 BLOCK = 50_000
-"""Rows looked at together."""
+"""Rows processed together: bounds memory."""
 
 
 @dataclass(frozen=True)
@@ -49,81 +49,81 @@ def within(
     distance: Callable[[IntArray, IntArray], FloatArray],
     threshold: float,
 ) -> Pairs:
-    """The pairs (parent, row), (p,), whose distance is a threshold at most, with it as the cost.
+    """The pairs (parent, row), (p,), with a distance of at most `threshold`, which is their cost.
 
-    The distance is asked for in blocks, which bounds memory.
+    Distances are computed in blocks, which bounds memory.
     """
     parts = [Pairs.none()]
     for first in range(0, len(parent), BLOCK):
-        some = slice(first, first + BLOCK)
-        block = Pairs(parent[some], row[some], distance(parent[some], row[some]))
-        parts.append(block[block.cost <= threshold])
+        block = slice(first, first + BLOCK)
+        pairs = Pairs(parent[block], row[block], distance(parent[block], row[block]))
+        parts.append(pairs[pairs.cost <= threshold])
     return Pairs.joined(*parts)
 
 
 def disjoint(members: IntArray, cost: FloatArray) -> IntArray:
-    """Choose rows that have no member in common, always the best that is left.
+    """Choose rows without common members, greedily by cost.
 
     Parameters
     ----------
     members : (n, m) ndarray of int
-        What each row uses; NO_HIT is nothing.
+        Members of each row; NO_HIT is no member.
     cost : (n,) ndarray
-        Smaller is better; of equal rows the first is.
+        Smaller is better; of equal costs, the first row.
 
     Returns
     -------
     (k,) ndarray of int
         The rows chosen, ascending.
     """
-    names, member = np.unique(members, return_inverse=True)
+    ids, member = np.unique(members, return_inverse=True)
     member = member.reshape(members.shape)
-    nothing = int(np.searchsorted(names, NO_HIT)) if NO_HIT in names else -1
-    taken = np.zeros(len(names) + 1, bool)
+    no_member = int(np.searchsorted(ids, NO_HIT)) if NO_HIT in ids else -1
+    taken = np.zeros(len(ids) + 1, bool)
     chosen: list[int] = []
     order = np.argsort(cost, kind="stable")
     for first in range(0, len(order), BLOCK):
         rows = order[first : first + BLOCK]
         rows = rows[~taken[member[rows]].any(axis=1)]
         used: set[int] = set()
-        for row, mine in zip(rows.tolist(), member[rows].tolist(), strict=True):
-            if used.isdisjoint(mine):
+        for row, row_members in zip(rows.tolist(), member[rows].tolist(), strict=True):
+            if used.isdisjoint(row_members):
                 chosen.append(row)
-                used.update(mine)
-                used.discard(nothing)
+                used.update(row_members)
+                used.discard(no_member)
         taken[list(used)] = True
     return np.sort(np.array(chosen, np.int64))
 
 
 def nearest_first(pairs: Pairs) -> Pairs:
-    """The pairs of which each track and each detection has one at most, best first."""
+    """Assign each track and each detection at most once, the pair of least cost first."""
     return _exclusive(pairs, pairs.cost)
 
 
 def oldest_first(pairs: Pairs, first_scan: IntArray) -> Pairs:
-    """As `nearest_first`, but the tracks choose in turn, those begun earliest first.
+    """Assign each track and each detection at most once, the oldest track first.
 
-    Of tracks begun in the same scan the better pair goes first.
+    Of tracks begun in the same scan the pair of least cost goes first.
 
     Parameters
     ----------
     pairs : Pairs
     first_scan : (t,) ndarray of int
-        Of each track that `pairs.parent` counts.
+        First scan of each track, by `pairs.parent`.
     """
-    turn = np.empty(len(pairs))
-    turn[np.lexsort((pairs.cost, first_scan[pairs.parent]))] = np.arange(len(pairs))
-    return _exclusive(pairs, turn)
+    rank = np.empty(len(pairs))
+    rank[np.lexsort((pairs.cost, first_scan[pairs.parent]))] = np.arange(len(pairs))
+    return _exclusive(pairs, rank)
 
 
-def _exclusive(pairs: Pairs, turn: FloatArray) -> Pairs:
-    """Each track and each detection once at most, the pair of the smallest turn first."""
-    members = np.stack([pairs.parent, -2 - pairs.row], axis=1)  # apart, and never NO_HIT
-    return pairs[disjoint(members, turn)]
+def _exclusive(pairs: Pairs, rank: FloatArray) -> Pairs:
+    """Assign each track and each detection at most once, the pair of the smallest rank first."""
+    members = np.stack([pairs.parent, -2 - pairs.row], axis=1)  # distinct, and never NO_HIT
+    return pairs[disjoint(members, rank)]
 
 
 def best_of_each(pairs: Pairs) -> Pairs:
-    """The best pair of each track; a detection may be used by several."""
+    """The pair of least cost of each track; several tracks may use a detection."""
     order = np.lexsort((pairs.row, pairs.cost, pairs.parent))
     first = np.flatnonzero(np.diff(pairs.parent[order], prepend=-1))
     return pairs[order[first]]

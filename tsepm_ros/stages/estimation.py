@@ -1,8 +1,8 @@
 """Initial state and covariance from hits (TSEPM 2018, Section 3.3, Eqs. 12-20).
 
 Least squares on the hits' positions, or maximum likelihood on their ranges and azimuths. The state
-is ``[x, vx, y, vy]``; hit i at ``tau_i`` seconds after the state's time is at ``H_i X``,
-``H_i = [[1, tau_i, 0, 0], [0, 0, 1, tau_i]]`` (Eqs. 16-18). All functions take a batch of n tracks
+is ``[x, vx, y, vy]``; hit i at ``t_i`` seconds after the state's time is at ``H_i X``,
+``H_i = [[1, t_i, 0, 0], [0, 0, 1, t_i]]`` (Eqs. 16-18). All functions take a batch of n tracks
 with m hits each.
 """
 
@@ -31,9 +31,9 @@ ESTIMATORS = ("unweighted", "weighted", "polar")
 WEIGHTED_PASSES = 2
 POLAR_PASSES = 10
 POLAR_TOLERANCE = 1e-3
-"""Step of the polar fit, in standard deviations of each component, that ends it."""
+"""Largest correction of a converged polar fit, in standard deviations of each component."""
 MIN_SENSOR_DISTANCE = 3.0
-"""Distance of a hit from its sensor, in standard deviations of the fit, that a polar fit needs."""
+"""Smallest distance of a hit from its sensor for a polar fit, in standard deviations of the fit."""
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,15 @@ class Fit:
         m, m/s.
     covariance : (n, 4, 4) ndarray
         Covariance of the state.
-    tau : (n, m) ndarray
+    time_after_state : (n, m) ndarray
         Time of each hit after the state's time, s.
     hit_covariance : (n, m, 2, 2) ndarray
-        Covariance of each hit's position as the fit used it; for a polar fit at its state, m^2.
+        Covariance of each hit's position in the fit, m^2; for a polar fit, evaluated at its state.
     """
 
     state: FloatArray
     covariance: FloatArray
-    tau: FloatArray
+    time_after_state: FloatArray
     hit_covariance: FloatArray
 
 
@@ -70,8 +70,8 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
     sensor : SensorModel
         Range errors, for the weighted and the polar fit.
     estimator : {"unweighted", "weighted", "polar"}
-        As published (Eqs. 19-20); weighted with R re-evaluated at the fit, in two passes; or from
-        there the maximum likelihood of ranges and azimuths (see `polar`).
+        As published (Eqs. 19-20); weighted with R re-evaluated at the fit, in two passes; or
+        maximum likelihood of ranges and azimuths, starting from the weighted fit (see `polar`).
 
     Returns
     -------
@@ -79,17 +79,20 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
 
     Notes
     -----
-    Range rates, where hits have them, come last, as measurements beside the fit to the positions
+    Range rates are processed last, as further measurements after the fit to the positions
     (`range_rates.fitted`).
 
-    R at a fit is turned by the fit's own azimuth error. Where ``r s_a^2`` is not small beside s_r
-    the covariance is therefore too small: for 5 hits at 5 km, 10 m and 2 (3) degrees the mean NEES
-    is 4.3 (4.8) for the weighted fit and 4.3 (5.4) for the polar one; weighted with R at the true
-    positions it is 4.0.
+    R at a fit is rotated by the fit's own azimuth error. Where ``r s_a^2`` is not small compared
+    with s_r, the covariance is therefore too small: for 5 hits at 5 km, 10 m and 2 (3) degrees the
+    mean NEES is 4.3 (4.8) for the weighted fit and 4.3 (5.4) for the polar fit; it is 4.0 for the
+    fit weighted with R at the true positions.
     """
-    found = _fit_positions(hits, stamp, sensor, estimator)
-    state, covariance = range_rates.fitted(found.state, found.covariance, found.tau, hits)
-    return Fit(state, covariance, found.tau, found.hit_covariance)
+    by_position = _fit_positions(hits, stamp, sensor, estimator)
+    time_after_state = by_position.time_after_state
+    state, covariance = range_rates.fitted(
+        by_position.state, by_position.covariance, time_after_state, hits
+    )
+    return Fit(state, covariance, time_after_state, by_position.hit_covariance)
 
 
 def fit_paths(
@@ -101,7 +104,7 @@ def fit_paths(
     ----------
     paths : Paths
     window : DetectionWindow
-        With their hits.
+        Window that holds their hits.
     stamp, sensor, estimator
         As in `fit`.
 
@@ -120,22 +123,22 @@ def fit_paths(
 def _fit_positions(
     hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str
 ) -> Fit:
-    """The fit to the positions alone."""
-    tau = hits["time"] - stamp
-    raw = hits["covariance"]
-    state, covariance = unweighted(tau, hits["position"], raw)
+    """Fit to the positions alone."""
+    time_after_state = hits["time"] - stamp
+    measured = hits["covariance"]
+    state, covariance = unweighted(time_after_state, hits["position"], measured)
     if estimator == "unweighted":
-        return Fit(state, covariance, tau, raw)
-    at_fit = raw
+        return Fit(state, covariance, time_after_state, measured)
+    at_fit = measured
     for _ in range(WEIGHTED_PASSES):
-        at_fit = covariance_at(hits, positions_at(state, tau), sensor)
-        state, covariance = weighted(tau, hits["position"], at_fit, state)
-    fitted = Fit(state, covariance, tau, at_fit)
+        at_fit = covariance_at(hits, positions_at(state, time_after_state), sensor)
+        state, covariance = weighted(time_after_state, hits["position"], at_fit, state)
+    fitted = Fit(state, covariance, time_after_state, at_fit)
     return polar(hits, fitted, sensor) if estimator == "polar" else fitted
 
 
 def unweighted(
-    tau: FloatArray, positions: FloatArray, covariances: FloatArray
+    time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Unweighted least squares with the sandwich covariance.
 
@@ -144,7 +147,7 @@ def unweighted(
 
     Parameters
     ----------
-    tau : (n, m) ndarray
+    time_after_state : (n, m) ndarray
         s.
     positions : (n, m, 2) ndarray
         m.
@@ -156,10 +159,10 @@ def unweighted(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    n, m = tau.shape
-    mean = tau.mean(axis=1, keepdims=True)
-    centred = tau - mean
-    with np.errstate(invalid="ignore", divide="ignore"):  # equal times have no fit: nan
+    n, m = time_after_state.shape
+    mean = time_after_state.mean(axis=1, keepdims=True)
+    centred = time_after_state - mean
+    with np.errstate(invalid="ignore", divide="ignore"):  # equal times: no fit, nan
         slope = centred / np.square(centred).sum(axis=1, keepdims=True)
     weights = np.stack([1.0 / m - mean * slope, slope], axis=1)  # (n, 2, m): position, velocity
     state = np.swapaxes(weights @ positions, 1, 2).reshape(n, 4)
@@ -169,17 +172,17 @@ def unweighted(
 
 
 def weighted(
-    tau: FloatArray, positions: FloatArray, covariances: FloatArray, start: FloatArray
+    time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted least squares: ``P = (H'R^-1 H)^-1``, ``X = P H'R^-1 Z``.
 
     Parameters
     ----------
-    tau, positions, covariances
+    time_after_state, positions, covariances
         As in `unweighted`.
     start : (n, 4) ndarray
-        Any state near the solution. The correction to it is what is solved for, so that large
-        map coordinates cost no digits.
+        Any state near the solution. The fit solves for the correction to it, so that large map
+        coordinates cost no digits.
 
     Returns
     -------
@@ -187,26 +190,26 @@ def weighted(
     covariance : (n, 4, 4) ndarray
     """
     information = _inverse(covariances)  # (n, m, 2, 2)
-    misfit = positions - positions_at(start, tau)
-    pull = (information @ misfit[..., None])[..., 0]
-    step, covariance = _solve(tau, information, pull)
-    return start + step, covariance
+    residual = positions - positions_at(start, time_after_state)
+    weighted_residual = (information @ residual[..., None])[..., 0]
+    correction, covariance = _solve(time_after_state, information, weighted_residual)
+    return start + correction, covariance
 
 
-@np.errstate(invalid="ignore", divide="ignore")  # numbers that give no fit: nan, never done
+@np.errstate(invalid="ignore", divide="ignore")  # no fit: nan, never converged
 def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
     """Maximum likelihood of the measured ranges and azimuths, by Fisher scoring.
 
     A hit measures ``y = (r, a)``, expected at ``h(X)`` with covariance ``S = diag(s_r^2, s_a^2)``
-    and what an uncertain sensor pose adds. s_r may grow with range, which alone counts in dS. With
-    ``e = y - h(X)``::
+    plus the covariance of an uncertain sensor pose. dS contains only the growth of s_r with range.
+    With ``e = y - h(X)``::
 
         l(X) = -1/2 sum (e' S^-1 e + ln det S)
         I    = sum (dh' S^-1 dh + 1/2 tr(S^-1 dS S^-1 dS))    (Kay 1993, Eq. 3.31)
         X   <- X + I^-1 dl/dX,   P = I^-1
 
-    A track keeps its start where `POLAR_PASSES` steps do not converge, and where range and azimuth
-    are far from linear over its uncertainty, so that P would be much too small: it passes its
+    A track keeps its start if `POLAR_PASSES` corrections do not converge, or if range and azimuth
+    are far from linear over its covariance, which makes P much too small: the track passes its
     sensor too closely, or the arc is deeper than the range error.
 
     Parameters
@@ -216,7 +219,7 @@ def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
     start : Fit
         A fit near the solution: the weighted one.
     sensor : SensorModel
-        Range errors where a hit has none of its own.
+        Range errors of hits without their own.
 
     Returns
     -------
@@ -224,43 +227,47 @@ def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
     """
     state, covariance = start.state.copy(), start.covariance.copy()
     hit_covariance = start.hit_covariance.copy()
-    rows, current, spread = np.arange(len(hits)), start.state, start.covariance
+    rows, current, current_covariance = np.arange(len(hits)), start.state, start.covariance
     for _ in range(POLAR_PASSES):
-        linear = _nearly_linear(hits[rows], start.tau[rows], current, spread, sensor)
+        linear = _nearly_linear(
+            hits[rows], start.time_after_state[rows], current, current_covariance, sensor
+        )
         rows, current = rows[linear], current[linear]
         if not len(rows):
             break
-        tau = start.tau[rows]
-        step, spread = _solve(
-            tau, *_polar_information(hits[rows], positions_at(current, tau), sensor)
+        time_after_state = start.time_after_state[rows]
+        correction, current_covariance = _solve(
+            time_after_state,
+            *_polar_information(hits[rows], positions_at(current, time_after_state), sensor),
         )
-        current = current + step
-        sigma = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-        done = (np.abs(step) <= POLAR_TOLERANCE * sigma).all(axis=1)
-        found = rows[done]
-        state[found], covariance[found] = current[done], spread[done]
-        hit_covariance[found] = covariance_at(
-            hits[found], positions_at(current[done], tau[done]), sensor
+        current = current + correction
+        sigma = np.sqrt(np.diagonal(current_covariance, axis1=1, axis2=2))
+        done = (np.abs(correction) <= POLAR_TOLERANCE * sigma).all(axis=1)
+        converged = rows[done]
+        state[converged], covariance[converged] = current[done], current_covariance[done]
+        hit_covariance[converged] = covariance_at(
+            hits[converged], positions_at(current[done], time_after_state[done]), sensor
         )
-        rows, current, spread = rows[~done], current[~done], spread[~done]
-    return Fit(state, covariance, start.tau, hit_covariance)
+        rows, current = rows[~done], current[~done]
+        current_covariance = current_covariance[~done]
+    return Fit(state, covariance, start.time_after_state, hit_covariance)
 
 
 def _nearly_linear(
     hits: NDArray[np.void],
-    tau: FloatArray,
+    time_after_state: FloatArray,
     state: FloatArray,
     covariance: FloatArray,
     sensor: SensorModel,
 ) -> NDArray[np.bool_]:
-    """Which of n tracks have ranges and azimuths nearly linear in their states, (n,).
+    """Which of n tracks have nearly linear ranges and azimuths in their states, (n,).
 
     Over a position's standard deviation s, at range r, the azimuth turns by up to s/r and the arc
-    departs from its tangent by s^2 / 2r, which is compared with the range's deviation.
+    departs from its tangent by s^2 / 2r, which is compared with the range's standard deviation.
     """
-    offset = positions_at(state, tau) - hits["sensor_pose"][..., :2]
+    offset = positions_at(state, time_after_state) - hits["sensor_pose"][..., :2]
     range_ = np.hypot(offset[..., 0], offset[..., 1])
-    sigma = major_sigma(position_covariances_at(covariance, tau))
+    sigma = major_sigma(position_covariances_at(covariance, time_after_state))
     depth = 0.5 * np.square(sigma)
     linear = range_ > MIN_SENSOR_DISTANCE * sigma
     linear &= depth < range_ * np.sqrt(range_variance_at(hits, range_, sensor))
@@ -276,9 +283,9 @@ def _polar_information(
     ----------
     hits : (n, m) ndarray of DETECTION
     positions : (n, m, 2) ndarray
-        Where the likelihood is taken, m.
+        Positions at which the likelihood is evaluated, m.
     sensor : SensorModel
-        Range errors where a hit has none of its own.
+        Range errors of hits without their own.
 
     Returns
     -------
@@ -301,7 +308,7 @@ def _polar_information(
     measured_range, measured_azimuth = measured_polar(hits)
     error = np.stack([measured_range - range_, wrap(measured_azimuth - np.arctan2(y, x))], axis=-1)
     gradient = (information @ error[..., None])[..., 0]
-    # What a range error tells by its size, where its deviation grows with range.
+    # Information in the size of a range error, where its standard deviation grows with range.
     slope = np.where(np.isnan(hits["range_std"]), sensor.range_variance_slope(range_), 0.0)
     of_range = information[..., 0, 0].copy()
     gradient[..., 0] += 0.5 * slope * (np.square(gradient[..., 0]) - of_range)
@@ -310,32 +317,34 @@ def _polar_information(
 
 
 def _solve(
-    tau: FloatArray, information: FloatArray, pull: FloatArray
+    time_after_state: FloatArray, information: FloatArray, gradient: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Correction to the states and its covariance, from what each hit says of its position.
+    """Correction to the states and its covariance, from the information of each hit.
 
     ``P = (sum H_i' J_i H_i)^-1``, ``dX = P sum H_i' g_i``
 
     Parameters
     ----------
-    tau : (n, m) ndarray
+    time_after_state : (n, m) ndarray
         s.
     information : (n, m, 2, 2) ndarray
         J_i, 1/m^2.
-    pull : (n, m, 2) ndarray
-        g_i: J_i times the misfit, or the gradient of a log-likelihood, 1/m.
+    gradient : (n, m, 2) ndarray
+        g_i: J_i times the residual, or the gradient of a log-likelihood, 1/m.
 
     Returns
     -------
     correction : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    n = len(tau)
-    powers = np.stack([np.ones_like(tau), tau, np.square(tau)], axis=1)  # (n, 3, m)
+    n = len(time_after_state)
+    powers = np.stack(
+        [np.ones_like(time_after_state), time_after_state, np.square(time_after_state)], axis=1
+    )  # (n, 3, m)
     moments = np.einsum("nem,nmpq->nepq", powers, information)
-    order = np.add.outer([0, 1], [0, 1])  # tau^a tau^b = tau^(a + b)
+    order = np.add.outer([0, 1], [0, 1])  # t^a t^b = t^(a + b)
     normal = moments[:, order].transpose(0, 3, 1, 4, 2).reshape(n, 4, 4)
-    right = np.einsum("nam,nmp->npa", powers[:, :2], pull).reshape(n, 4)
+    right = np.einsum("nam,nmp->npa", powers[:, :2], gradient).reshape(n, 4)
     covariance = _inverse(normal)
     covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
     return (covariance @ right[..., None])[..., 0], covariance
@@ -343,7 +352,7 @@ def _solve(
 
 @np.errstate(invalid="ignore")
 def _inverse(matrices: FloatArray) -> FloatArray:
-    """Inverse of each matrix; nan where it is singular: such a track has no fit."""
+    """Inverse of each matrix; nan for a singular matrix: the track has no fit."""
     try:
         inverse = np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
@@ -352,14 +361,14 @@ def _inverse(matrices: FloatArray) -> FloatArray:
     return inverse.astype(np.float64, copy=False)
 
 
-def positions_at(state: FloatArray, tau: FloatArray) -> FloatArray:
+def positions_at(state: FloatArray, time_after_state: FloatArray) -> FloatArray:
     """Position of each (n, 4) state at its m times, (n, m, 2), m."""
-    return state[:, None, 0::2] + tau[:, :, None] * state[:, None, 1::2]
+    return state[:, None, 0::2] + time_after_state[:, :, None] * state[:, None, 1::2]
 
 
-def position_covariances_at(covariance: FloatArray, tau: FloatArray) -> FloatArray:
+def position_covariances_at(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
     """Position covariance H_k P_k H_k' of each (n, 4, 4) at its m times, (n, m, 2, 2), m^2."""
-    t = tau[:, :, None, None]
+    t = time_after_state[:, :, None, None]
     cross = covariance[:, None, 0::2, 1::2]
     return (
         covariance[:, None, 0::2, 0::2]

@@ -1,4 +1,4 @@
-"""Track evaluation (TSEPM 2018, Section 3.4): how well the hits fit one target."""
+"""Track evaluation (TSEPM 2018, Section 3.4): the fit of the hits to a single target."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
 
     ``f(k) = (z_k - H x_k)' (H P_k H' + R_k)^-1 (z_k - H x_k)``, ``f_1 = max_k f(k)``
 
-    As published, the state's covariance is added although the hit was in the fit, so f(k) is
-    smaller than chi-square distributed.
+    As published, the state's covariance is added although the fit contains the hit, so f(k) is
+    smaller than a chi-square variable.
 
     Parameters
     ----------
@@ -32,31 +32,32 @@ def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
     (n,) ndarray
         A squared distance, without unit.
     """
-    misfit = hits["position"] - positions_at(fit.state, fit.tau)
-    spread = position_covariances_at(fit.covariance, fit.tau) + fit.hit_covariance
-    return squared_distance(misfit, spread).max(axis=1)
+    time_after_state = fit.time_after_state
+    residual = hits["position"] - positions_at(fit.state, time_after_state)
+    residual_covariance = position_covariances_at(fit.covariance, time_after_state)
+    residual_covariance = residual_covariance + fit.hit_covariance
+    return squared_distance(residual, residual_covariance).max(axis=1)
 
 
 def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float) -> FloatArray:
     """Kennedy's clutter statistic f_2 (Eqs. 24-25).
 
     ``f_2 = 2 sum_k lambda_k V(k)``, V(k) = pi d_k^2 the area out to the associated point at
-    distance d_k from the hit before, lambda_k the density there. For
-    nearest points of pure clutter it is chi-square distributed with 2 M - 2 degrees of freedom; a
-    target makes it small.
+    distance d_k from the previous hit, lambda_k the density there. For nearest points of pure
+    clutter it is chi-square distributed with 2 M - 2 degrees of freedom; for a target it is small.
 
     Parameters
     ----------
     positions : (n, m, 2) ndarray
         Positions of the hits, oldest first, m.
     clutter_density : (n, m) ndarray or float
-        lambda at each hit, 1/m^2: one for all, as published, or where each hit is.
+        lambda, 1/m^2: a common value, as published, or the value at each hit.
 
     Returns
     -------
     (n,) ndarray
     """
-    steps = np.square(np.diff(positions, axis=1)).sum(axis=2)
+    squared_displacement = np.square(np.diff(positions, axis=1)).sum(axis=2)
     density = np.broadcast_to(clutter_density, positions.shape[:2])[:, 1:]
-    statistic: FloatArray = 2.0 * np.pi * (density * steps).sum(axis=1)
+    statistic: FloatArray = 2.0 * np.pi * (density * squared_displacement).sum(axis=1)
     return statistic

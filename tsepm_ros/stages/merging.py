@@ -18,9 +18,9 @@ from tsepm_ros.numerics.gaussian import gate_factor
 MERGINGS = ("moments", "refit")
 
 PAIR_BLOCK = 200_000
-"""Pairs looked at together: bounds the memory of the search, not its result."""
+"""Pairs processed together: bounds the memory of the search, not its result."""
 MAX_SUBSETS = 70
-"""Subsets of a track's hits by which overlapping tracks are looked for."""
+"""Largest number of subsets of a track's hits in the search for overlapping tracks."""
 
 
 def merging_threshold(probability: float) -> float:
@@ -40,9 +40,8 @@ def groups(
     Two tracks merge where more than half of their hits are shared (condition b) and their states
     are close (condition c, Eq. 30). Groups are the connected components of these pairs.
 
-    Not all pairs are looked at: tracks that share more than half of their hits share a subset of
-    that size, so candidates come from the tracks that have such a subset in common; and pairs that
-    other pairs have connected already are left out.
+    Two tracks that share more than half of their hits share a subset of that size: only tracks with
+    a common subset are candidates. Pairs already connected by other pairs are skipped.
 
     Parameters
     ----------
@@ -67,30 +66,30 @@ def groups(
     threshold = merging_threshold(probability)
     sharing = tracks_by_shared_hits(hits)
 
-    def connect(one: IntArray, other: IntArray) -> IntArray:
-        apart = labels[one] != labels[other]
-        one, other = one[apart], other[apart]
-        both = overlap(hits, one, other)
-        one, other = one[both], other[both]
-        near = close(states, covariances, one, other, threshold)
-        return _connected(labels, one[near], other[near])
+    def connect(first: IntArray, second: IntArray) -> IntArray:
+        unconnected = labels[first] != labels[second]
+        first, second = first[unconnected], second[unconnected]
+        overlapping = overlap(hits, first, second)
+        first, second = first[overlapping], second[overlapping]
+        near = close(states, covariances, first, second, threshold)
+        return _connected(labels, first[near], second[near])
 
-    for one, other in sharing.neighbours(PAIR_BLOCK):
-        labels = connect(one, other)
-    for one, other in sharing.where_labels_differ(labels).pairs(PAIR_BLOCK):
-        labels = connect(one, other)
+    for first, second in sharing.consecutive_pairs(PAIR_BLOCK):
+        labels = connect(first, second)
+    for first, second in sharing.where_labels_differ(labels).pairs(PAIR_BLOCK):
+        labels = connect(first, second)
     return labels
 
 
-def _connected(labels: IntArray, one: IntArray, other: IntArray) -> IntArray:
-    """Labels after connecting the labels of some pairs of tracks."""
-    if not len(one):
+def _connected(labels: IntArray, first: IntArray, second: IntArray) -> IntArray:
+    """Labels after connecting the given pairs of tracks."""
+    if not len(first):
         return labels
     n = int(labels.max()) + 1
-    row, column = labels[one], labels[other]
+    row, column = labels[first], labels[second]
     order = np.argsort(row)
     start = np.searchsorted(row[order], np.arange(n + 1))
-    # Rows as they are: from pairs it would be sorted and summed, which takes longer.
+    # Compressed rows: scipy sorts and sums a matrix made from pairs, which takes longer.
     graph = csr_array((np.ones(len(row), bool), column[order], start), shape=(n, n))
     merged: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
     return merged[labels]
@@ -98,7 +97,7 @@ def _connected(labels: IntArray, one: IntArray, other: IntArray) -> IntArray:
 
 @dataclass(frozen=True)
 class Sharing:
-    """Tracks that have a subset of hits in common, as compressed rows.
+    """Tracks with a common subset of hits, as compressed rows.
 
     Attributes
     ----------
@@ -111,10 +110,10 @@ class Sharing:
     start: IntArray
     track: IntArray
 
-    def neighbours(self, block: int) -> Iterator[tuple[IntArray, IntArray]]:
-        """Pairs of tracks that follow each other in a subset, `block` at a time.
+    def consecutive_pairs(self, block: int) -> Iterator[tuple[IntArray, IntArray]]:
+        """Pairs of consecutive tracks in a subset, `block` at a time.
 
-        They connect most of what can be connected, at the least cost.
+        They connect most tracks at the least cost.
         """
         same = np.ones(max(len(self.track) - 1, 0), bool)
         same[self.start[1:-1] - 1] = False
@@ -124,7 +123,7 @@ class Sharing:
             yield self.track[row], self.track[row + 1]
 
     def where_labels_differ(self, labels: IntArray) -> Sharing:
-        """Only the subsets whose tracks do not all have the same label."""
+        """The subsets with tracks of different labels."""
         label = labels[self.track]
         begin = self.start[:-1]
         mixed = np.minimum.reduceat(label, begin) != np.maximum.reduceat(label, begin)
@@ -136,7 +135,7 @@ class Sharing:
     def pairs(self, block: int) -> Iterator[tuple[IntArray, IntArray]]:
         """All pairs of tracks that share a subset, about `block` at a time.
 
-        A pair comes once for every subset that it shares.
+        A pair occurs once for every common subset.
         """
         counts = np.diff(self.start)
         # Entry p is paired with the later entries of its subset.
@@ -146,13 +145,13 @@ class Sharing:
         borders = np.unique(np.searchsorted(work, np.arange(0, total, block), side="right"))
         for begin, end in itertools.pairwise([*borders, len(later)]):
             entry = np.repeat(np.arange(begin, end), later[begin:end])
-            first = np.cumsum(later[begin:end]) - later[begin:end]
-            place = np.arange(len(entry)) - first[entry - begin]
-            yield self.track[entry], self.track[entry + 1 + place]
+            first_pair = np.cumsum(later[begin:end]) - later[begin:end]
+            offset = np.arange(len(entry)) - first_pair[entry - begin]
+            yield self.track[entry], self.track[entry + 1 + offset]
 
 
 def tracks_by_shared_hits(hits: IntArray) -> Sharing:
-    """Find the tracks that have subsets of their hits in common.
+    """Find the tracks with common subsets of hits.
 
     Parameters
     ----------
@@ -162,16 +161,16 @@ def tracks_by_shared_hits(hits: IntArray) -> Sharing:
     Returns
     -------
     Sharing
-        Subsets of the smallest size that is more than m/2, so that every overlapping pair shares
-        one; of fewer hits where that would be more than `MAX_SUBSETS` subsets a track. Only those
-        of more than one track.
+        Subsets of the smallest size above m/2, so that every overlapping pair shares a subset; of
+        fewer hits if a track would have more than `MAX_SUBSETS` subsets. Subsets of a single track
+        are left out.
     """
     n, m = hits.shape
     size = m // 2 + 1
     while math.comb(m, size) > MAX_SUBSETS:
         size -= 1
-    # A subset is recognised by the sum of random numbers, one per hit. Two subsets with the same
-    # sum would be a candidate too many, not a wrong result.
+    # The sum of a random number per hit identifies a subset. Two subsets with the same sum would
+    # add a candidate, not change the result.
     ids, column = np.unique(hits, return_inverse=True)
     number = np.random.default_rng(0).integers(2**63, size=len(ids))[column.reshape(n, m)]
     key = np.concatenate(
@@ -187,27 +186,27 @@ def tracks_by_shared_hits(hits: IntArray) -> Sharing:
     return Sharing(start, (order % n)[np.repeat(shared, counts)])
 
 
-def overlap(hits: IntArray, one: IntArray, other: IntArray) -> NDArray[np.bool_]:
+def overlap(hits: IntArray, first: IntArray, second: IntArray) -> NDArray[np.bool_]:
     """Test whether the tracks of each pair share more than half of their hits (condition b)."""
-    same = hits[one][:, :, None] == hits[other][:, None, :]
+    same = hits[first][:, :, None] == hits[second][:, None, :]
     return 2 * np.count_nonzero(same, axis=(1, 2)) > hits.shape[1]
 
 
 def close(
-    states: FloatArray, covariances: FloatArray, one: IntArray, other: IntArray, threshold: float
+    states: FloatArray, covariances: FloatArray, first: IntArray, second: IntArray, threshold: float
 ) -> NDArray[np.bool_]:
     """Test whether the states of each pair are close (condition c).
 
     ``(X1 - X2)' (P1 + P2)^-1 (X1 - X2) <= gamma_TM^2`` (Eqs. 28-30). As published, the two
     estimates count as independent although they share hits.
     """
-    difference = states[one] - states[other]
-    # The distance is never below that of a single component, which is cheap to rule out by.
+    difference = states[first] - states[second]
+    # The distance is at least that of each single component, which is cheap to test.
     variances = covariances[:, range(4), range(4)]
-    bound = threshold * (1.0 + 1e-9) * (variances[one] + variances[other])
+    bound = threshold * (1.0 + 1e-9) * (variances[first] + variances[second])
     near = np.asarray((np.square(difference) <= bound).all(axis=1))
     rows = np.flatnonzero(near)
-    total = covariances[one[rows]] + covariances[other[rows]]
+    total = covariances[first[rows]] + covariances[second[rows]]
     solved = np.linalg.solve(total, difference[rows][..., None])[..., 0]
     near[rows] = (difference[rows] * solved).sum(axis=1) <= threshold
     return near
@@ -219,7 +218,7 @@ def moments(
     """Merge one group by its weighted moments.
 
     ``p_i = f_1(i) / sum f_1`` (Eq. 31), ``X = sum p_i X_i`` (Eq. 32), ``P = sum p_i P_i`` (Eq. 33).
-    As published, the worse fit weighs more and the spread of the means is left out.
+    As published, the worse fit has the larger weight, and the spread of the means is left out.
 
     Parameters
     ----------

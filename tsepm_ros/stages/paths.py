@@ -13,16 +13,16 @@ from tsepm_ros.numerics.rows import Rows
 
 NO_HIT = -1
 MAX_ROWS_TOGETHER = 16_384
-"""Paths worked on together: bounds memory and keeps the work in the processor's cache."""
+"""Paths processed together: bounds memory and fits into the processor's cache."""
 
 
 @dataclass(frozen=True)
 class Paths(Rows):
-    """Detections that may be one target's, one a scan at most: a row each.
+    """Sequences of detections of possible targets, at max_hits one per scan: a row each.
 
     Attributes
     ----------
-    hits : (n, most) ndarray of int
+    hits : (n, max_hits) ndarray of int
         Detection ids of the hits, oldest first, then NO_HIT.
     hit_count : (n,) ndarray of int
         N_v.
@@ -40,7 +40,7 @@ class Paths(Rows):
         return self.hits[np.arange(len(self)), self.hit_count - 1]
 
     def extended(self, parent: IntArray, detection: IntArray) -> Self:
-        """Children that add a detection each: row i extends path `parent[i]`."""
+        """Children with a further detection each: row i extends path `parent[i]`."""
         children = self[parent]
         children.hits[np.arange(len(parent)), children.hit_count] = detection
         return replace(children, hit_count=children.hit_count + 1)
@@ -51,20 +51,20 @@ class Paths(Rows):
         Yields
         ------
         rows : (r,) ndarray of int
-            Paths, at most `MAX_ROWS_TOGETHER`.
+            Paths, at max_hits `MAX_ROWS_TOGETHER`.
         hits : (r, m) ndarray of int
             Detection ids of their hits, without NO_HIT.
         """
         for count in np.unique(self.hit_count):
             rows = np.flatnonzero(self.hit_count == count)
             for first in range(0, len(rows), MAX_ROWS_TOGETHER):
-                part = rows[first : first + MAX_ROWS_TOGETHER]
-                yield part, self.hits[part, :count]
+                block = rows[first : first + MAX_ROWS_TOGETHER]
+                yield block, self.hits[block, :count]
 
 
-def starting(detection: IntArray, scan_index: int, most: int) -> Paths:
-    """New paths of one hit each, for at most so many hits (Step 8)."""
-    hits = np.full((len(detection), most), NO_HIT, np.int64)
+def starting(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
+    """New paths of a single hit, with space for `max_hits` hits (Step 8)."""
+    hits = np.full((len(detection), max_hits), NO_HIT, np.int64)
     hits[:, 0] = detection
     count = np.ones(len(detection), np.int64)
     return Paths(hits, count, np.full(len(detection), scan_index, np.int64))

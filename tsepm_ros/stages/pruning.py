@@ -13,7 +13,7 @@ READINGS = ("literal", "squared")
 
 
 def confirmed(hit_count: NDArray[np.int64], min_hits: int) -> BoolArray:
-    """Tracks that satisfy the M/N rule: N_v >= M (Step 3).
+    """Which tracks satisfy the M/N rule: N_v >= M (Step 3).
 
     N_a <= N holds for every potential track, since `expired` ends it at N_a = N.
     """
@@ -21,9 +21,9 @@ def confirmed(hit_count: NDArray[np.int64], min_hits: int) -> BoolArray:
 
 
 def expired(scan_count: NDArray[np.int64], window: int) -> BoolArray:
-    """Potential tracks that the M/N rule ends: N_a >= N (Step 3, pruning rule a).
+    """Which potential tracks the M/N rule ends: N_a >= N (Step 3, pruning rule a).
 
-    A track that can no longer reach M hits lives, and gates, until then.
+    A track that can no longer reach M hits still exists, and gates detections, until then.
     """
     return scan_count >= window
 
@@ -41,12 +41,12 @@ def distance_threshold(probability: float, reading: str) -> float:
 def clutter_threshold(size: float, min_hits: int) -> float:
     """Threshold for `clutter_statistic`: the chi-square quantile with 2 M - 2 degrees of freedom.
 
-    `size` is the nominal share of clutter tracks that pass. Inside a gate the statistic is
-    truncated and splitting breaks "nearest", so the measured share differs.
+    `size` is the nominal fraction of clutter tracks that pass. The measured fraction differs: a
+    gate truncates the statistic, and split tracks use other points than the nearest.
     """
     return float(chdtri(2 * min_hits - 2, 1.0 - size))
 
 
 def keep(evaluation: NDArray[np.float64], threshold: float) -> BoolArray:
-    """Tracks whose evaluation does not exceed the threshold (Step 6, pruning rule b)."""
+    """Which evaluations do not exceed the threshold (Step 6, pruning rule b)."""
     return evaluation <= threshold

@@ -17,14 +17,14 @@ from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.sensing import range_rates
 
 MAX_GATED = 5_000_000
-"""Detections in all gates of a scan together, above which only the nearest are looked at."""
+"""Largest number of detections in all gates of a scan; above, only the nearest are used."""
 SPLIT_BLOCK = 1_000_000
-"""Children looked at together where a limit bites: bounds memory, not the result."""
+"""Children processed together where a limit applies: bounds memory, not the result."""
 
 
 @dataclass(frozen=True)
 class Gated:
-    """Which detections lie in which gate, as compressed rows.
+    """The detections in each gate, as compressed rows.
 
     Attributes
     ----------
@@ -33,8 +33,8 @@ class Gated:
     detection : (p,) ndarray of int
         Rows of the gated detections, ascending within a gate.
     in_any_gate : (n,) ndarray of bool
-        Which of the scan's detections lie in some gate. Those that were cut are included, with
-        the gates as they are at the scan's farthest time.
+        Which of the scan's detections lie in any gate. Cut detections are included, with the
+        gates at the scan's farthest time.
     cut : int
         Detections left out of gates because of `MAX_GATED`.
     """
@@ -58,15 +58,15 @@ def gate(
 ) -> Gated:
     """Find the detections inside the gate of each last hit (Eq. 4).
 
-    ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax``: a target that was at hit i can have
-    moved that far, k scan intervals T later, and sigma_Rmax is the major axis of hit i's error.
-    Where both have range rates that are used, these must agree with each other and with the step
-    along the line of sight, within the same probability (`range_rates.agree`).
+    ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax`` bounds the displacement of a target
+    from hit i; sigma_Rmax is the major axis of hit i's error. Range rates of both, if used, must
+    agree with each other and with the displacement along the line of sight, within the same
+    probability (`range_rates.agree`).
 
     Parameters
     ----------
     last_hits : (g,) ndarray of DETECTION
-        Last hits of the potential tracks, each once.
+        Last hits of the potential tracks, without duplicates.
     detections : (n,) ndarray of DETECTION
         Detections of the new scan.
     max_speed : float
@@ -92,23 +92,23 @@ def gate_within(
 ) -> Gated:
     """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
 
-    Range rates gate where `range_rate_gate` is finite. See `gate`.
+    Range rates are gated if `range_rate_gate` is finite. See `gate`.
     """
     n_gates = len(last_hits)
     if n_gates == 0 or len(detections) == 0:
-        none = np.zeros(len(detections), bool)
-        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64), none)
+        in_any_gate = np.zeros(len(detections), bool)
+        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64), in_any_gate)
     times = detections["time"]
     first, last = times.min(), times.max()
     longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
-    # The k-d tree finds candidates a hair too generously; the exact test below decides.
+    # Slightly larger radii for the k-d tree's candidates; the exact test follows.
     radius = (margin + max_speed * longest) * (1.0 + 1e-9)
     positions = np.ascontiguousarray(detections["position"])
     centres = np.ascontiguousarray(last_hits["position"])
     owner, candidate, cut = neighbours(positions, centres, radius)
-    step = positions[candidate] - centres[owner]
+    displacement = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
-    inside = np.hypot(step[:, 0], step[:, 1]) <= max_speed * elapsed + margin[owner]
+    inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
     if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
         near = np.flatnonzero(inside)
         inside[near] = range_rates.agree(
@@ -128,8 +128,8 @@ def neighbours(
 ) -> tuple[IntArray, IntArray, int]:
     """Pairs of centres and positions within their radius.
 
-    Beyond `MAX_GATED` pairs only the nearest of each centre are kept: the length of the newest step
-    is what tells a target from clutter first.
+    Beyond `MAX_GATED` pairs only the nearest positions of each centre are kept: the displacement is
+    the first feature that separates targets from clutter.
 
     Parameters
     ----------
@@ -155,14 +155,14 @@ def neighbours(
     total = int(counts.sum())
     if total > MAX_GATED:
         nearest = min(max(MAX_GATED // len(centres), 1), len(positions))
-        found = tree.query(centres, k=nearest)[1].reshape(len(centres), nearest)
-        found = np.sort(found, axis=1)
+        kept = tree.query(centres, k=nearest)[1].reshape(len(centres), nearest)
+        kept = np.sort(kept, axis=1)
         centre = np.repeat(np.arange(len(centres)), nearest)
-        kept = int(np.minimum(counts, nearest).sum())
-        return centre, found.ravel().astype(np.int64), total - kept
+        cut = total - int(np.minimum(counts, nearest).sum())
+        return centre, kept.ravel().astype(np.int64), cut
     position = np.empty(total, np.int64)
     borders = np.concatenate([[0], np.cumsum(counts)])
-    # In blocks, since the tree answers in lists of Python integers.
+    # In blocks, since the tree returns lists of Python integers.
     blocks = np.unique(np.searchsorted(borders, np.arange(0, total, SPLIT_BLOCK), side="right") - 1)
     for begin, end in itertools.pairwise([*blocks, len(centres)]):
         rows = slice(begin, end)
@@ -171,18 +171,19 @@ def neighbours(
 
 
 def _inside(tree: cKDTree, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Number of the tree's positions within the radius of each centre, and their rows."""
-    found = tree.query_ball_point(centres, radius, return_sorted=True)
-    counts = np.fromiter(map(len, found), np.int64, len(found))
-    chained = itertools.chain.from_iterable(found)
+    """Number of the tree's positions within the radius of each centre, and the positions' rows."""
+    rows = tree.query_ball_point(centres, radius, return_sorted=True)
+    counts = np.fromiter(map(len, rows), np.int64, len(rows))
+    chained = itertools.chain.from_iterable(rows)
     return counts, np.fromiter(chained, np.int64, int(counts.sum()))
 
 
 def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray) -> BoolArray:
-    """Whether each position lies in one of the discs.
+    """Whether each position lies in any of the discs.
 
-    ``|z - c|^2 <= r^2`` is ``|z - c|^2 + (r_max^2 - r^2) <= r_max^2``: with the second term as a
-    third coordinate of the centres, the nearest one tells.
+    ``|z - c|^2 <= r^2`` is ``|z - c|^2 + (r_max^2 - r^2) <= r_max^2``. The second term is the
+    square of a third coordinate of the centres: a position is inside if the distance of the nearest
+    centre is at most r_max.
     """
     largest = radius.max()
     height = np.sqrt((largest - radius) * (largest + radius))
@@ -212,20 +213,20 @@ def split(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
     counts = gated.count[gate_of_track]
     parent = np.repeat(np.arange(len(gate_of_track)), counts)
     first_child = np.cumsum(counts) - counts
-    place = np.arange(len(parent)) - first_child[parent]
-    return parent, gated.detection[gated.start[gate_of_track[parent]] + place]
+    child_of_parent = np.arange(len(parent)) - first_child[parent]
+    return parent, gated.detection[gated.start[gate_of_track[parent]] + child_of_parent]
 
 
 def residual(gated: Gated) -> IntArray:
-    """Rows of the detections that lie in no gate and so start new potential tracks (Step 8)."""
+    """Rows of the detections outside all gates, which start new potential tracks (Step 8)."""
     return np.flatnonzero(~gated.in_any_gate)
 
 
 def left_out(gated: Gated) -> IntArray:
-    """Rows of the detections that lie in some gate, but were cut from all of them."""
-    in_any_gate = gated.in_any_gate.copy()
-    in_any_gate[gated.detection] = False
-    return np.flatnonzero(in_any_gate)
+    """Rows of the detections in at least one gate that were cut from all gates."""
+    cut = gated.in_any_gate.copy()
+    cut[gated.detection] = False
+    return np.flatnonzero(cut)
 
 
 def split_within(
@@ -234,16 +235,16 @@ def split_within(
     limit: int,
     cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
 ) -> tuple[IntArray, IntArray, int]:
-    """Split as `split` does, but keep only the `limit` children of smallest cost.
+    """Split every potential track, and keep the `limit` children of least cost.
 
     Parameters
     ----------
     gate_of_track, gated
         As in `split`.
     limit : int
-        Children kept at most.
+        Largest number of children.
     cost : callable
-        Cost of children given as (parent, detection); asked for only where the limit bites.
+        Cost of children (parent, detection); evaluated only above the limit.
 
     Returns
     -------
@@ -257,13 +258,13 @@ def split_within(
     if total <= limit:
         return *split(gate_of_track, gated), 0
     parent = detection = np.zeros(0, np.int64)
-    price = np.zeros(0)
+    costs = np.zeros(0)
     blocks = np.searchsorted(np.cumsum(counts), np.arange(0, total, SPLIT_BLOCK), side="right")
     for begin, end in itertools.pairwise([*np.unique(blocks), len(counts)]):
-        rows, found = split(gate_of_track[begin:end], gated)
+        rows, added = split(gate_of_track[begin:end], gated)
         parent = np.concatenate([parent, rows + begin])
-        detection = np.concatenate([detection, found])
-        price = np.concatenate([price, cost(rows + begin, found)])
-        best = keep_best(price, limit)
-        parent, detection, price = parent[best], detection[best], price[best]
+        detection = np.concatenate([detection, added])
+        costs = np.concatenate([costs, cost(rows + begin, added)])
+        best = keep_best(costs, limit)
+        parent, detection, costs = parent[best], detection[best], costs[best]
     return parent, detection, total - limit
