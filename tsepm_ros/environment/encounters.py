@@ -32,7 +32,7 @@ def closest_approach(first: FloatArray, second: FloatArray) -> tuple[FloatArray,
     Parameters
     ----------
     first, second : (..., 4) ndarray
-        States ``[x, vx, y, vy]`` at one time.
+        States ``[x, vx, y, vy]`` at a common time.
 
     Returns
     -------

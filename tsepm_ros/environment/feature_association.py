@@ -39,7 +39,7 @@ MEMORY = 64
 
 @dataclass(frozen=True)
 class Environment:
-    """The surroundings in one scan.
+    """Clutter zones, clutter features and encounters in a scan.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ class Learned:
     features: Surroundings = field(default_factory=Surroundings)
 
     @classmethod
-    def nothing(cls, sensor: SensorModel) -> Learned:
+    def initial(cls, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor."""
         return cls(ClutterMap(sensor))
 

@@ -60,7 +60,7 @@ class FrontEnd:
         self.stamp: float | None = None
         self.scan_index = -1
         self.outside_coverage = 0
-        self.learned = Learned.nothing(self.sensor)
+        self.learned = Learned.initial(self.sensor)
         self._poses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._polar = np.zeros(0), np.zeros(0)
         self._clutter_weight = np.zeros(0)

@@ -31,11 +31,11 @@ MIN_MODE_PROBABILITY = 1e-30
 def stay_or_change(
     time: FloatArray, time_to_begin: float, time_to_end: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Probabilities that a state that begins and ends at random prevails after a time.
+    """Probabilities that a condition that begins and ends at random holds after a time.
 
     With the rates ``a = 1 / time_to_begin``, ``b = 1 / time_to_end`` and
-    ``e = exp(-(a + b) t)``: ``a / (a + b) (1 - e)`` if it did not prevail at time 0, and
-    ``a / (a + b) (1 - e) + e`` if it did.
+    ``e = exp(-(a + b) t)``: ``a / (a + b) (1 - e)`` if it does not hold at time 0, and
+    ``a / (a + b) (1 - e) + e`` if it does.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def stay_or_change(
     Returns
     -------
     begun, still : (n,) ndarray
-        Probability if the state did not prevail at time 0, and if it did.
+        Probability if the condition does not hold at time 0, and if it does.
     """
     begin, end = 1.0 / time_to_begin, 1.0 / time_to_end
     unchanged = np.exp(-(begin + end) * time)
@@ -73,7 +73,7 @@ class InteractingModels:
 
     @classmethod
     def of(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
-        """Tracks with states (n, 4) and covariances (n, 4, 4), in modes at their mean rates."""
+        """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
         turning = 1.0 / MEAN_TIME_TO_TURN / (1.0 / MEAN_TIME_TO_TURN + 1.0 / MEAN_TURN_DURATION)
         probability = np.array([[1.0 - turning], [turning]]).repeat(len(state), axis=1)
         return cls(probability, np.stack([state, state]), np.stack([covariance, covariance]))

@@ -170,7 +170,7 @@ def log_likelihood(
 
     ``ln N(d; 0, S) + ln N(e; 0, S_e)`` with the innovation e of a measured range rate against the
     state updated with the position. The innovations are independent: their squared distances add
-    up, and the gate of a position and a range rate has_range_rate three dimensions.
+    up, and the gate of a position and a range rate has three dimensions.
 
     Parameters
     ----------

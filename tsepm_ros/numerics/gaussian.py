@@ -17,9 +17,9 @@ def gate_factor(probability: float) -> float:
     return math.sqrt(-2.0 * math.log1p(-probability))
 
 
-def squared_distance(misfit: FloatArray, covariance: FloatArray) -> FloatArray:
+def squared_distance(difference: FloatArray, covariance: FloatArray) -> FloatArray:
     """``d' C^-1 d`` of (..., 2) vectors under (..., 2, 2) covariances."""
-    x, y = misfit[..., 0], misfit[..., 1]
+    x, y = difference[..., 0], difference[..., 1]
     xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
 

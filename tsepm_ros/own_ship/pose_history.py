@@ -187,7 +187,7 @@ class PoseHistory:
 
         Rates of the samples are interpolated linearly, and constant beyond the newest sample.
         Unknown rates are differences of poses over the `RATE_SPAN` around each time. The span is
-        shorter after the begin of the history or a gap, and shifted back to end at the first sample
+        shorter after the start of the history or a gap, and shifted back to end at the first sample
         at or after `last`. Samples after that sample are not used: they cannot change the rates up
         to `last`.
 

@@ -295,7 +295,7 @@ def fitted(
         return state, covariance
     rated, hits, time_after_state = rated[rows], hits[rows], time_after_state[rows]
     prior, prior_covariance = state[rows], covariance[rows]
-    # A hit without a range rate rated a row of zeros; its variance rated no effect.
+    # A hit without a range rate has a row of zeros; its variance has no effect.
     noise = np.where(rated, np.square(hits["range_rate_std"]), 1.0)[..., None] * np.eye(
         rated.shape[1]
     )

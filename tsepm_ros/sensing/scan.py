@@ -33,7 +33,7 @@ FEATURES = ("intensity", "range_width", "azimuth_width", "range_rate")
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Detections of one scan (one ping), as the sensor reports them.
+    """Detections of a scan (a ping) in the sensor frame.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Scan:
         Parameters
         ----------
         **fields
-            Every field without its default value; arrays of float64 that are not written to.
+            Every field that differs from its default; float64 arrays that are never written to.
         """
         scan = object.__new__(cls)
         defaults = {"features": {}, "sensor_pose": np.zeros(3), "sensor_velocity": np.zeros(2)}

@@ -30,7 +30,7 @@ def shipped_scenarios() -> list[str]:
 
 
 def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenario:
-    """Load a scenario by the name of a shipped one, or from a YAML file.
+    """Load a shipped scenario by its name, or a scenario from a YAML file.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class SimulatedScan:
     Attributes
     ----------
     scan : Scan
-        The detections, in the sensor frame; the sensor pose is the true one at the stamp.
+        The detections, in the sensor frame; the sensor pose is the true pose at the stamp.
     origin : (n,) ndarray of int
         Target index of each detection, or CLUTTER.
     truth : (k, 4) ndarray
@@ -144,7 +144,7 @@ class Simulator:
         origin: NDArray[np.int64],
         sensor_velocity: FloatArray,
     ) -> FloatArray:
-        """Range rates of the scan's detections, (n,), m/s, to first order in Mach number.
+        """Range rates of the scan's detections, (n,), m/s, to first order in v / c.
 
         The range rate of a target is the rate of the mean of both legs, plus an error. The range
         rate of clutter is drawn over ground, along the measured line of sight. `sensor_velocity`
@@ -160,9 +160,8 @@ class Simulator:
             state = self.targets[origin[row]]
             position = state[0::2] + state[1::2] * (time + delay[row])
             offset = position - own_ship.pose(time + delay[row])[:2]
-            rates[row] = (state[1::2] - sensor_velocity[row]) @ offset / np.hypot(*offset) + errors[
-                row
-            ]
+            relative_velocity = state[1::2] - sensor_velocity[row]
+            rates[row] = relative_velocity @ offset / np.hypot(*offset) + errors[row]
         return rates
 
     def _echo(self, state: FloatArray, time: float) -> tuple[float, float]:

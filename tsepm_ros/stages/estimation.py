@@ -217,7 +217,7 @@ def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
     hits : (n, m) ndarray of DETECTION
         The hits of n tracks.
     start : Fit
-        A fit near the solution: the weighted one.
+        A fit near the solution: the weighted fit.
     sensor : SensorModel
         Range errors of hits without their own.
 

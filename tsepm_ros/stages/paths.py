@@ -18,7 +18,7 @@ MAX_ROWS_TOGETHER = 16_384
 
 @dataclass(frozen=True)
 class Paths(Rows):
-    """Sequences of detections of possible targets, at max_hits one per scan: a row each.
+    """Sequences of detections of possible targets, at most one per scan: a row each.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Paths(Rows):
         Yields
         ------
         rows : (r,) ndarray of int
-            Paths, at max_hits `MAX_ROWS_TOGETHER`.
+            Paths, at most `MAX_ROWS_TOGETHER`.
         hits : (r, m) ndarray of int
             Detection ids of their hits, without NO_HIT.
         """
