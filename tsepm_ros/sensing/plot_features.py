@@ -11,8 +11,9 @@ Readings
   so that no threshold fits two tracks. `decision` reproduces the source's Table 1; no method uses
   it. Association uses the distance of the plot from the mean in units of the track's own standard
   deviation, ``t_p^2 = (z_p - u_p)^2 / (s_p^2 (1 + 1 / n_p))`` with the variance s_p^2 of the
-  track's n_p plots. For a plot of the track with Gaussian features it has an F distribution with 1 and n_p - 1 degrees of freedom. The chi-square quantile of its
-  probability replaces each t_p^2: the gate of the sum then also holds for short histories.
+  track's n_p plots. For a plot of the track with Gaussian features it has an F distribution with
+  1 and n_p - 1 degrees of freedom. The chi-square quantile of its probability replaces each t_p^2:
+  the gate of the sum then also holds for short histories.
 - "The point track and track interval are used as feature distances" where a plot fits several
   tracks: the distance in position is added to J.
 """
