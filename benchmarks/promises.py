@@ -30,7 +30,7 @@ from tsepm_ros.analysis.workers import Workers, with_progress
 from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
-from tsepm_ros.design.prediction import false_tracks_per_hour, targets_found
+from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.scenario import TargetArea
@@ -125,8 +125,8 @@ def starts_table(options: argparse.Namespace, densities: Mapping[float, float] =
             azimuth = math.radians(degrees)
             box = scene("box", clutter_density=density, azimuth_std=azimuth)
             [one] = evaluated(box, [score_at(wish) for wish in (1, 10)], runs, options)
-            for point, figures in zip(one.points, one.figures, strict=True):
-                cells = [figures.text(name, interval=name != "detection") for name in shown]
+            for point, measures in zip(one.points, one.measures, strict=True):
+                cells = [measures.text(name, interval=name != "detection") for name in shown]
                 yield f"{density:g}", f"{degrees} deg", point.label, str(runs), *cells
 
 
@@ -165,10 +165,10 @@ def equal_rate_row(one: Evaluated) -> list[str]:
     costs. Above its highest P_D, or below its fewest false starts, it is not compared.
     """
     [row] = [row for row in one.comparisons if row.method == "tsepm" and row.other == "score"]
-    pairs = list(zip(one.points, one.figures, strict=True))
-    [published] = [figures for point, figures in pairs if point.method == "tsepm"]
-    false = [figures.false_per_run.value for point, figures in pairs if point.method == "score"]
-    found = [figures.detection.value for point, figures in pairs if point.method == "score"]
+    pairs = list(zip(one.points, one.measures, strict=True))
+    [published] = [measures for point, measures in pairs if point.method == "tsepm"]
+    false = [measures.false_per_run.value for point, measures in pairs if point.method == "score"]
+    found = [measures.detection.value for point, measures in pairs if point.method == "score"]
     beyond = row.false > max(false)
     below = row.detection < found[false.index(min(false))]
     share, cost = f"{row.other_detection:.2f}", f"{row.other_false:.2f}"
@@ -189,8 +189,10 @@ def equal_rate_row(one: Evaluated) -> list[str]:
 
 def verdict(row: Comparison, *, beyond: bool, below: bool) -> str:
     """Whether `score` is the better: in P_D or in false starts, with 95 %, and worse in neither."""
-    better = row.gain.high < 0.0 or row.ratio.high < 1.0
-    worse = (row.gain.low > 0.0 and not beyond) or (row.ratio.low > 1.0 and not below)
+    better = row.detection_difference.high < 0.0 or row.false_ratio.high < 1.0
+    worse = (row.detection_difference.low > 0.0 and not beyond) or (
+        row.false_ratio.low > 1.0 and not below
+    )
     if better == worse:
         return OPEN
     return HOLDS if better else DOES_NOT
@@ -234,16 +236,16 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     [(_, planned)] = search.score_thresholds(case, wanted, [wanted.window])
     given = {**asdict(case.common), **asdict(wanted)}
     simulation = {"seed": options.seed, "workers": options.workers, "progress": with_progress}
-    found = targets_found(case, "score", given, runs=options.runs, **simulation).detection
+    found = target_statistics(case, "score", given, runs=options.runs, **simulation).detection
     clutter = search.clutter_scans(case, WISH)
     false = false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
     anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
     point = OperatingPoint("score", "designed", given, version=package_version())
-    [figures] = evaluated(whole, [point], options.runs, options)[0].figures
-    gap = difference(found, figures.detection)
-    shares = [f"{share:.3f}" for share in (planned, found, figures.detection, gap)]
-    rates = [f"{rate:.1f}" for rate in (false, figures.false_per_hour)]
+    [measures] = evaluated(whole, [point], options.runs, options)[0].measures
+    gap = difference(found, measures.detection)
+    shares = [f"{share:.3f}" for share in (planned, found, measures.detection, gap)]
+    rates = [f"{rate:.1f}" for rate in (false, measures.false_per_hour)]
     return [f"{density:g}", str(scans), *shares, closeness(gap), *rates]
 
 

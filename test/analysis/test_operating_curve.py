@@ -1,4 +1,4 @@
-"""Operating curves and methods at equal footing."""
+"""Operating curves and methods compared."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ def test_two_methods_are_compared_at_each_other_s_points():
     # The poor method's rate of 0.2 is the middle of 0.1 to 0.4, in the logarithm.
     assert (poor.false, poor.detection) == (0.2, 0.6)
     assert poor.other_detection.value == pytest.approx(0.7)
-    assert poor.gain.value == pytest.approx(-0.1)
+    assert poor.detection_difference.value == pytest.approx(-0.1)
     assert poor.other_false.value == pytest.approx(0.1)
-    assert poor.ratio.value == pytest.approx(0.5)
-    assert few.ratio.value == pytest.approx(2.0)
+    assert poor.false_ratio.value == pytest.approx(0.5)
+    assert few.false_ratio.value == pytest.approx(2.0)
     assert math.isnan(few.other_detection.value)  # the poor method has no point with so few
     assert many.other_detection.value == pytest.approx(0.6)
     assert math.isnan(many.other_false.value)
@@ -70,7 +70,12 @@ def test_two_methods_are_compared_at_each_other_s_points():
 
 def test_the_intervals_hold_the_figures():
     for one in compare(POINTS):
-        for estimate in (one.other_detection, one.gain, one.other_false, one.ratio):
+        for estimate in (
+            one.other_detection,
+            one.detection_difference,
+            one.other_false,
+            one.false_ratio,
+        ):
             if not math.isnan(estimate.value):
                 assert estimate.low <= estimate.value <= estimate.high
                 assert estimate.high > estimate.low
@@ -79,14 +84,20 @@ def test_the_intervals_hold_the_figures():
 def test_the_same_scenes_are_drawn_for_all():
     # With the same results in the same runs nothing differs, whichever runs are drawn.
     (one, _) = compare({("a", "x"): runs(60, 20), ("b", "x"): runs(60, 20)})
-    assert (one.gain.value, one.gain.low, one.gain.high) == (0.0, 0.0, 0.0)
-    assert (one.ratio.value, one.ratio.low, one.ratio.high) == pytest.approx((1.0, 1.0, 1.0))
+    assert (
+        one.detection_difference.value,
+        one.detection_difference.low,
+        one.detection_difference.high,
+    ) == (0.0, 0.0, 0.0)
+    assert (one.false_ratio.value, one.false_ratio.low, one.false_ratio.high) == pytest.approx(
+        (1.0, 1.0, 1.0)
+    )
 
 
 def test_no_false_start_counts_half_a_one():
     (one, _) = compare({("a", "x"): runs(60, 0), ("b", "x"): runs(60, 20)})
     assert one.false == 0.5 / 100
-    assert one.ratio.value == pytest.approx(40.0)
+    assert one.false_ratio.value == pytest.approx(40.0)
 
 
 def test_a_method_alone_is_compared_with_none():

@@ -122,18 +122,18 @@ def test_horizons_give_what_shorter_evaluations_give(tmp_path):
         dataclasses.replace(plan(), scenarios=[load_scenario("box", {"scans": 5})]), tmp_path
     )
     assert (at_5.scans, at_7.scans) == (5, 7)
-    assert repr(at_5.figures) == repr(alone.figures)
-    assert repr(at_5.figures) != repr(at_7.figures)
+    assert repr(at_5.measures) == repr(alone.measures)
+    assert repr(at_5.measures) != repr(at_7.measures)
 
 
 def test_figures_are_those_of_a_study_of_the_same_seed(tmp_path):
     (found,) = evaluate(plan(TSEPM), tmp_path)
-    assert repr(found.figures[0]) == repr(measures_of(BOX, study(BOX, TSEPM, range(4), 5)))
+    assert repr(found.measures[0]) == repr(measures_of(BOX, study(BOX, TSEPM, range(4), 5)))
 
 
 def test_anything_that_starts_tracks_can_be_evaluated(tmp_path):
     (found,) = evaluate(plan(TOY, TSEPM), tmp_path, Workers(processes=2))
-    toy = found.figures[0]
+    toy = found.measures[0]
     assert toy.detection.value > 0.5  # its one hit is the target's
     assert toy.false_per_run.value > 0.0  # but when the target was missed
     assert toy.redundant_per_run.value > 1.0
@@ -158,8 +158,8 @@ def test_a_refused_option_is_refused_before_any_run(tmp_path):
     ("change", "said"),
     [
         ({"horizons": [8]}, "horizon 8 is beyond the 7 scans of box"),
-        ({"scenarios": [BOX, BOX]}, "box is there twice"),
-        ({"points": [SCORE, SCORE]}, "score 300/h is there twice"),
+        ({"scenarios": [BOX, BOX]}, "box is given twice"),
+        ({"points": [SCORE, SCORE]}, "score 300/h is given twice"),
     ],
     ids=["horizon", "scenario", "point"],
 )

@@ -11,7 +11,7 @@ from support.run_summaries import run_of, start
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.analysis.bounds import cramer_rao
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import RunSummary, record, start_bound
+from tsepm_ros.analysis.run_summary import RunSummary, start_bound, summarise
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.study import run
 from tsepm_ros.analysis.truth import Outcome
@@ -54,7 +54,7 @@ def test_a_record_comes_back_from_json_to_the_bit():
 
 def test_a_record_counts_what_was_judged():
     made = simulate(MOVING, [3, 1], point("tsepm"))
-    judged, kept = made.judged(), record(made)
+    judged, kept = made.judged(), summarise(made)
     for outcome in Outcome:
         assert kept.count(outcome) == sum(one.outcome is outcome for one in judged)
     assert kept.wrong == kept.count(Outcome.FALSE) + kept.count(Outcome.MISPLACED) > 0

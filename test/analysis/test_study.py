@@ -12,7 +12,7 @@ from support.run_summaries import as_json
 from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_summary import RunSummary
-from tsepm_ros.analysis.simulated_run import placed
+from tsepm_ros.analysis.simulated_run import with_poses
 from tsepm_ros.analysis.study import run, study
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.analysis.workers import Workers
@@ -82,7 +82,7 @@ def test_simulated_echoes_are_placed_on_their_targets_whatever_the_ship_does():
     simulator = Simulator(scenario, 3)
     worst = 0.0
     for simulated in simulator:
-        scan = placed(simulated.scan, scenario.own_ship)
+        scan = with_poses(simulated.scan, scenario.own_ship)
         angle = scan.azimuth + scan.sensor_pose[:, 2]
         x = scan.sensor_pose[:, 0] + scan.range * np.cos(angle)
         y = scan.sensor_pose[:, 1] + scan.range * np.sin(angle)

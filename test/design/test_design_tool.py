@@ -18,7 +18,7 @@ from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating
 from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
-from tsepm_ros.design.prediction import false_tracks_per_hour, targets_found
+from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
@@ -38,7 +38,7 @@ SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)
 def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options):
     """Within 0.03, as promised, and the noise of 150 runs each (99 %)."""
     case = Case(sensor=SECTOR)
-    predicted = targets_found(case, method, options, runs=150, seed=11)
+    predicted = target_statistics(case, method, options, runs=150, seed=11)
     area = TargetArea(1, (1000.0, 6000.0), (-0.4, 0.4), 5.0)
     scene = Scenario(name="sector", sensor=SECTOR, areas=(area,))
     point = OperatingPoint(method, options=options)
@@ -67,7 +67,7 @@ def test_one_hit_fewer_would_break_the_wish():
 
 def test_nothing_is_promised_where_a_hit_is_worth_nothing():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=5e-6))
-    assert search.worth(case, 0.99).hit < 0.01
+    assert search.ping_increments(case, 0.99).hit < 0.01
     assert not search.rules_within(case, TsepmOptions(), 1.0)
     [(_, share)] = search.score_thresholds(case, ScoreOptions(), [16])
     assert share < 0.3
@@ -76,7 +76,7 @@ def test_nothing_is_promised_where_a_hit_is_worth_nothing():
 @pytest.mark.parametrize("density", [1e-6, 5e-6])
 def test_the_worth_of_a_ping_is_that_of_simulated_ones(density):
     sensor = dataclasses.replace(SensorModel(), clutter_density=density)
-    worth = search.worth(Case(sensor=sensor, target_range=5000.0), 0.99)
+    increments = search.ping_increments(Case(sensor=sensor, target_range=5000.0), 0.99)
     rng = np.random.default_rng(1)
     sigma = np.array([0.015 * 5000.0, np.deg2rad(1.0) * 5000.0])
     peak = 1.0 / (2.0 * math.pi * sigma.prod())
@@ -91,8 +91,10 @@ def test_the_worth_of_a_ping_is_that_of_simulated_ones(density):
         total = np.exp(-0.5 * square[square <= gate]).sum() * peak
         gains.append(math.log(1.0 - 0.9 * 0.99 + 0.9 / density * total))
     # Within five standard errors.
-    assert worth.scan == pytest.approx(np.mean(gains), abs=5 * np.std(gains) / math.sqrt(20_000))
-    assert worth.hit == pytest.approx(np.mean(hits), abs=0.05)
+    assert increments.scan == pytest.approx(
+        np.mean(gains), abs=5 * np.std(gains) / math.sqrt(20_000)
+    )
+    assert increments.hit == pytest.approx(np.mean(hits), abs=0.05)
 
 
 def test_range_rates_add_their_information_to_the_worth_of_a_hit():
@@ -106,9 +108,9 @@ def test_range_rates_add_their_information_to_the_worth_of_a_hit():
     clutter = np.log(2.0 / (math.pi * (4.0 + rate**2))).mean(axis=0)
     own = -0.5 * math.log(2.0 * math.pi * math.e * 0.2**2)
     expected = own - (weight * clutter).sum() / weight.sum()
-    gain = search.worth(case, 0.99).hit - search.worth(blind, 0.99).hit
+    gain = search.ping_increments(case, 0.99).hit - search.ping_increments(blind, 0.99).hit
     assert gain == pytest.approx(expected, abs=0.02)  # 100 000 pings: 0.003
-    assert search.worth(case, 0.99).scan > search.worth(blind, 0.99).scan + 0.5
+    assert search.ping_increments(case, 0.99).scan > search.ping_increments(blind, 0.99).scan + 0.5
 
 
 def test_the_share_of_targets_that_pass_the_evaluation():
@@ -150,7 +152,7 @@ def test_a_case_that_makes_no_sense_is_refused(values):
 @pytest.fixture
 def _little_clutter(monkeypatch):
     """A bound on the work: rates of false tracks are told less exactly."""
-    monkeypatch.setattr(search, "CLUTTER_DETECTIONS", 10_000.0)
+    monkeypatch.setattr(search, "MAX_CLUTTER_DETECTIONS", 10_000.0)
 
 
 @pytest.mark.usefixtures("_little_clutter")
@@ -159,7 +161,7 @@ def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path)
     given = ["-p", "sensor.clutter_density:=1.0e-7", "-p", "sensor.max_range:=5000.0"]
     assert main(["design", "--runs", "50", "--workers", "1", "--write", str(file), *given]) == 0
     said = capsys.readouterr().out
-    assert "78.54 km^2" in said and "the wish can be met" in said
+    assert "78.54 km^2" in said and "\nfeasible: " in said
     text = file.read_text()
     assert "method: score" in text and "sensor.clutter_density: 1.0e-07" in text
     values = yaml.safe_load(text)["track_initiator"]["ros__parameters"]
@@ -188,5 +190,5 @@ def test_a_wish_that_cannot_be_met_comes_with_what_would_help(capsys):
     given += ["-p", "sensor.range_std:=200.0", "-p", "max_speed:=4.0"]
     assert main(["design", "--runs", "10", "--workers", "1", "--scans", "6", *given]) == 0
     said = capsys.readouterr().out
-    assert "the wish cannot be met" in said
+    assert "infeasible: " in said
     assert "as it is" in said and "twice as many pings" in said

@@ -12,7 +12,7 @@ import pytest
 
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import record
+from tsepm_ros.analysis.run_summary import summarise
 from tsepm_ros.analysis.simulated_run import SimulatedScene, simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.commands.cli import main
@@ -200,7 +200,7 @@ def test_the_text_s_pairs_meet_the_conditions_and_leave_eight():
 def test_counts_are_those_of_an_evaluation(seed):
     scenario = load_scenario("box", {"scans": 8, "sensor.clutter_density": 2.0e-6})
     point = OperatingPoint("tsepm", options={"min_hits": 4, "window": 6})
-    kept = record(simulate(scenario, [seed, 0], point))
+    kept = summarise(simulate(scenario, [seed, 0], point))
     counts = Started.on(SimulatedScene.drawn(scenario, [seed, 0]), point.make(scenario), 8).counts()
     assert kept.wrong > 0
     assert counts == (kept.count(Outcome.TRUE), kept.wrong)

@@ -1,4 +1,4 @@
-"""Made-up records of runs for the tests."""
+"""Invented summaries of runs for the tests."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from tsepm_ros.analysis.run_summary import RunSummary, ScanRecord, StartSummary
+from tsepm_ros.analysis.run_summary import RunSummary, ScanSummary, StartSummary
 from tsepm_ros.analysis.truth import Outcome
 
-NOTHING = ScanRecord(false=0, held=0, localisation=0.0, missed=0.0, false_held=0.0)
+NOTHING = ScanSummary(false=0, held=0, localisation=0.0, missed=0.0, false_held=0.0)
 
 
 def start(scan: int, outcome: Outcome = Outcome.TRUE, **more) -> StartSummary:

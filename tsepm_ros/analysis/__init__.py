@@ -1,1 +1,1 @@
-"""Judging, counting and drawing runs with known truth. The pictures need matplotlib."""
+"""Judgement and statistics of runs with known truth."""

@@ -1,4 +1,4 @@
-"""The GOSPA metric: one number for where the tracks are, what they miss and what they make up."""
+"""The GOSPA metric: errors of position, missed targets and false tracks in one number."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from scipy.optimize import linear_sum_assignment
 from tsepm_ros.numerics.arrays import FloatArray
 
 POWER = 2.0
-"""p of the metric; alpha is 2, for which it has the parts below."""
+"""p of the metric; its alpha is 2, which makes the parts below well defined."""
 
 
 @dataclass(frozen=True)
 class Gospa:
-    """The parts of the metric's p-th power, m^2 for p = 2, which add up to it.
+    """The parts of the metric's p-th power, m^2 for p = 2; their sum is that power.
 
     Attributes
     ----------
     localisation : float
-        Of the targets that have a track of their own.
+        Part of the targets with an assigned track.
     missed, false : float
-        Of the targets without a track, and of the tracks without a target.
+        Parts of the targets without a track and of the tracks without a target.
     """
 
     localisation: float
@@ -51,20 +51,20 @@ def gospa(tracks: FloatArray, targets: FloatArray, cutoff: float) -> Gospa:
     targets : (m, 2) ndarray
         True positions, m.
     cutoff : float
-        c, m: a track farther off than this is not on the target.
+        c, m: a track farther from a target than this is not assigned to it.
 
     Returns
     -------
     Gospa
     """
     offset = tracks[:, None, :] - targets[None, :, :]
-    # Cut off, a pair costs as much as a track and a target left alone.
+    # A pair at the cutoff costs as much as an unassigned track and an unassigned target.
     cost = np.minimum(np.hypot(offset[..., 0], offset[..., 1]), cutoff) ** POWER
     pairs = linear_sum_assignment(cost)
     assigned = cost[pairs][cost[pairs] < cutoff**POWER]
-    alone = 0.5 * cutoff**POWER
+    unassigned_cost = 0.5 * cutoff**POWER
     return Gospa(
         localisation=math.fsum(assigned),
-        missed=alone * (len(targets) - len(assigned)),
-        false=alone * (len(tracks) - len(assigned)),
+        missed=unassigned_cost * (len(targets) - len(assigned)),
+        false=unassigned_cost * (len(tracks) - len(assigned)),
     )

@@ -1,4 +1,4 @@
-"""Confidence intervals of what studies report."""
+"""Confidence intervals of estimates."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Z_95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
 TAILS = (0.025, 0.975)
 RESAMPLES = 1000
-"""Resamples of a bootstrap; their seed is fixed, so that a figure is the same each time."""
+"""Resamples of a bootstrap; their seed is fixed, so that results repeat."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A figure with its two-sided 95 % confidence interval."""
+    """A value with its two-sided 95 % confidence interval."""
 
     value: float
     low: float
@@ -30,15 +30,15 @@ class Estimate:
 
     @classmethod
     def unknown(cls) -> Estimate:
-        """No figure at all."""
+        """No value and no interval."""
         return cls(math.nan, math.nan, math.nan)
 
     def mapped(self, function: Callable[[float], float]) -> Estimate:
-        """An increasing function of the figure."""
+        """An increasing function of the value and of the interval's ends."""
         return Estimate(function(self.value), function(self.low), function(self.high))
 
     def __truediv__(self, unit: float) -> Estimate:
-        """The figure in a unit above 0."""
+        """The estimate in a unit above 0."""
         return self.mapped(lambda value: value / unit)
 
     def __format__(self, spec: str) -> str:
@@ -46,18 +46,18 @@ class Estimate:
         return f"{self.value:{spec}} ({self.low:{spec}} to {self.high:{spec}})"
 
     def text(self, spec: str) -> str:
-        """The same, a dash where there is no figure."""
+        """Format as with `format`, or as a dash without a value."""
         return "-" if math.isnan(self.value) else f"{self:{spec}}"
 
 
 def error_bars(values: ArrayLike, estimates: Sequence[Estimate]) -> FloatArray:
-    """Lengths of the bars below and above some values, (2, n); 0 where an interval has no end."""
+    """Lengths of the error bars below and above values, (2, n); 0 without an interval."""
     low, high = np.array([(estimate.low, estimate.high) for estimate in estimates]).T
     return np.maximum(np.nan_to_num([values - low, high - values]), 0.0)
 
 
 def proportion(successes: int, trials: int) -> Estimate:
-    """Share of successes with Wilson's interval."""
+    """Proportion of successes with Wilson's interval."""
     if trials == 0:
         return Estimate(math.nan, 0.0, 1.0)
     interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
@@ -70,9 +70,8 @@ def mean(values: ArrayLike) -> Estimate:
     if len(array) == 0:
         return Estimate.unknown()
     centre = float(array.mean())
-    if len(array) == 1:
-        return Estimate(centre, math.nan, math.nan)
-    half = Z_95 * float(array.std(ddof=1)) / math.sqrt(len(array))
+    deviation = float(array.std(ddof=1)) if len(array) > 1 else math.nan
+    half = Z_95 * deviation / math.sqrt(len(array))
     return Estimate(centre, centre - half, centre + half)
 
 
@@ -80,8 +79,8 @@ def mean_count(counts: ArrayLike) -> Estimate:
     """Mean of independent counts with the exact Poisson interval, widened by their dispersion.
 
     Garwood's interval ("Fiducial limits for the Poisson distribution", Biometrika 28, 1936) of the
-    sum divided by phi, times phi: the variance over the mean of the counts, at least 1. So no
-    event in r runs still leaves up to 3.7 / r per run.
+    sum divided by phi, times phi: the variance over the mean of the counts, at least 1. Without an
+    event in r runs the upper end is 3.7 / r per run.
     """
     array = np.asarray(counts, float)
     if len(array) == 0:
@@ -96,7 +95,7 @@ def mean_count(counts: ArrayLike) -> Estimate:
 
 
 def root(square: Estimate) -> Estimate:
-    """Root of a figure and of its interval, as far as that is not below 0."""
+    """Square root of an estimate; ends of its interval below 0 count as 0."""
     return square.mapped(lambda value: math.sqrt(max(value, 0.0)))
 
 

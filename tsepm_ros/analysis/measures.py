@@ -1,4 +1,4 @@
-"""The figures of many runs, each with its 95 % interval."""
+"""Measures of a method over many runs, each with its 95 % interval."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ SECONDS_PER_HOUR = 3600.0
 
 
 def _shown(heading: str, spec: str) -> dict[str, str]:
-    """How a field is shown: its heading in tables and its number format."""
+    """Metadata of a field: its heading in tables and its number format."""
     return {"heading": heading, "spec": spec}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measures:
-    """Figures of a method over the runs of a scenario.
+    """Measures of a method over the runs of a scenario.
 
-    *Pure* starts are those of which every hit is one target's, redundant ones left out and
-    misplaced ones not: without these the errors would be cut off at 3 sigma. GOSPA is that of the
+    *Pure* starts have all hits from one target. Redundant starts are excluded; misplaced starts
+    are included, since without them the errors would be cut off at 3 sigma. GOSPA is that of the
     held tracks, over scans and runs; the three parts of its root mean square add up in squares.
 
     Attributes
@@ -45,22 +45,22 @@ class Measures:
     detection : Estimate
         P_D: share of (run, target) pairs with a true start by the end of the run.
     false_per_run, false_density, false_per_hour : Estimate
-        False and misplaced starts per run, per scan and km^2 of coverage, and per hour.
+        False and misplaced starts: per run, per scan and km^2 of coverage, and per hour.
     redundant_per_run : Estimate
     held : Estimate
-        Share of targets within 3 sigma of which a track is held at the end.
+        Share of targets with a held track within 3 sigma at the end.
     confirmation_time, confirmation_median, confirmation_95 : Estimate
         Time from the first scan to the true starts, s: mean, median and 95 % quantile.
     position_error, velocity_error : Estimate
         Root mean square over the true starts, m and m/s.
     pure_position_error, pure_velocity_error : Estimate
-        The same over the pure starts.
+        Root mean square over the pure starts, m and m/s.
     position_to_bound, velocity_to_bound : Estimate
-        These over the root mean square of their Cramer-Rao bounds.
+        Errors of the pure starts over the root mean square of their Cramer-Rao bounds.
     nees, pure_nees : Estimate
         Mean over the true and over the pure starts; 4 is ideal.
     gospa_mean, gospa, gospa_localisation, gospa_missed, gospa_false : Estimate
-        Mean, root mean square and its parts, m.
+        Mean, root mean square and the parts of the latter, m.
     """
 
     runs: int
@@ -93,64 +93,59 @@ class Measures:
     gospa_false: Estimate = field(metadata=_shown("of it false [m]", ".0f"))
 
     def text(self, name: str, *, interval: bool = True) -> str:
-        """A figure as a text in its format, a dash where there is none."""
+        """A measure as text in its format, or a dash without a value."""
         text = getattr(self, name).text(SPECS[name])
         return text if interval else text.partition(" ")[0]
 
 
-HEADINGS = {
-    one.name: one.metadata["heading"] for one in dataclasses.fields(Measures) if one.metadata
-}
-"""What each figure is called in a table."""
-SPECS = {one.name: one.metadata["spec"] for one in dataclasses.fields(Measures) if one.metadata}
+HEADINGS, SPECS = (
+    {part.name: part.metadata[key] for part in dataclasses.fields(Measures) if part.metadata}
+    for key in ("heading", "spec")
+)
+"""Heading and number format of each measure."""
 
 
 def measures_of(
-    scenario: Scenario, records: Iterable[RunSummary], scans: int | None = None
+    scenario: Scenario, runs: Iterable[RunSummary], scans: int | None = None
 ) -> Measures:
-    """Sum up runs.
+    """Measures of a method over runs.
 
     Parameters
     ----------
     scenario : Scenario
-    records : iterable of RunRecord
+    runs : iterable of RunSummary
     scans : int, optional
-        Scans after which the runs end, if not the scenario's.
+        Number of scans after which the runs end; the scenario's if not given.
     """
     scans = scenario.scans if scans is None else scans
-    records = [record.first(scans) for record in records]
-    starts = [start for record in records for start in record.starts]
+    runs = [run.first(scans) for run in runs]
+    starts = [start for run in runs for start in run.starts]
     true = [start for start in starts if start.outcome is Outcome.TRUE]
     pure = [start for start in starts if start.pure and start.outcome is not Outcome.REDUNDANT]
+    times = [start.time for start in true]
     return Measures(
-        runs=len(records),
+        runs=len(runs),
         scans=scans,
-        **_counts(scenario, records, scans),
-        **_times([start.time for start in true]),
+        **_counts(scenario, runs, scans),
+        confirmation_time=mean(times),
+        confirmation_median=quantile(times, 0.5),
+        confirmation_95=quantile(times, 0.95),
         **_errors(true, pure),
-        **_gospa(records),
+        **_gospa(runs),
     )
 
 
-def _counts(scenario: Scenario, records: Sequence[RunSummary], scans: int) -> dict[str, Estimate]:
-    false = mean_count([record.wrong for record in records])
-    targets = sum(record.targets for record in records)
-    held = [record.scans[-1].held for record in records]
+def _counts(scenario: Scenario, runs: Sequence[RunSummary], scans: int) -> dict[str, Estimate]:
+    false = mean_count([run.wrong for run in runs])
+    targets = sum(run.targets for run in runs)
+    held = [run.scans[-1].held for run in runs]
     return {
-        "detection": proportion(sum(record.count(Outcome.TRUE) for record in records), targets),
+        "detection": proportion(sum(run.count(Outcome.TRUE) for run in runs), targets),
         "false_per_run": false,
         "false_density": false / (scans * scenario.area / 1e6),
         "false_per_hour": false.mapped(lambda v: v * SECONDS_PER_HOUR / (scans * scenario.period)),
-        "redundant_per_run": mean_count([record.count(Outcome.REDUNDANT) for record in records]),
+        "redundant_per_run": mean_count([run.count(Outcome.REDUNDANT) for run in runs]),
         "held": proportion(sum(held), targets) if min(held) >= 0 else Estimate.unknown(),
-    }
-
-
-def _times(times: Sequence[float]) -> dict[str, Estimate]:
-    return {
-        "confirmation_time": mean(times),
-        "confirmation_median": quantile(times, 0.5),
-        "confirmation_95": quantile(times, 0.95),
     }
 
 
@@ -174,13 +169,10 @@ def _errors(true: Sequence[StartSummary], pure: Sequence[StartSummary]) -> dict[
     }
 
 
-def _gospa(records: Sequence[RunSummary]) -> dict[str, Estimate]:
+def _gospa(runs: Sequence[RunSummary]) -> dict[str, Estimate]:
     """Means over the scans of each run, then over the runs."""
     parts = np.array(
-        [
-            [[scan.localisation, scan.missed, scan.false_held] for scan in record.scans]
-            for record in records
-        ]
+        [[[scan.localisation, scan.missed, scan.false_held] for scan in run.scans] for run in runs]
     )  # (run, scan, part)
     square = parts.sum(axis=-1)
     names = ("gospa_localisation", "gospa_missed", "gospa_false")

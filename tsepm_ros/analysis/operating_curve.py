@@ -1,4 +1,4 @@
-"""Operating curves, and methods compared on them at equal false-track rates and equal P_D."""
+"""Operating curves, and comparisons of methods at equal false-track rates and at equal P_D."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.numerics.arrays import FloatArray
 
-LEAST_FALSE = 0.5
-"""False starts, in all runs, that a point counts at least: no logarithm of 0."""
+MIN_FALSE_STARTS = 0.5
+"""Minimum of a point's false starts over all runs; it avoids the logarithm of 0."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """The best that a method's points give.
+    """Best P_D of a method's points against their false starts.
 
     Attributes
     ----------
     log_false : (n,) ndarray
         Logarithm of the false starts per run, ascending.
     detection : (n,) ndarray
-        P_D, ascending: points with more false starts and no higher P_D are not on the curve.
+        P_D, ascending. Points with more false starts and no higher P_D are left out.
     """
 
     log_false: FloatArray
@@ -42,21 +42,21 @@ class Curve:
     def detection_at(self, false: FloatArray) -> FloatArray:
         """P_D at rates of false starts per run, linear in their logarithm.
 
-        nan below the lowest rate of the curve; above the highest, what that gives.
+        nan below the lowest rate of the curve; constant above the highest.
         """
         return np.interp(np.log(false), self.log_false, self.detection, left=np.nan)
 
     def false_at(self, detection: FloatArray) -> FloatArray:
-        """False starts per run at some P_D.
+        """False starts per run at values of P_D.
 
-        nan above the highest P_D of the curve; below the lowest, what that costs.
+        nan above the highest P_D of the curve; constant below the lowest.
         """
         return np.exp(np.interp(detection, self.detection, self.log_false, right=np.nan))
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One method's point beside another method's curve.
+    """Comparison of one method's point with another method's curve.
 
     Attributes
     ----------
@@ -66,10 +66,10 @@ class Comparison:
         The method of the curve.
     false, detection : float
         The point's false starts per run and P_D.
-    other_detection, gain : Estimate
-        P_D of the curve at the point's rate of false starts; the point's less that.
-    other_false, ratio : Estimate
-        False starts per run of the curve at the point's P_D; these over the point's.
+    other_detection, detection_difference : Estimate
+        P_D of the curve at the point's rate of false starts, and the point's P_D less that.
+    other_false, false_ratio : Estimate
+        False starts per run of the curve at the point's P_D, and their false_ratio to the point's.
     """
 
     method: str
@@ -78,31 +78,33 @@ class Comparison:
     false: float
     detection: float
     other_detection: Estimate
-    gain: Estimate
+    detection_difference: Estimate
     other_false: Estimate
-    ratio: Estimate
+    false_ratio: Estimate
 
 
 Points = Mapping[tuple[str, str], Sequence[RunSummary]]
-"""The records of each point, by method and label."""
+"""Summaries of the runs of each point, by method and label."""
 
 
 def compare(points: Points) -> list[Comparison]:
     """Compare every point with every other method's curve.
 
-    The intervals are those of a percentile bootstrap over the runs. Run i being the same scene for
-    all, they are drawn for all points together. Resamples in which the curve does not reach the
-    point are left out.
+    The intervals are those of a percentile bootstrap over the runs. Run i is the same scene for all
+    points, so all points share each resample. Resamples in which the curve does not reach the point
+    are left out.
 
     Parameters
     ----------
-    points : mapping of (str, str) to sequence of RunRecord
+    points : mapping of (str, str) to sequence of RunSummary
         The same runs for each point, by its method and label.
     """
     false, detection = _resampled(list(points.values()))
     methods = [method for method, _ in points]
     curves = {
-        method: _curves(false, detection, [row for row, one in enumerate(methods) if one == method])
+        method: _curves(
+            false, detection, [row for row, name in enumerate(methods) if name == method]
+        )
         for method in methods
     }
     return [
@@ -114,7 +116,7 @@ def compare(points: Points) -> list[Comparison]:
 
 
 def _curves(false: FloatArray, detection: FloatArray, rows: list[int]) -> list[Curve]:
-    """The curve through some of the points, in the sample and in its resamples."""
+    """Curves through the points of some rows, in the sample and in its resamples."""
     return [Curve.of(false[rows, b], detection[rows, b]) for b in range(false.shape[1])]
 
 
@@ -137,30 +139,30 @@ def _compared(
         float(false[0]),
         float(detection[0]),
         other_detection=_interval(other_detection),
-        gain=_interval(detection - other_detection),
+        detection_difference=_interval(detection - other_detection),
         other_false=_interval(other_false),
-        ratio=_interval(other_false / false),
+        false_ratio=_interval(other_false / false),
     )
 
 
 def _interval(values: FloatArray) -> Estimate:
-    """The first value, with the interval of the others."""
-    others = values[1:][np.isfinite(values[1:])]
-    if np.isnan(values[0]) or not len(others):
+    """The sample's value, (1 + b,) first, with the interval of its resamples."""
+    resamples = values[1:][np.isfinite(values[1:])]
+    if np.isnan(values[0]) or not len(resamples):
         return Estimate.unknown()
-    low, high = np.quantile(others, TAILS)
+    low, high = np.quantile(resamples, TAILS)
     return Estimate(float(values[0]), float(low), float(high))
 
 
 def _resampled(points: Sequence[Sequence[RunSummary]]) -> tuple[FloatArray, FloatArray]:
-    """False starts per run and P_D of each point, (n, 1 + b): of the runs, and resampled."""
+    """False starts per run and P_D of each point, (n, 1 + b): of the sample and its resamples."""
     counts = [
-        [(record.count(Outcome.TRUE), record.targets, record.wrong) for record in records]
-        for records in points
+        [(run.count(Outcome.TRUE), run.targets, run.wrong) for run in summaries]
+        for summaries in points
     ]
     true, targets, wrong = np.moveaxis(np.array(counts, float), -1, 0)
     runs = true.shape[1]
     resamples = np.random.default_rng(0).multinomial(runs, np.full(runs, 1.0 / runs), RESAMPLES)
     weights = np.vstack([np.ones(runs), resamples]).T
-    false = np.maximum(wrong @ weights, LEAST_FALSE) / runs
+    false = np.maximum(wrong @ weights, MIN_FALSE_STARTS) / runs
     return false, (true @ weights) / np.maximum(targets @ weights, 1.0)

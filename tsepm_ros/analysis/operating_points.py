@@ -1,4 +1,4 @@
-"""What is evaluated: a method at one setting, as a factory of track starters."""
+"""Operating points: a method at one setting, as a factory of track starters."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ NO_TRACKS = (
     "session",
     "settings",
 )
-"""Packages that no track comes from. All others count, so that a new one is not forgotten."""
+"""Packages without influence on tracks. All others count, new packages included."""
 
 
 class TrackStarter(Protocol):
-    """What can be evaluated: an `Initiator`, or anything with a `process` like it.
+    """Interface of what is evaluated: an `Initiator`, or an object with the same `process`.
 
-    Of its tracks `stamp`, `state`, `covariance` (nan where there is none) and `hits` count. Where
-    it also has `current`, tracks with a `state` (n, 4) at the last scan's stamp, these
-    are what an operator sees.
+    The evaluation reads `stamp`, `state`, `covariance` (nan if unknown) and `hits` of its tracks.
+    With the optional attribute `current`, tracks with a `state` (n, 4) at the last scan's
+    stamp, the held tracks are evaluated too.
     """
 
     def process(self, scan: Scan) -> Sequence[ConfirmedTrack]:
-        """Take the next scan and return the tracks that it newly starts."""
+        """Process the next scan and return the tracks newly confirmed by it."""
 
 
 def make_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Initiator:
@@ -56,14 +56,14 @@ class OperatingPoint:
     Attributes
     ----------
     method, label : str
-        Name of the method, and of the setting among those of its sweep.
+        Names of the method and of the setting in its sweep.
     options : mapping
         All options given to the method.
     factory : callable
         Makes a `TrackStarter` from a scenario, `method` and `options`; importable by its name, so
         that other processes can make it too.
     version : str
-        What the results depend on besides; results of another version are not used again.
+        Version of the code that the results depend on; results of another version are not reused.
     """
 
     method: str
@@ -73,26 +73,26 @@ class OperatingPoint:
     version: str = ""
 
     def make(self, scenario: Scenario) -> TrackStarter:
-        """Make what is evaluated, fresh for a run."""
+        """Make a new track starter for a run."""
         return self.factory(scenario, self.method, self.options)
 
 
 def operating_points(
     methods: Iterable[str], given: Mapping[str, Any] | None = None
 ) -> list[OperatingPoint]:
-    """The sweeps of some methods from few to many false tracks.
+    """Operating points of the methods' sweeps, from few to many false tracks.
 
     Parameters
     ----------
     methods : iterable of str
     given : mapping, optional
-        Options for those methods that have them. A method whose sweep varies one of them is
+        Options for the methods that have them. A method whose sweep varies a given option is
         evaluated at the given value only.
 
     Raises
     ------
     ValueError
-        If no method has a given option; the message names it.
+        If no method has a given option; the message names the option.
     """
     given = given or {}
     methods = list(methods)
@@ -114,7 +114,7 @@ def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
 
 
 def package_version() -> str:
-    """Version of the package, and a digest of the modules that its tracks come from."""
+    """Version of the package, and a digest of the modules that determine its tracks."""
     folder = Path(tsepm_ros.__file__).parent
     files = [
         path for path in folder.rglob("*.py") if path.relative_to(folder).parts[0] not in NO_TRACKS

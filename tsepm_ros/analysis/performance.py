@@ -1,4 +1,4 @@
-"""Evaluating methods: every operating point on every scenario, kept in files, then summed up."""
+"""Evaluation of methods: all operating points on all scenarios, with the runs kept in files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from tsepm_ros.analysis.study import runs_of
 from tsepm_ros.analysis.workers import Progress, Workers, silent
 from tsepm_ros.simulation import Scenario
 
-JUDGES = ("bounds", "gospa", "run_summary", "simulated_run", "truth")
-"""Modules here that decide what is recorded of a run."""
+JUDGING_MODULES = ("bounds", "gospa", "run_summary", "simulated_run", "truth")
+"""Modules here that determine the summary of a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is evaluated.
+    """Scenarios, operating points and runs of an evaluation.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Plan:
     points : sequence of OperatingPoint
     runs, seed : int
     horizons : sequence of int
-        Scans after which figures are given, as well as after all.
+        Numbers of scans after which measures are given, besides all scans.
 
     Raises
     ------
@@ -50,7 +50,7 @@ class Plan:
         labels = [f"{point.method} {point.label}" for point in self.points]
         for name in (*names, *labels):
             if (*names, *labels).count(name) > 1:
-                raise ValueError(f"{name} is there twice: tables could not tell them apart")
+                raise ValueError(f"{name} is given twice: names in tables must be different")
         for scenario in self.scenarios:
             if max(self.horizons, default=1) > scenario.scans:
                 raise ValueError(
@@ -59,29 +59,29 @@ class Plan:
                 )
 
     def horizons_of(self, scenario: Scenario) -> list[int]:
-        """Numbers of scans for which a scenario's figures are given, ascending."""
+        """Numbers of scans for which a scenario's measures are given, ascending."""
         return sorted({*self.horizons, scenario.scans})
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A scenario's runs, after some of its scans.
+    """Measures and comparisons of a scenario's points after a number of scans.
 
     Attributes
     ----------
     scenario : Scenario
     scans : int
     points : list of OperatingPoint
-    figures : list of Figures
-        A point's each.
+    measures : list of Measures
+        Of each point.
     comparisons : list of Comparison
-        Of each point with the other methods.
+        Of each point with the other methods' curves.
     """
 
     scenario: Scenario
     scans: int
     points: Sequence[OperatingPoint]
-    figures: list[Measures]
+    measures: list[Measures]
     comparisons: list[Comparison]
 
 
@@ -91,17 +91,17 @@ def evaluate(
     workers: Workers | None = None,
     progress: Progress = silent,
 ) -> list[Evaluated]:
-    """Do the runs that are not in the folder's files yet, and sum up.
+    """Do the runs missing in the folder's files, and compute measures and comparisons.
 
     Parameters
     ----------
     plan : Plan
     folder : Path
-        Where the runs are kept.
+        Folder of the files of runs.
     workers : Workers, optional
-        Who does them; this process, if not given.
+        This process if not given.
     progress : callable, optional
-        Shows how many of the missing runs are done.
+        Shows the number of missing runs that are done.
 
     Returns
     -------
@@ -111,13 +111,12 @@ def evaluate(
     Raises
     ------
     ValueError
-        If a method refuses its options, or a file does not belong to what it is named after; no
-        run has been done then.
+        If a method refuses its options, or a file's header is not that of its name. No run is done
+        then.
     """
-    for scenario in plan.scenarios:
-        for point in plan.points:
-            point.make(scenario)
     tasks = [(scenario, point) for scenario in plan.scenarios for point in plan.points]
+    for scenario, point in tasks:
+        point.make(scenario)
     files = [run_file(folder, *task, plan.seed) for task in tasks]
 
     def results_of(missing: list[tuple[int, int]]) -> Iterator[dict[str, Any]]:
@@ -139,7 +138,10 @@ def evaluate(
 def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int) -> RunFile:
     """The file of an operating point's runs on a scenario."""
     here = Path(__file__).parent
-    code = [*(here / f"{name}.py" for name in JUDGES), *(here.parent / "simulation").glob("*.py")]
+    code = [
+        *(here / f"{name}.py" for name in JUDGING_MODULES),
+        *(here.parent / "simulation").glob("*.py"),
+    ]
     header = {
         "version": point.version,
         "simulated_and_judged_by": digest(code),

@@ -1,4 +1,4 @@
-"""What an evaluation gave, as tables: Markdown, CSV and a short one for the terminal."""
+"""Tables of an evaluation: Markdown, CSV and a short table for the terminal."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TABLES = {
     "True starts": ("position_error", "velocity_error", "nees"),
     "Held tracks": ("gospa_mean", "gospa", "gospa_localisation", "gospa_missed", "gospa_false"),
 }
-"""Which figures stand in which table."""
+"""Measures of each table."""
 SHORT = {
     "detection": "P_D",
     "false_per_run": "false/run",
@@ -46,28 +46,28 @@ SHORT = {
     "nees": "NEES true",
     "gospa_mean": "GOSPA m",
 }
-"""Figures of the terminal's table."""
+"""Measures of the terminal's table, with their headings."""
 NOTES = """\
 Every method got the same scenes: run i is seeded with (seed, i). Intervals are 95 %.
 
-- *P_D*: share of (run, target) pairs with a true start by the end: more than half of its hits \
-from the target, and within 3 sigma of the measurement error's larger axis.
-- *false + misplaced*: starts of which no target gave more than half of the hits, or that are \
-farther off. *redundant*: another true start of a target.
+- *P_D*: share of (run, target) pairs with a true start by the end. More than half of a true \
+start's hits are from the target, and it is within 3 sigma of the measurement error's larger axis.
+- *false + misplaced*: starts without a target that gave more than half of the hits, and starts \
+farther from it. *redundant*: another true start of a target.
 - *targets held at the end*: with a held track within 3 sigma, whatever its hits.
-- *pure starts*: all hits from one target; redundant ones left out, misplaced ones not. Their \
-errors stand over the root mean square of the Cramer-Rao bounds for their own hits. A method that \
-chooses hits by how well they fit, or knows how fast targets are, may come below 1.
-- *NEES*: 4 is ideal, more is over-confident.
+- *pure starts*: all hits from one target, redundant starts excluded, misplaced starts included. \
+Their errors are divided by the root mean square of the Cramer-Rao bounds for their own hits. The \
+ratio may be below 1 for a method that selects hits by their fit or uses a speed limit.
+- *NEES*: 4 is ideal; a larger value means an over-confident covariance.
 - *GOSPA* of the held tracks against the truth: p = 2, alpha = 2, c = 3 sigma of the measurement \
 error's larger axis, the mean over the targets; mean and root mean square over the scans and runs. \
 The squares of the three parts add up to that of the latter.
 """
 EQUAL_RATE_NOTE = """\
-On the curve through a method's best points, P_D linear in the logarithm of the false + misplaced \
-starts. Beyond its end to the right it goes on level; a dash stands for what it does not reach. A \
-point without any counts half a start in all runs. Intervals: bootstrap over the runs, common to \
-all points.
+The curve passes through a method's best points, P_D linear in the logarithm of the false + \
+misplaced starts, and is constant beyond its right end. A dash marks a value that the curve does \
+not reach. A point without false starts counts half a start in all runs. Intervals: bootstrap over \
+the runs, common to all points.
 """
 
 
@@ -79,7 +79,7 @@ def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:
     plan : Plan
     evaluated : sequence of Evaluated
     command : str
-        The command that makes it again.
+        The command that repeats the evaluation.
     """
     parts = [
         "# Evaluation of track initiation\n",
@@ -89,12 +89,12 @@ def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:
     ]
     for scenario in plan.scenarios:
         parts.append(f"## Scenario {scenario.name}\n\n```\n{_scene(scenario)}\n```\n")
-        parts += [_section(one) for one in evaluated if one.scenario is scenario]
+        parts += [_section(result) for result in evaluated if result.scenario is scenario]
     return "\n".join(parts)
 
 
 def _scene(scenario: Scenario) -> str:
-    """What the scenario says, without the targets' numbers."""
+    """Summary of a scenario, without the targets' states."""
     sensor = scenario.sensor
     drawn = sum(area.count for area in scenario.areas)
     clutter = f"clutter {sensor.clutter_density:g} /m^2 over {scenario.area / 1e6:.4g} km^2"
@@ -119,25 +119,25 @@ def _given(options: Mapping[str, Any]) -> str:
     return ", ".join(f"{name}:={value}" for name, value in options.items()) or "defaults"
 
 
-def _section(one: Evaluated) -> str:
-    after = f"after {one.scans} scans"
+def _section(result: Evaluated) -> str:
+    after = f"after {result.scans} scans"
     parts = []
     for title, names in TABLES.items():
         header = ["method", "point", *(HEADINGS[name] for name in names)]
         rows = [
-            [point.method, point.label, *(figures.text(name) for name in names)]
-            for point, figures in zip(one.points, one.figures, strict=True)
+            [point.method, point.label, *(measures.text(name) for name in names)]
+            for point, measures in zip(result.points, result.measures, strict=True)
         ]
         parts.append(f"### {title}, {after}\n\n{markdown_table(header, rows)}\n")
-    if one.comparisons:
-        table = _equal_rate_table(one)
-        parts.append(f"### At equal footing, {after}\n\n{EQUAL_RATE_NOTE}\n{table}")
+    if result.comparisons:
+        table = _equal_rate_table(result)
+        parts.append(f"### At equal false-track rate or P_D, {after}\n\n{EQUAL_RATE_NOTE}\n{table}")
     return "\n".join(parts)
 
 
-def _equal_rate_table(one: Evaluated) -> str:
+def _equal_rate_table(result: Evaluated) -> str:
     """The comparisons, rates per scan and km^2."""
-    unit = one.scans * one.scenario.area / 1e6
+    unit = result.scans * result.scenario.area / 1e6
     header = [
         "method",
         "point",
@@ -145,11 +145,11 @@ def _equal_rate_table(one: Evaluated) -> str:
         "P_D",
         "against",
         "its P_D at that rate",
-        "gain in P_D",
+        "difference in P_D",
         "its rate at that P_D",
-        "times as many",
+        "ratio of rates",
     ]
-    return markdown_table(header, [_equal_rate_row(row, unit) for row in one.comparisons]) + "\n"
+    return markdown_table(header, [_equal_rate_row(row, unit) for row in result.comparisons]) + "\n"
 
 
 def _equal_rate_row(row: Comparison, unit: float) -> list[str]:
@@ -160,36 +160,36 @@ def _equal_rate_row(row: Comparison, unit: float) -> list[str]:
         f"{row.detection:.4f}",
         row.other,
         row.other_detection.text(".4f"),
-        row.gain.text("+.4f"),
+        row.detection_difference.text("+.4f"),
         (row.other_false / unit).text(".3g"),
-        row.ratio.text(".3g"),
+        row.false_ratio.text(".3g"),
     ]
 
 
 def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:
-    """Write a row per scenario, horizon and point, each figure with low and high."""
+    """Write a row per scenario, horizon and point, each measure with low and high."""
     writer = csv.writer(file, lineterminator="\n")
     names = [f"{name}{end}" for name in HEADINGS for end in ("", "_low", "_high")]
     writer.writerow(["scenario", "scans", "runs", "seed", "method", "point", "options", *names])
-    for one in evaluated:
-        for point, figures in zip(one.points, one.figures, strict=True):
+    for result in evaluated:
+        for point, measures in zip(result.points, result.measures, strict=True):
             options = json.dumps(dict(point.options))
-            which = [one.scenario.name, one.scans, plan.runs, plan.seed]
-            writer.writerow([*which, point.method, point.label, options, *_numbers(figures)])
+            which = [result.scenario.name, result.scans, plan.runs, plan.seed]
+            writer.writerow([*which, point.method, point.label, options, *_numbers(measures)])
 
 
-def _numbers(figures: Measures) -> list[float]:
-    estimates: list[Estimate] = [getattr(figures, name) for name in HEADINGS]
-    return [number for one in estimates for number in (one.value, one.low, one.high)]
+def _numbers(measures: Measures) -> list[float]:
+    estimates: list[Estimate] = [getattr(measures, name) for name in HEADINGS]
+    return [end for part in estimates for end in (part.value, part.low, part.high)]
 
 
-def short_text(plan: Plan, one: Evaluated) -> str:
+def short_text(plan: Plan, result: Evaluated) -> str:
     """A short table for the terminal."""
     rows = [
-        [f"{point.method} {point.label}", *(figures.text(name, interval=False) for name in SHORT)]
-        for point, figures in zip(one.points, one.figures, strict=True)
+        [f"{point.method} {point.label}", *(measures.text(name, interval=False) for name in SHORT)]
+        for point, measures in zip(result.points, result.measures, strict=True)
     ]
     return (
-        f"scenario {one.scenario.name}, {one.scans} scans, {plan.runs} runs, seed {plan.seed}\n"
-        + text_table(["method", *SHORT.values()], rows)
+        f"scenario {result.scenario.name}, {result.scans} scans, {plan.runs} runs, "
+        f"seed {plan.seed}\n" + text_table(["method", *SHORT.values()], rows)
     )

@@ -1,7 +1,7 @@
-"""Files of runs, to which an interrupted study comes back.
+"""Files of runs, with which an interrupted study continues.
 
-A file is JSON lines: a header that says what its runs depend on, then a line per run. Its name has
-a digest of the header, so that other options, another seed or another version have other files.
+A file is JSON lines: a header with what its runs depend on, then a line per run. Its name has a
+digest of the header, so that other options, another seed or another version have other files.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from tsepm_ros.analysis.workers import Progress, silent
 
 
 class RunFile:
-    """The runs of a study that are done.
+    """The finished runs of a study.
 
     Parameters
     ----------
     folder : Path
-        Where the file is, or will be.
+        Folder of the file.
     names : sequence of str
-        What the file is called after.
+        Parts of the file's name.
     header : mapping
-        What the runs depend on; numbers, texts, arrays, lists and mappings of these.
+        Everything that the runs depend on: numbers, texts, arrays, lists and mappings of these.
 
     Attributes
     ----------
     path : Path
-    results : dict of int to what JSON has
-        What each run gave, by its index.
+    results : dict
+        Result of each run, as JSON, by the run's index.
 
     Raises
     ------
     ValueError
-        If the file there has another header or is damaged in the middle.
+        If the existing file has another header or is damaged before its last line.
     """
 
     def __init__(self, folder: Path, names: Sequence[str], header: Mapping[str, Any]) -> None:
@@ -58,13 +58,13 @@ class RunFile:
         self.results: dict[int, Any] = dict(map(self._parsed, lines[1:]))
 
     def append(self, index: int, result: Any) -> None:
-        """Add a run; a killed process does not lose it."""
+        """Add a run and write it at once."""
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps([index, result]) + "\n")
         self.results[index] = result
 
     def _whole_lines(self) -> list[bytes]:
-        """The file's lines; a last one that was cut off is removed from it."""
+        """The file's lines; an incomplete last line is removed from the file."""
         if not self.path.exists():
             return []
         content = self.path.read_bytes()
@@ -86,23 +86,23 @@ def complete(
     results_of: Callable[[list[tuple[int, int]]], Iterable[Any]],
     progress: Progress = silent,
 ) -> None:
-    """Do the first runs of each file that it does not have yet.
+    """Do the missing runs of each file.
 
     Parameters
     ----------
     files : sequence of RunFile
     runs : int
     results_of : callable
-        Results of runs, in their order, from the places of their files and their indices.
+        Results of runs, in the order of the given pairs (index of the file, index of the run).
     progress : callable, optional
-        Shows how many of the missing runs are done.
+        Shows the number of missing runs that are done.
     """
     missing = [
-        (place, index)
-        for place, file in enumerate(files)
+        (row, index)
+        for row, file in enumerate(files)
         for index in range(runs)
         if index not in file.results
     ]
     done = progress(results_of(missing), len(missing))
-    for (place, index), result in zip(missing, done, strict=True):
-        files[place].append(index, result)
+    for (row, index), result in zip(missing, done, strict=True):
+        files[row].append(index, result)

@@ -1,4 +1,4 @@
-"""What is kept of a run: enough for every figure, after any number of its scans."""
+"""Summary of a run: the data of every measure, after any number of scans."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 @dataclass(frozen=True)
 class StartSummary:
-    """A start of which a target gave more than half of the hits.
+    """A start with more than half of its hits from one target.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class StartSummary:
         m and m/s.
     nees : float
     position_bound, velocity_bound : float
-        Cramer-Rao bounds of the errors' root mean squares, m and m/s, for its own hits; nan where
-        they are not all the target's, or of one time only.
+        Cramer-Rao bounds of the errors' root mean squares, m and m/s, for its own hits; nan unless
+        all hits are the target's and from two scans or more.
     """
 
     scan: int
@@ -50,17 +50,18 @@ class StartSummary:
 
 
 @dataclass(frozen=True)
-class ScanRecord:
-    """What stands after a scan.
+class ScanSummary:
+    """False starts in a scan, and the held tracks after it.
 
     Attributes
     ----------
     false : int
         False starts in this scan.
     held : int
-        Targets within 3 sigma of which a track is held; -1 where nothing is held at all.
+        Targets with a held track within 3 sigma; -1 if the starter holds no tracks.
     localisation, missed, false_held : float
-        Parts of the squared GOSPA metric of the held tracks, m^2; nan where nothing is held at all.
+        Parts of the squared GOSPA metric of the held tracks, m^2; nan if the starter holds no
+        tracks.
     """
 
     false: int
@@ -72,60 +73,60 @@ class ScanRecord:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What is kept of one run.
+    """Summary of one run.
 
     Attributes
     ----------
     targets : int
         Targets in the scene.
-    starts : tuple of StartRecord
+    starts : tuple of StartSummary
         In order of confirmation.
-    scans : tuple of ScanRecord
+    scans : tuple of ScanSummary
     """
 
     targets: int
     starts: tuple[StartSummary, ...]
-    scans: tuple[ScanRecord, ...]
+    scans: tuple[ScanSummary, ...]
 
     def first(self, scans: int) -> RunSummary:
-        """The run had it ended after so many scans.
+        """Summary of the run up to a number of scans.
 
-        What a scan gives does not depend on later ones. (Targets that a scenario draws are drawn to
-        stay in their ranges for the whole run.)
+        The results of a scan do not depend on later scans. (A scenario draws its targets so that
+        they stay in their ranges for the whole run.)
         """
         starts = tuple(start for start in self.starts if start.scan < scans)
         return RunSummary(self.targets, starts, self.scans[:scans])
 
     def count(self, *outcomes: Outcome) -> int:
-        """Starts that are one of these."""
+        """Number of starts with one of the outcomes."""
         false = sum(scan.false for scan in self.scans) if Outcome.FALSE in outcomes else 0
         return false + sum(start.outcome in outcomes for start in self.starts)
 
     @property
     def wrong(self) -> int:
-        """Starts that are false or misplaced."""
+        """Number of false and misplaced starts."""
         return self.count(Outcome.FALSE, Outcome.MISPLACED)
 
     def as_json(self) -> dict[str, Any]:
-        """As lists of values, null for nan; :meth:`from_json` takes it."""
+        """The summary as lists of values, null for nan; see :meth:`from_json`."""
         starts = [_values(start) for start in self.starts]
         return {"targets": self.targets, "starts": starts, "scans": [*map(_values, self.scans)]}
 
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> RunSummary:
-        """The record that became this."""
+        """The summary from the result of :meth:`as_json`."""
         starts = (
             StartSummary(scan, time, Outcome(outcome), pure, *_numbers(more))
             for scan, time, outcome, pure, *more in content["starts"]
         )
         scans = (
-            ScanRecord(false, held, *_numbers(more)) for false, held, *more in content["scans"]
+            ScanSummary(false, held, *_numbers(more)) for false, held, *more in content["scans"]
         )
         return cls(content["targets"], tuple(starts), tuple(scans))
 
 
-def _values(record: StartSummary | ScanRecord) -> list[Any]:
-    values = [getattr(record, field.name) for field in dataclasses.fields(record)]
+def _values(summary: StartSummary | ScanSummary) -> list[Any]:
+    values = [getattr(summary, field.name) for field in dataclasses.fields(summary)]
     values = [value.value if isinstance(value, Outcome) else value for value in values]
     return [None if value != value else value for value in values]  # nan is not JSON
 
@@ -134,60 +135,65 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
     return [math.nan if value is None else value for value in values]
 
 
-def record(run: SimulatedRun) -> RunSummary:
-    """Judge a run and keep what counts."""
-    judged = run.judged()
+def summarise(run: SimulatedRun) -> RunSummary:
+    """Judge the starts of a run and summarise it."""
     false = np.zeros(len(run.scans), int)
     starts = []
-    for one, scan in zip(judged, run.start_scans, strict=True):
-        if one.outcome is Outcome.FALSE:
+    for judged, scan in zip(run.judged(), run.start_scans, strict=True):
+        if judged.outcome is Outcome.FALSE:
             false[scan] += 1
         else:
-            starts.append(_start_record(run, one, scan))
+            starts.append(_start_summary(run, judged, scan))
     return RunSummary(
         targets=len(run.simulator.targets),
         starts=tuple(starts),
-        scans=tuple(_scan_record(run, index, int(false[index])) for index in range(len(run.scans))),
+        scans=tuple(
+            _scan_summary(run, index, int(false[index])) for index in range(len(run.scans))
+        ),
     )
 
 
-def _start_record(run: SimulatedRun, one: Judged, scan: int) -> StartSummary:
-    bound = start_bound(run, one)
+def _start_summary(run: SimulatedRun, judged: Judged, scan: int) -> StartSummary:
+    bound = start_bound(run, judged)
     return StartSummary(
         scan=scan,
         time=run.scans[scan].stamp - run.simulator.start,
-        outcome=one.outcome,
-        pure=one.pure,
-        position_error=one.position_error,
-        velocity_error=one.velocity_error,
-        nees=one.nees,
+        outcome=judged.outcome,
+        pure=judged.pure,
+        position_error=judged.position_error,
+        velocity_error=judged.velocity_error,
+        nees=judged.nees,
         position_bound=math.sqrt(bound[0, 0] + bound[2, 2]),
         velocity_bound=math.sqrt(bound[1, 1] + bound[3, 3]),
     )
 
 
-def start_bound(run: SimulatedRun, one: Judged) -> FloatArray:
-    """Cramer-Rao bound of a start, (4, 4): of its hits, had they been at the target.
+def start_bound(run: SimulatedRun, judged: Judged) -> FloatArray:
+    """Cramer-Rao bound of a start, (4, 4), for hits at the target's true positions.
 
-    nan where some hit is not the target's, or all hits are of one scan.
+    nan unless all hits are the target's and from two scans or more.
     """
-    if not one.pure or one.target == NO_TARGET or len({scan for scan, _ in one.track.hits}) < 2:
+    if (
+        not judged.pure
+        or judged.target == NO_TARGET
+        or len({scan for scan, _ in judged.track.hits}) < 2
+    ):
         return np.full((4, 4), np.nan)
-    echoes = (_echo(run, scan, row) for scan, row in one.track.hits)
+    echoes = (_echo(run, scan, row) for scan, row in judged.track.hits)
     times, sensors, velocities = zip(*echoes, strict=True)
-    states = np.array([run.simulator.truth(time)[one.target] for time in times])
+    states = np.array([run.simulator.truth(time)[judged.target] for time in times])
     return cramer_rao(
         states[:, 0::2],
         times,
         sensors,
         run.scenario.sensor,
-        one.track.stamp,
+        judged.track.stamp,
         states[:, 1::2] - velocities,
     )
 
 
 def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArray, FloatArray]:
-    """Time (s) of a detection, and where the sensor was for it and how it moved, (2,) each."""
+    """Time (s) of a detection, and the sensor's position and velocity then, (2,) each."""
     scan = run.scans[scan_index]
     offset = 0.0 if scan.time_offset is None else float(scan.time_offset[row])
     poses = np.broadcast_to(scan.sensor_pose, (len(scan), 3))
@@ -195,21 +201,21 @@ def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArr
     return scan.stamp + offset, poses[row, :2], velocities[row]
 
 
-def _scan_record(run: SimulatedRun, index: int, false: int) -> ScanRecord:
-    """Compare what is held with the truth; c is 3 sigma, the mean over the targets."""
+def _scan_summary(run: SimulatedRun, index: int, false: int) -> ScanSummary:
+    """Compare the held tracks with the truth; c is 3 sigma, the mean over the targets."""
     held, stamp = run.held[index], run.scans[index].stamp
     targets = run.simulator.truth(stamp)[:, 0::2]
     if held is None or not len(targets):
-        return ScanRecord(false)
+        return ScanSummary(false)
     sensor = run.sensor_position(stamp)
     sigmas = [measurement_sigma(run.scenario.sensor, target - sensor) for target in targets]
     parts = gospa(held, targets, SIGMAS * float(np.mean(sigmas)))
-    return ScanRecord(
-        false, _near(held, targets, sigmas), parts.localisation, parts.missed, parts.false
+    return ScanSummary(
+        false, _targets_held(held, targets, sigmas), parts.localisation, parts.missed, parts.false
     )
 
 
-def _near(held: FloatArray, targets: FloatArray, sigmas: Sequence[float]) -> int:
+def _targets_held(held: FloatArray, targets: FloatArray, sigmas: Sequence[float]) -> int:
     """Number of targets with a held track within 3 sigma."""
     offset = held[:, None, :] - targets[None, :, :]
     near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.asarray(sigmas)

@@ -1,4 +1,4 @@
-"""One simulated run: its scans, the tracks started on them, and those that are held."""
+"""One simulated run: its scans, the tracks started on them, and the held tracks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def judge_starts(
 ) -> list[Judged]:
     """Judge tracks that were started on a simulator's scans, see `tsepm_ros.analysis.truth.judge`.
 
-    `origins` are those of the scans that were processed, which the tracks' hits count.
+    `origins` are those of the processed scans, to which the tracks' hits refer.
     """
     scenario = simulator.scenario
     return judge(
@@ -38,16 +38,16 @@ def judge_starts(
 
 @dataclass
 class SimulatedScene:
-    """The scans of a simulated run, and where their detections come from.
+    """The scans of a simulated run, and the origins of their detections.
 
     Attributes
     ----------
     simulator : Simulator
-        Knows the scenario and the truth.
+        With the scenario and the truth.
     scans : list of Scan
-        Placed by the exact own-ship motion.
+        With sensor poses from the exact own-ship motion.
     origins : list of (n,) ndarray of int
-        Target of each scan's detections, negative for clutter.
+        Target of each detection of a scan, negative for clutter.
     """
 
     simulator: Simulator
@@ -59,26 +59,26 @@ class SimulatedScene:
         """Simulate the scans of a run."""
         simulator = Simulator(scenario, seed)
         simulated = list(simulator)
-        scans = [placed(one.scan, scenario.own_ship) for one in simulated]
-        return cls(simulator, scans, [one.origin for one in simulated])
+        scans = [with_poses(item.scan, scenario.own_ship) for item in simulated]
+        return cls(simulator, scans, [item.origin for item in simulated])
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario that was run."""
+        """The simulator's scenario."""
         return self.simulator.scenario
 
     def sensor_position(self, stamp: float) -> FloatArray:
-        """Where the sensor was at a time (s), (2,)."""
+        """Position of the sensor at a time (s), (2,)."""
         return self.scenario.own_ship.pose(stamp)[:2]
 
     def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
-        """What tracks that were started on the scans are, see `tsepm_ros.analysis.truth.judge`."""
+        """Judge tracks that were started on the scans, see `tsepm_ros.analysis.truth.judge`."""
         return judge_starts(self.simulator, tracks, self.origins)
 
 
 @dataclass
 class SimulatedRun(SimulatedScene):
-    """What happened in one run.
+    """The scans, starts and held tracks of one run.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class SimulatedRun(SimulatedScene):
     start_scans : list of int
         Index of the scan that confirmed each start.
     held : list of (n, 2) ndarray or None
-        Positions held after each scan; None where nothing is held at all.
+        Positions of the held tracks after each scan; None if the starter holds no tracks.
     """
 
     starts: list[ConfirmedTrack] = field(default_factory=list)
@@ -94,7 +94,7 @@ class SimulatedRun(SimulatedScene):
     held: list[FloatArray | None] = field(default_factory=list)
 
     def judged(self) -> list[Judged]:
-        """What each start is."""
+        """Judge the starts."""
         return self.judge(self.starts)
 
 
@@ -110,8 +110,8 @@ def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> Simu
     return run
 
 
-def placed(scan: Scan, own_ship: Motion) -> Scan:
-    """A simulated scan with the poses that place its echoes, from the exact own-ship motion."""
+def with_poses(scan: Scan, own_ship: Motion) -> Scan:
+    """A simulated scan with the sensor poses of its echoes, from the exact own-ship motion."""
 
     def poses_at(times: FloatArray) -> FloatArray:
         return np.array([own_ship.pose(time) for time in times]).reshape(-1, 3)

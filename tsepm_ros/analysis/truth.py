@@ -1,9 +1,9 @@
-"""Judging confirmed tracks against known truth.
+"""Judgement of confirmed tracks by known truth.
 
-Each confirmed track of a run is exactly one of: *true* (more than half of its hits from one
-target, and its position within 3 sigma of the measurement error's larger axis there; the first
-such per target), *redundant* (another true one for the same target), *misplaced* (more than half
-of its hits from one target, but farther off), *false* (the rest).
+A confirmed track belongs to a target that gave more than half of its hits. Each confirmed track of
+a run has one outcome: *true* (the first track of a target within 3 sigma of it, sigma being the
+larger axis of the measurement error there), *redundant* (a later track within 3 sigma of the
+target), *misplaced* (a track farther from its target), *false* (a track without a target).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SIGMAS = 3.0
 
 
 class Outcome(enum.Enum):
-    """What a confirmed track turned out to be."""
+    """Outcome of a confirmed track."""
 
     TRUE = "true"
     REDUNDANT = "redundant"
@@ -35,7 +35,7 @@ class Outcome(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A confirmed track and what it is.
+    """A confirmed track with its outcome and errors.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Judged:
     pure : bool
         All hits come from that target.
     position_error, velocity_error : float
-        Distance from that target's state, m and m/s; nan without one.
+        Distance from that target's state, m and m/s; nan without a target.
     nees : float
         Normalised estimation error squared, ideally 4 on average; nan without a target.
     """
@@ -86,13 +86,13 @@ def judge(
     Parameters
     ----------
     tracks : sequence of ConfirmedTrack
-        In order of confirmation.
+        In the order of confirmation.
     origins : sequence of (n,) ndarray of int
         Per scan, the target index of each detection, negative for clutter.
     truth_at : callable
         States (k, 4) of all targets at a stamp, s.
     sensor : SensorModel
-        For the measurement error.
+        Measurement errors.
     sensor_position_at : callable
         Sensor position (2,) at a stamp, s.
 
@@ -134,19 +134,19 @@ def judge(
 def origins_of(
     processed: Sequence[float], stamps: Sequence[float], origins: Sequence[IntArray]
 ) -> list[IntArray]:
-    """The origins of the scans that were processed: hits count those, whatever was dropped.
+    """Origins of the processed scans, to which hits refer; dropped scans have none.
 
     Parameters
     ----------
     processed : sequence of float
         Stamps of the scans that were processed, s.
     stamps : sequence of float
-        Of all scans, s, rising; the nearest one counts, since clocks round.
+        Stamps of all scans, s, ascending. The nearest stamp counts, since clocks round.
     origins : sequence of (n,) ndarray of int
-        Of all scans.
+        Origins of all scans.
     """
     middle = 0.5 * (np.array(stamps[1:]) + np.array(stamps[:-1]))
-    return [origins[place] for place in np.searchsorted(middle, processed)]
+    return [origins[index] for index in np.searchsorted(middle, processed)]
 
 
 def _majority(sources: NDArray[np.int64]) -> int:

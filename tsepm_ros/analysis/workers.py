@@ -1,4 +1,4 @@
-"""Who does the runs, the processes of this machine or others, and how far they are."""
+"""Execution of runs by processes of this machine or by a scheduler's workers, and progress."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
-"""Passes an iterable through, given its length, and shows how far it is."""
+"""Passes an iterable of a given length through and shows its progress."""
 
 
 def silent(results: Iterable[Any], total: int) -> Iterable[Any]:
-    """Show nothing."""
+    """Pass the results through without showing progress."""
     return results
 
 
 def with_progress(results: Iterable[Any], total: int) -> Iterable[Any]:
-    """Show a progress bar where tqdm is installed and somebody is looking."""
+    """Show a progress bar if tqdm is installed and the output is a terminal."""
     try:
         from tqdm import tqdm
     except ImportError:
@@ -31,17 +31,17 @@ def with_progress(results: Iterable[Any], total: int) -> Iterable[Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class Workers:
-    """Who does the runs.
+    """Processes that do the runs.
 
     Attributes
     ----------
     processes : int
-        Processes on this machine; 1: this one.
+        Number of processes on this machine; 1 means this process alone.
     scheduler : str, optional
-        Address of a `dask.distributed` scheduler whose workers do the runs instead; needs the
+        Address of a `dask.distributed` scheduler whose workers do the runs instead. It needs the
         extra `distributed`.
     connect_time : float
-        Time in which the scheduler must answer, s.
+        Time limit for the scheduler's answer, s.
     """
 
     processes: int = 1
@@ -56,10 +56,10 @@ class Workers:
         Parameters
         ----------
         function : callable
-            Importable by its name.
+            A function that can be imported by its name.
         jobs : sequence
         chunk : int, optional
-            Jobs that are handed out to a process together.
+            Jobs per message to a process.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Workers:
         elif self.processes == 1:
             yield from map(function, jobs)
         else:
-            # An interrupt from the terminal reaches all processes: this one ends the others.
+            # An interrupt from the terminal reaches all processes; this process ends the others.
             ignored = (signal.SIGINT, signal.SIG_IGN)
             with ProcessPoolExecutor(self.processes, None, signal.signal, ignored) as pool:
                 yield from pool.map(function, jobs, chunksize=chunk)
@@ -79,7 +79,7 @@ class Workers:
     def _distributed(
         self, function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: str
     ) -> Iterator[Result]:
-        """Let the workers of a scheduler do the jobs; those of a lost worker are done again."""
+        """Do the jobs by a scheduler's workers; the jobs of a lost worker are repeated."""
         try:
             from distributed import Client
         except ImportError:

@@ -15,10 +15,10 @@ from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.design_report import (
     candidate_table,
     case_lines,
+    increments_line,
     remedy_table,
     rule_table,
     verdict,
-    worth_line,
 )
 from tsepm_ros.design.search import Candidate
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -76,7 +76,8 @@ def run_design(options: argparse.Namespace) -> None:
     if "score.window" not in values:
         score = dataclasses.replace(score, window=search.score_window(case, score))
     [(threshold, _)] = search.score_thresholds(case, score, [score.window])
-    print(worth_line(search.worth(case, score.gate_probability), threshold), flush=True)
+    increments = search.ping_increments(case, score.gate_probability)
+    print(increments_line(increments, threshold), flush=True)
     rules = search.rules_within(case, tsepm, target_rate)
     print(
         "\nM/N rules of the method tsepm that keep the target false-track rate:"
@@ -98,9 +99,9 @@ def run_design(options: argparse.Namespace) -> None:
     )
     print(candidate_table(candidates, case.sensor.coverage_area))
     print(f"\n{verdict(candidates, options.wanted, target_rate)}", flush=True)
-    if max(candidate.found.detection.high for candidate in candidates) < options.wanted:
+    if max(candidate.targets.detection.high for candidate in candidates) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
-        remedies = search.with_remedies(
+        remedies = search.remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
         print(remedy_table(list(remedies)))
@@ -133,7 +134,7 @@ def _write_parameters(
     options: argparse.Namespace, values: dict[str, Value], candidates: list[Candidate]
 ) -> None:
     """Write the given values, the target false-track rate, and the best candidate's options."""
-    best = max(candidates, key=lambda candidate: candidate.found.detection.value)
+    best = max(candidates, key=lambda candidate: candidate.targets.detection.value)
     own = ("window", "false_tracks_per_hour") if best.method == "score" else ("min_hits", "window")
     chosen: dict[str, Value] = {"method": best.method, "max_speed": best.options["max_speed"]}
     chosen |= {f"{best.method}.{name}": best.options[name] for name in own}

@@ -1,1 +1,1 @@
-"""Parameters from a data sheet: rules, predictions and the search among them."""
+"""Design of parameters from a data sheet: rules, predictions and the search among them."""

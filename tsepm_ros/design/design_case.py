@@ -1,4 +1,4 @@
-"""What a design is for: a sonar, its clutter and the targets that it is to find."""
+"""Case of a design: a sonar, its clutter and its targets."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from tsepm_ros.sensing.sensor import SensorModel
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A sonar, its clutter and the targets it is to find.
+    """A sonar, its clutter and the targets to be found.
 
     Attributes
     ----------
     sensor : SensorModel
     common : CommonOptions
-        With v_max.
+        Common options, v_max among them.
     interval : float
         Time between pings, s.
     scans : int
-        Pings within which a target should be found.
+        Number of pings within which a target should be found.
     target_speed : float
         m/s.
     target_range : float, optional
-        Distance of the targets half-way, m; if not given they are spread over the coverage.
+        Range of the targets in the middle of the run, m; anywhere in the coverage if not given.
 
     Raises
     ------
     ValueError
-        Naming what is not allowed.
+        If a value is not allowed; the message names it.
     """
 
     sensor: SensorModel
@@ -67,10 +67,9 @@ class Case:
 
     @property
     def typical_range(self) -> float:
-        """The targets' distance, or the one beyond which half of the coverage lies, m."""
-        if self.target_range is not None:
-            return self.target_range
-        return math.sqrt(0.5 * (self.sensor.min_range**2 + self.sensor.max_range**2))
+        """The targets' range, or the range beyond which half of the coverage lies, m."""
+        squares = self.sensor.min_range**2 + self.sensor.max_range**2
+        return self.target_range or math.sqrt(0.5 * squares)
 
     @property
     def scans_per_hour(self) -> float:
@@ -84,5 +83,5 @@ class Case:
 
     @property
     def starts_per_hour(self) -> float:
-        """False detections per hour: the starts from clutter, if each starts."""
+        """False detections per hour: the starts from clutter if every detection starts a track."""
         return self.detections_per_scan * self.scans_per_hour

@@ -1,4 +1,4 @@
-"""Telling what a design came to, in a terminal."""
+"""Report of a design for the terminal."""
 
 from __future__ import annotations
 
@@ -8,40 +8,40 @@ from collections.abc import Sequence
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.design.design_case import Case
-from tsepm_ros.design.search import WINDOWS, Candidate, Rule, Worth
+from tsepm_ros.design.search import WINDOWS, Candidate, PingIncrements, Rule
 from tsepm_ros.methods.score.score_options import MIN_HITS
 
 
 def case_lines(case: Case, false_per_hour: float) -> str:
-    """What is designed for, in two lines."""
+    """The case of a design in two lines."""
     sensor = case.sensor
     where = "anywhere in the coverage"
     if case.target_range is not None:
-        where = f"{case.target_range:g} m away half-way"
+        where = f"at {case.target_range:g} m in the middle of the run"
     return (
         f"sonar: {sensor.coverage_area / 1e6:.4g} km^2, a ping every {case.interval:g} s, "
         f"{case.detections_per_scan:.3g} false detections in each: {case.starts_per_hour:.0f} "
-        f"an hour, of which {false_per_hour:g} may become a track\n"
+        f"an hour; target false-track rate {false_per_hour:g} per hour\n"
         f"targets: {case.target_speed:g} m/s (up to {case.max_speed:g} allowed), {where}, to be "
         f"found within {case.scans} pings ({(case.scans - 1) * case.interval:g} s) inside it"
     )
 
 
-def worth_line(worth: Worth, threshold: float) -> str:
-    """How far a ping's evidence goes towards the threshold."""
+def increments_line(increments: PingIncrements, threshold: float) -> str:
+    """Mean increments of a ping and the number of pings up to the threshold."""
     text = (
-        f"evidence: a hit adds {worth.hit:+.1f}, a miss {worth.miss:+.1f}, a ping "
-        f"{worth.scan:+.2f} at most (on average, the target's place known); the threshold is "
-        f"{threshold:.1f}: "
+        f"mean increment of the log-likelihood ratio, the target's position known: hit "
+        f"{increments.hit:+.1f}, miss {increments.miss:+.1f}, ping {increments.scan:+.2f} at most; "
+        f"threshold {threshold:.1f}: "
     )
-    pings = max(math.ceil(threshold / max(worth.scan, 1e-9)), MIN_HITS)
+    pings = max(math.ceil(threshold / max(increments.scan, 1e-9)), MIN_HITS)
     if pings > WINDOWS[-1]:
         return f"{text}more pings than the longest window, {WINDOWS[-1]}"
-    return f"{text}{pings} pings, and those that tell the velocity"
+    return f"{text}about {pings} pings, plus those needed to estimate the velocity"
 
 
 def rule_table(rules: Sequence[Rule]) -> str:
-    """The M/N rules that keep the wish."""
+    """Table of the M/N rules that keep the target false-track rate."""
     return text_table(
         ["M/N", "P_D of one start", "in time, evaluated", "false/h at most"],
         [
@@ -57,7 +57,7 @@ def rule_table(rules: Sequence[Rule]) -> str:
 
 
 def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
-    """What the candidates do; `area` is the coverage's, m^2."""
+    """Table of the candidates' simulated performance; `area` is that of the coverage, m^2."""
     return text_table(
         [
             "method",
@@ -65,24 +65,24 @@ def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
             "95 %",
             "time [s]",
             "95 % by",
-            "wish or bound/h",
+            "bound/h",
             "false/h",
             "95 %",
             "per h and km^2",
         ],
         [
             [
-                one.name,
-                f"{one.found.detection.value:.3f}",
-                _interval(one.found.detection, ".3f"),
-                f"{one.found.confirmation_time.value:.0f}",
-                f"{one.found.slow_confirmation_time:.0f}",
-                f"{one.false_bound:.2g}",
-                f"{one.false_simulated.value:.2g}",
-                _interval(one.false_simulated, ".2g"),
-                f"{one.false_simulated.value / (area / 1e6):.2g}",
+                candidate.name,
+                f"{candidate.targets.detection.value:.3f}",
+                _interval(candidate.targets.detection, ".3f"),
+                f"{candidate.targets.confirmation_time.value:.0f}",
+                f"{candidate.targets.slow_confirmation_time:.0f}",
+                f"{candidate.false_bound:.2g}",
+                f"{candidate.false_simulated.value:.2g}",
+                _interval(candidate.false_simulated, ".2g"),
+                f"{candidate.false_simulated.value / (area / 1e6):.2g}",
             ]
-            for one in candidates
+            for candidate in candidates
         ],
     )
 
@@ -92,25 +92,25 @@ def _interval(estimate: Estimate, spec: str) -> str:
 
 
 def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: float) -> str:
-    """Whether the wish can be met, and with what."""
-    keeping = [one for one in candidates if one.keeps(false_per_hour)]
+    """Sentence on whether P_D is reached at the target false-track rate, and by which method."""
+    keeping = [candidate for candidate in candidates if candidate.keeps(false_per_hour)]
     if not keeping:
-        return f"the wish cannot be met: more than {false_per_hour:g} false tracks an hour"
-    best = max(keeping, key=lambda one: one.found.detection.value)
-    share = best.found.detection
+        return f"infeasible: every method has more than {false_per_hour:g} false tracks per hour"
+    best = max(keeping, key=lambda candidate: candidate.targets.detection.value)
+    share = best.targets.detection
     text = f"{best.name} finds {share.value:.2f} of the targets in time"
     if share.low >= wanted:
-        return f"the wish can be met: {text}, at least {wanted:g}"
+        return f"feasible: {text}, at least {wanted:g}"
     if share.high >= wanted:
-        return f"not decided by so many runs: {text} ({_interval(share, '.2f')}), wanted {wanted:g}"
-    return f"the wish cannot be met: {text}, not {wanted:g}"
+        return f"undecided by the runs: {text} ({_interval(share, '.2f')}), wanted {wanted:g}"
+    return f"infeasible: {text}, less than {wanted:g}"
 
 
 def remedy_table(remedies: Sequence[tuple[str, Estimate]]) -> str:
-    """What changes would do, the present state first and then the most helpful."""
+    """Table of P_D with each change, the present case first and then by P_D, descending."""
     now, *changes = remedies
     ordered = [now, *sorted(changes, key=lambda row: -row[1].value)]
     return text_table(
         ["with a change", "P_D", "95 %"],
-        [[text, f"{found.value:.2f}", _interval(found, ".2f")] for text, found in ordered],
+        [[text, f"{share.value:.2f}", _interval(share, ".2f")] for text, share in ordered],
     )

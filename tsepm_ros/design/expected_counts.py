@@ -1,13 +1,13 @@
-r"""What the theory of the splitting tree predicts: potential tracks and raw confirmations per scan.
+r"""Theory of the splitting tree: expected potential tracks and raw confirmations per scan.
 
-A chain of expected numbers per m^2, scan by scan, at each range :math:`r`. Clutter is Poisson with
-:math:`\lambda`. The gate of a track whose last hit is :math:`k` scans old has the area
+The theory is a chain of expected numbers per m^2, scan by scan, at each range :math:`r`. Clutter is
+Poisson with :math:`\lambda`. The gate of a track whose last hit is :math:`k` scans old has the area
 :math:`a_k(r)` of the part inside the disc of a circle of radius
 :math:`v_{max} k T + \alpha\sigma(r)` (Eqs. 4-5), and expects :math:`\lambda a_k` detections.
 
-*Tracks.* Be :math:`F(n, h, k)` the expected density of potential tracks with :math:`n` scans since
-the first hit, inclusive, and :math:`h` hits, the last one :math:`k` scans before the next scan. The
-published rules turn it into
+*Tracks.* Let :math:`F(n, h, k)` be the expected density of potential tracks with :math:`n` scans
+since the first hit, inclusive, and :math:`h` hits, the last of them :math:`k` scans before the next
+scan. The published rules turn it into
 
 - :math:`\lambda a_k F` tracks :math:`(n+1, h+1, 1)`: one child for each gated detection;
 - :math:`e^{-\lambda a_k} F` tracks :math:`(n+1, h, k+1)`: only an empty gate leaves the parent;
@@ -18,17 +18,17 @@ the tracks that meet it. A start thus has :math:`\prod \lambda a` paths: tracks 
 grow as :math:`\lambda^j`, raw confirmations as :math:`\lambda^M`, as long as starts grow as
 :math:`\lambda`.
 
-*Starts.* They stop growing: only detections outside every gate start. Be :math:`G(n, h, k)` the
-density of *distinct* last hits by the state of the path that lives longest. The number of gates
-over a point is taken as Poisson with mean :math:`\mu = \sum a_k G`, so that
-:math:`\lambda e^{-\mu}` detections start; a covered detection carries on the path of fewest hits
-among its gates: :math:`P(\text{fewest} = h) = e^{-\mu_{<h}} (1 - e^{-\mu_h})`. A last hit whose
-paths are all confirmed has no gate any more. This mean field ignores that gates cluster.
+*Starts.* Starts do not grow likewise: only detections outside every gate start a track. Let
+:math:`G(n, h, k)` be the density of *distinct* last hits by the state of the path that lives
+longest. The number of gates over a point is taken as Poisson with mean :math:`\mu = \sum a_k G`, so
+that :math:`\lambda e^{-\mu}` detections start a track; a covered detection continues the path of
+fewest hits among its gates: :math:`P(\text{fewest} = h) = e^{-\mu_{<h}} (1 - e^{-\mu_h})`. A last hit whose
+paths are all confirmed has no gate. This mean field ignores that gates cluster.
 
-Two things follow. Where gates overlap (:math:`\lambda a > 1`) starts fall with clutter while each
-start's tree grows. And they come in waves: nearly every detection of the first scan starts a track,
-its tree covers the disc, and when all its paths are confirmed in scan M the next wave starts. The
-chain is of clutter alone; a target adds its own paths.
+Two consequences: where gates overlap (:math:`\lambda a > 1`), starts fall with clutter while each
+start's tree grows. Starts come in waves: nearly every detection of the first scan starts a track,
+the trees cover the disc, and when all their paths are confirmed in scan M, the next wave starts.
+The chain is for clutter alone; a target adds its own paths.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ RINGS = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Gating:
-    """What decides how large the gates are.
+    """Parameters that determine the size of the gates.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Gating:
 
 @dataclass(frozen=True)
 class Expected:
-    """Expected numbers over the disc, per scan from the first one on.
+    """Expected numbers over the disc, per scan from the first scan on.
 
     Attributes
     ----------
@@ -87,12 +87,12 @@ class Expected:
 
 
 def overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> FloatArray:
-    """Area of the part of a circle that lies within a disc about the origin.
+    """Area of the part of a circle within a disc about the origin.
 
     Parameters
     ----------
     distance, radius : (...) ndarray
-        Of the circle's centre from the origin, above 0, and of the circle, m.
+        Distance of the circle's centre from the origin, above 0, and the circle's radius, m.
     disc : float
         Radius of the disc, m, at least as large as any circle's.
     """
@@ -114,7 +114,7 @@ def overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> Float
 
 
 def error_radius(gating: Gating, ranges: FloatArray) -> FloatArray:
-    """Part of the gate's radius that the errors make, ``alpha sigma_Rmax``, (r,), m."""
+    """Part of the gate's radius due to the errors, ``alpha sigma_Rmax``, (r,), m."""
     sensor = gating.sensor
     covariance = position_covariance(
         ranges, np.zeros_like(ranges), sensor.range_variance(ranges), sensor.azimuth_std
@@ -133,7 +133,7 @@ def gate_areas(gating: Gating, ranges: FloatArray, window: int) -> FloatArray:
 def expected_counts(gating: Gating, min_hits: int, window: int, scans: int) -> Expected:
     """Follow the chain from an empty start.
 
-    A sector has its share of the disc: what its gates miss beyond its sides is not looked at.
+    A sector has its share of the disc; the loss of gate area beyond its sides is neglected.
 
     Parameters
     ----------
@@ -164,23 +164,23 @@ def _next_scan(
     children = np.einsum("rnhk,rk->rnh", tracks, density * areas)
     covering = np.einsum("rnhk,rk->rnh", last_hits, areas)
     started = density * np.exp(-covering.sum(axis=(1, 2)))
-    carried_on = density * _fewest_hits(covering)
+    continued = density * _fewest_hits(covering)
     empty = np.exp(-density * areas)
     return (
-        _moved_on(tracks, empty, children, started),
-        _moved_on(last_hits, empty, carried_on, started),
+        _next_states(tracks, empty, children, started),
+        _next_states(last_hits, empty, continued, started),
         started,
         children[:, :, -1].sum(axis=1),
     )
 
 
-def _moved_on(
+def _next_states(
     old: FloatArray, empty: FloatArray, hit: FloatArray, started: FloatArray
 ) -> FloatArray:
-    """States after a scan, from those that missed, those that were hit and those that started."""
+    """States after a scan, from states with empty gates, states with hits and starts."""
     new = np.zeros_like(old)
     new[:, 1:, :, 1:] = old[:, :-1, :, :-1] * empty[:, None, None, :-1]
-    new[:, 1:, 1:, 0] = hit[:, :-1, :-1]  # from M - 1 hits on they are confirmed, not kept
+    new[:, 1:, 1:, 0] = hit[:, :-1, :-1]  # with M hits they are confirmed, not kept
     new[:, 0, 0, 0] = started
     new[:, -1] = 0.0  # N scans without M hits
     return new

@@ -1,4 +1,4 @@
-"""Closed forms and chains for the M/N rule: what it finds, and what clutter makes of it.
+"""Probabilities of the M/N rule, in closed form and by Markov chains: detection and false starts.
 
 The scans of a start count from its first hit, which is one of the M hits and the first of the N
 scans.
@@ -61,8 +61,8 @@ def false_start_probability(
 ) -> float:
     """P_F(1) of TSEPM 2018, Table 1: a start from clutter reaches M hits within N scans.
 
-    A first-passage chain over the hits so far and the scans k since the last one, in which a gate
-    has a hit with ``p_k = 1 - exp(-lambda a_k)``; nothing splits.
+    A first-passage chain over the number of hits and the scans k since the last hit. A gate has a
+    hit with probability ``p_k = 1 - exp(-lambda a_k)``; tracks do not split.
 
     Parameters
     ----------
@@ -98,9 +98,9 @@ def confirmed_by(
 ) -> FloatArray:
     """Probability that a target present from the first scan on is confirmed by each scan.
 
-    A chain over the scans and hits of the target's start. While a start lives its gate takes the
-    target's hits; when it ends, after N scans without M hits or because its evaluation fails, the
-    next detection starts anew.
+    A chain over the scans and hits of the target's start. While a start lives, the
+    target's hits extend it. It ends after N scans without M hits or when its evaluation fails; then
+    the next detection starts a new track.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def confirmed_by(
     Returns
     -------
     (scans,) ndarray
-        Without clutter, which can only hold up a target's start or lend it hits.
+        Without clutter, which can only delay a target's start or add hits to it.
     """
     hit = gate_probability * detection_probability
     alive = np.zeros((window, min_hits))  # scans - 1, hits - 1

@@ -1,4 +1,4 @@
-"""Shares of what an M/N rule confirms, of a target and of clutter, that pass the evaluation."""
+"""Shares of an M/N rule's confirmations, from targets and from clutter, that pass evaluation."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from tsepm_ros.stages.estimation import fit
 from tsepm_ros.stages.evaluation import clutter_statistic, normalized_distance
 
 PATHS = 10_000
-FEWEST_PASSES = 3.0
-"""Passes of the simulated paths below which a share is not trusted."""
+MIN_PASSES = 3.0
+"""Minimum number of passing paths for a share; with fewer, the share of this number counts."""
 
 
 def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
     """Share of the raw confirmations from clutter that pass the method's evaluation (Step 6).
 
-    Paths are drawn with their hits spread evenly over the gates, their scans with the weights
-    ``prod a_k exp(-lambda a_j)`` of the gates hit and left empty on the way.
+    The hits of a path are drawn uniformly in the gates. The scans of its hits have the weights
+    ``prod a_k exp(-lambda a_j)`` of the gates k with a hit and the empty gates j between them.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
     Returns
     -------
     float
-        Where next to none passes, what three that pass would make.
+        At least the share of MIN_PASSES passing paths.
     """
     rng = np.random.default_rng(1)
     ranges, scans = _drawn_paths(rng, gating.sensor, options)
@@ -47,37 +47,37 @@ def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
     weight = (np.log(taken) - gating.sensor.clutter_density * empty).sum(axis=1)
     weight = np.exp(weight - weight.max())
     radius = gating.max_speed * gating.interval * gaps + error_radius(gating, ranges)[:, None]
-    step = radius * np.sqrt(rng.random(radius.shape))
-    turn = rng.uniform(-math.pi, math.pi, radius.shape)
-    x = np.cumsum(np.column_stack([ranges, step * np.cos(turn)]), axis=1)
-    y = np.cumsum(np.column_stack([np.zeros(PATHS), step * np.sin(turn)]), axis=1)
-    kept = _passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
-    independent = weight.sum() ** 2 / np.square(weight).sum()
-    return float(max(np.average(kept, weights=weight), FEWEST_PASSES / independent))
+    displacement = radius * np.sqrt(rng.random(radius.shape))
+    heading = rng.uniform(-math.pi, math.pi, radius.shape)
+    x = np.cumsum(np.column_stack([ranges, displacement * np.cos(heading)]), axis=1)
+    y = np.cumsum(np.column_stack([np.zeros(PATHS), displacement * np.sin(heading)]), axis=1)
+    passing = _passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
+    effective_paths = weight.sum() ** 2 / np.square(weight).sum()
+    return float(max(np.average(passing, weights=weight), MIN_PASSES / effective_paths))
 
 
 def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> float:
     """Share of a target's tracks, all hits its own, that pass the method's evaluation (Step 6).
 
-    Of targets that are detected with p_d in each scan, those whose detections fall into the gates
-    of the ones before and that have M hits within N scans.
+    The tracks are of targets detected with p_d in each scan whose detections lie in the gates of
+    the hits before, with M hits within N scans.
 
     Parameters
     ----------
     gating : Gating
     options : TsepmOptions
     speed : float
-        The target's, m/s.
+        Speed of the target, m/s.
     """
     rng = np.random.default_rng(2)
     sensor, shape = gating.sensor, (PATHS, options.window)
     ranges = np.sqrt(rng.uniform(sensor.min_range**2, sensor.max_range**2, PATHS))
     heading = rng.uniform(-math.pi, math.pi, (PATHS, 1))
-    way = speed * gating.interval * np.arange(options.window)
-    x, y = ranges[:, None] + way * np.cos(heading), way * np.sin(heading)
+    distance = speed * gating.interval * np.arange(options.window)
+    x, y = ranges[:, None] + distance * np.cos(heading), distance * np.sin(heading)
     true_range = np.hypot(x, y)
-    range_ = true_range + rng.standard_normal(shape) * np.sqrt(sensor.range_variance(true_range))
-    range_ = np.abs(range_)
+    range_error = rng.standard_normal(shape) * np.sqrt(sensor.range_variance(true_range))
+    range_ = np.abs(true_range + range_error)
     azimuth = np.arctan2(y, x) + rng.standard_normal(shape) * sensor.azimuth_std
     hit = rng.random(shape) < sensor.detection_probability
     hit[:, 0] = True
@@ -93,7 +93,7 @@ def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> fl
 
 
 def _gate(hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: Gating) -> None:
-    """Leave out, in place, the hits (n, N) beyond the gate of the hit before (Eq. 4)."""
+    """Remove, in place, the hits (n, N) outside the gate of the hit before (Eq. 4)."""
     x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
     rows = np.arange(len(hit))
     last = np.zeros(len(hit), np.int64)
@@ -121,16 +121,16 @@ def _passing(
     range_: FloatArray,
     azimuth: FloatArray,
 ) -> BoolArray:
-    """Which paths (n, M) of hits pass the evaluation, (n,)."""
+    """Mask of the paths (n, M) of hits that pass the evaluation, (n,)."""
     sensor = gating.sensor
     flat = Scan(stamp=0.0, range=range_.ravel(), azimuth=azimuth.ravel())
     hits = convert(flat, sensor, 0).reshape(scans.shape)
     hits["time"] = scans * gating.interval
     if options.evaluation == "clutter_statistic":
-        figure = clutter_statistic(hits["position"], sensor.clutter_density)
+        statistic = clutter_statistic(hits["position"], sensor.clutter_density)
         threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
     else:
         stamp = options.window * gating.interval
-        figure = normalized_distance(hits, fit(hits, stamp, sensor, options.estimator))
+        statistic = normalized_distance(hits, fit(hits, stamp, sensor, options.estimator))
         threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
-    return pruning.keep(figure, threshold)
+    return pruning.keep(statistic, threshold)

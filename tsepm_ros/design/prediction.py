@@ -1,7 +1,7 @@
-"""What a method will do with a sonar: how many targets it finds, how soon, and what it makes up.
+"""Predicted performance of a method with a sonar: P_D, confirmation time and false tracks.
 
-The method itself is run. Targets are each simulated in a patch of their own clutter, which is all
-of it that can meet them; what clutter alone confirms is counted over the whole coverage.
+The prediction runs the method itself. Each target is simulated in a patch of clutter that holds all
+clutter within reach of its track. False tracks are counted in clutter alone over the coverage.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from tsepm_ros.simulation import Scenario, Simulator
 
 PATCH_SIGMAS = 4.0
 SEGMENTS = 16
-"""Runs into which the time without a target is divided."""
-PLACEMENT_TRIES = 1000
+"""Number of runs with clutter alone."""
+MAX_PLACEMENT_TRIES = 1000
 ONE_PROCESS = Workers()
 
 
 @dataclass(frozen=True)
-class Found:
-    """What becomes of the targets.
+class TargetStatistics:
+    """Detection and confirmation time of simulated targets.
 
     Attributes
     ----------
     detection : Estimate
         P_D within the case's scans.
     confirmation_time : Estimate
-        Mean time from the first scan to confirmation of those found, s.
+        Mean time from the first scan to the confirmation of the targets found, s.
     slow_confirmation_time : float
-        95 % of those found are confirmed by then, s; nan if none is.
+        Time by which 95 % of the targets found are confirmed, s; nan if none is found.
     """
 
     detection: Estimate
@@ -48,7 +48,7 @@ class Found:
     slow_confirmation_time: float
 
 
-def targets_found(
+def target_statistics(
     case: Case,
     method: str,
     options: dict[str, Any],
@@ -57,7 +57,7 @@ def targets_found(
     seed: int,
     workers: Workers = ONE_PROCESS,
     progress: Progress = silent,
-) -> Found:
+) -> TargetStatistics:
     """Simulate targets, each in its patch of clutter, and run the method on them.
 
     Target i and its clutter depend on (seed, i) only.
@@ -67,7 +67,7 @@ def targets_found(
     case : Case
     method : str
     options : dict
-        For `make_initiator`; a wanted number of false tracks is of the whole coverage.
+        For `make_initiator`; a target false-track rate is that of the whole coverage.
     runs, seed : int
     workers : Workers, optional
     progress : callable, optional
@@ -75,7 +75,7 @@ def targets_found(
     Raises
     ------
     ValueError
-        If no target stays in the coverage so long.
+        If no target stays in the coverage during all scans.
     """
     jobs = []
     for index in range(runs):
@@ -83,9 +83,9 @@ def targets_found(
         point = OperatingPoint(method, options=_for_patch(case, scene, options))
         jobs.append((scene, [seed, index], point))
     chunk = max(1, runs // (8 * workers.processes))
-    done = progress(workers.mapped(_time_found, jobs, chunk), runs)
+    done = progress(workers.mapped(_confirmation_time, jobs, chunk), runs)
     times = [time for time in done if time is not None]
-    return Found(
+    return TargetStatistics(
         detection=proportion(len(times), runs),
         confirmation_time=mean(times),
         slow_confirmation_time=float(np.quantile(times, 0.95)) if times else math.nan,
@@ -102,7 +102,7 @@ def false_tracks_per_hour(
     workers: Workers = ONE_PROCESS,
     progress: Progress = silent,
 ) -> Estimate:
-    """Run the method on clutter alone and count what it confirms.
+    """Rate of tracks that the method confirms on clutter alone.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def false_tracks_per_hour(
     options : dict
         For `make_initiator`.
     scans : int
-        Scans counted, after those in which the potential tracks gather.
+        Number of scans that count, after the scans in which the potential tracks accumulate.
     seed : int
     workers : Workers, optional
     progress : callable, optional
@@ -126,21 +126,20 @@ def false_tracks_per_hour(
 
 
 def _patch(case: Case, rng: np.random.Generator) -> Scenario:
-    """A scene with a target that stays in the coverage, anywhere, and the clutter around its way.
+    """A scene with a target that stays in the coverage, and the clutter about its path.
 
     Raises
     ------
     ValueError
-        If none was found.
+        If no target stays in the coverage.
     """
     sensor = case.sensor
     times = case.interval * (np.arange(case.scans) - 0.5 * (case.scans - 1))
-    for _ in range(PLACEMENT_TRIES):
+    for _ in range(MAX_PLACEMENT_TRIES):
         share, bearing, turn = rng.random(3)
         azimuth = sensor.azimuth_min + bearing * sensor.sector_width
-        range_ = math.sqrt(sensor.min_range**2 * (1.0 - share) + sensor.max_range**2 * share)
-        if case.target_range is not None:
-            range_ = case.target_range
+        square = sensor.min_range**2 * (1.0 - share) + sensor.max_range**2 * share
+        range_ = case.target_range or math.sqrt(square)
         centre = range_ * np.array([math.cos(azimuth), math.sin(azimuth)])
         heading = 2.0 * math.pi * turn
         velocity = case.target_speed * np.array([math.cos(heading), math.sin(heading)])
@@ -161,33 +160,32 @@ def _patch(case: Case, rng: np.random.Generator) -> Scenario:
                 ),
             )
     raise ValueError(
-        f"no target of {case.target_speed:g} m/s was found that stays in the coverage for "
-        f"{case.scans} pings"
+        f"no target of {case.target_speed:g} m/s stays in the coverage for {case.scans} pings"
     )
 
 
 def _patch_size(case: Case, range_: float) -> float:
-    """Half the side of a patch, m: the target's way, its errors, and what clutter paths reach."""
+    """Half the side of a patch, m: the target's path, its errors and the reach of clutter paths."""
     covariance = position_covariance(
         range_, 0.0, case.sensor.range_variance(range_), case.sensor.azimuth_std
     )
-    way = 0.5 * case.target_speed * (case.scans - 1) * case.interval
+    path = 0.5 * case.target_speed * (case.scans - 1) * case.interval
     reach = case.max_speed * case.interval * math.sqrt(case.scans)
-    return way + PATCH_SIGMAS * float(major_sigma(covariance)) + reach
+    return path + PATCH_SIGMAS * float(major_sigma(covariance)) + reach
 
 
 def _for_patch(case: Case, scene: Scenario, options: dict[str, Any]) -> dict[str, Any]:
-    """The options with the patch's share of the wanted false tracks."""
-    wish = options.get("false_tracks_per_hour")
-    if wish is None:
+    """The options with the patch's share of the target false-track rate."""
+    rate = options.get("false_tracks_per_hour")
+    if rate is None:
         return options
-    return {**options, "false_tracks_per_hour": wish * scene.area / case.sensor.coverage_area}
+    return {**options, "false_tracks_per_hour": rate * scene.area / case.sensor.coverage_area}
 
 
-def _time_found(job: tuple[Scenario, list[int], OperatingPoint]) -> float | None:
+def _confirmation_time(job: tuple[Scenario, list[int], OperatingPoint]) -> float | None:
     """Time of the target's true start, s."""
-    judged = simulate(*job).judged()
-    return next((one.track.stamp for one in judged if one.outcome is Outcome.TRUE), None)
+    starts = simulate(*job).judged()
+    return next((start.track.stamp for start in starts if start.outcome is Outcome.TRUE), None)
 
 
 def _count_false(job: tuple[Scenario, list[int], str, dict[str, Any], int]) -> int:

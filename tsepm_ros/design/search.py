@@ -1,4 +1,4 @@
-"""From a sonar's data sheet and a wish to a method's parameters, and what to expect of them."""
+"""Search for a method's parameters at a target false-track rate, with predicted performance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.mn_rules import confirmed_by, rule_detection_probability
 from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
-from tsepm_ros.design.prediction import Found, false_tracks_per_hour, targets_found
+from tsepm_ros.design.prediction import TargetStatistics, false_tracks_per_hour, target_statistics
 from tsepm_ros.methods.score import threshold_plan
 from tsepm_ros.methods.score.likelihood_ratio import MAX_DETECTION_PROBABILITY, miss_increment
 from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
@@ -27,23 +27,23 @@ from tsepm_ros.sensing.conversion import position_covariance
 
 WINDOWS = (8, 12, 16, 24, 32, 48, 64)
 RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
-WORTH_A_LONGER_WINDOW = 0.01
-"""Share of the targets that a longer window must find beyond the shorter."""
-SIMULATED_RULES = 2
-PINGS = 100_000
-"""Simulated pings for the worth of one."""
-CLUTTER_DETECTIONS = 200_000.0
-"""False detections that are simulated without a target, at most."""
-LEAST_DETECTIONS = 20.0
-"""A scan costs as much as one with so many, at least."""
-ENOUGH_FALSE = 10.0
-"""False tracks that tell a rate."""
-FEWEST_CLUTTER_SCANS = 40
+MIN_DETECTION_INCREASE = 0.01
+"""Minimum increase of P_D for the choice of a longer window."""
+MAX_SIMULATED_RULES = 2
+SIMULATED_PINGS = 100_000
+"""Simulated pings for the mean increment of a ping."""
+MAX_CLUTTER_DETECTIONS = 200_000.0
+"""Maximum number of false detections simulated without a target."""
+MIN_DETECTIONS_PER_SCAN = 20.0
+"""Minimum number of detections for the cost of a scan."""
+EXPECTED_FALSE_TRACKS = 10.0
+"""Expected false tracks in a simulation that estimates their rate."""
+MIN_CLUTTER_SCANS = 40
 
 
 @dataclass(frozen=True)
 class Rule:
-    """An M/N rule that keeps the wish.
+    """An M/N rule that keeps the target false-track rate.
 
     Attributes
     ----------
@@ -52,9 +52,9 @@ class Rule:
     one_start : float
         P_D of one start, as in TSEPM 2018, Table 1.
     in_time : float
-        P_D within the case's scans, of as many starts as fit, with the evaluation; without clutter.
+        P_D within the case's scans, of all starts in them, with the evaluation; without clutter.
     false_per_hour : float
-        Confirmations from clutter that pass the evaluation, before merging: an upper estimate.
+        Confirmations from clutter that pass the evaluation, before merging: an upper bound.
     """
 
     min_hits: int
@@ -66,7 +66,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A method with its parameters, and what it was simulated to do.
+    """A method with its parameters and its simulated performance.
 
     Attributes
     ----------
@@ -75,34 +75,35 @@ class Candidate:
     options : dict
         For `make_initiator`.
     false_bound : float
-        Wish that the threshold keeps, or upper estimate of the rule, per hour over the coverage.
-    found : Found
+        Target false-track rate of the threshold, or upper bound of the rule, per hour over the
+        coverage.
+    targets : TargetStatistics
     false_simulated : Estimate
-        Per hour.
+        Simulated false tracks per hour.
     """
 
     name: str
     method: str
     options: dict[str, Any]
     false_bound: float
-    found: Found
+    targets: TargetStatistics
     false_simulated: Estimate
 
     def keeps(self, false_per_hour: float) -> bool:
-        """Whether what was simulated does not speak against it."""
+        """Whether the simulated rate's interval reaches down to the given rate."""
         return self.false_simulated.low <= false_per_hour
 
 
 @dataclass(frozen=True)
-class Worth:
-    """What a ping tells about a target whose place is known, in log-likelihood.
+class PingIncrements:
+    """Mean increments of the log-likelihood ratio by a ping, the target's position known.
 
     Attributes
     ----------
     hit, miss : float
-        Mean gain of the target's own detection, and of none.
+        Increment by the target's own detection, and without a detection.
     scan : float
-        Mean gain of a ping, over all that may be the target's detection: never below 0.
+        Increment by a ping, summed over all detections that may be the target's: at least 0.
     """
 
     hit: float
@@ -110,13 +111,13 @@ class Worth:
     scan: float
 
 
-def worth(case: Case, gate_probability: float) -> Worth:
-    """The most that a ping can tell, on average, at the typical distance.
+def ping_increments(case: Case, gate_probability: float) -> PingIncrements:
+    """Upper bounds of the mean increments by a ping at the typical range.
 
-    For a ping ``E[ln(1 - p_d P_G + (p_d / lambda) sum_j N(z_j; x, R))]`` over the target's
-    detection and the clutter in its gate, R the error at the target's place: the innovation's
-    covariance is never smaller. For a hit alone ``ln(p_d / (lambda 2 pi sqrt|R|)) - 1``, d^2 / 2
-    having the mean 1.
+    A ping adds ``E[ln(1 - p_d P_G + (p_d / lambda) sum_j N(z_j; x, R))]`` over the target's
+    detection and the clutter in its gate. R is the error at the target's position, a lower bound of
+    the innovation covariance. A hit alone adds ``ln(p_d / (lambda 2 pi sqrt|R|)) - 1``, since
+    d^2 / 2 has the mean 1.
     """
     sensor, range_ = case.sensor, case.typical_range
     error = position_covariance(range_, 0.0, sensor.range_variance(range_), sensor.azimuth_std)
@@ -125,48 +126,48 @@ def worth(case: Case, gate_probability: float) -> Worth:
     missed = float(miss_increment(np.array([probability]), gate_probability)[0])
     rng = np.random.default_rng(1)
     edge = 0.5 * gate_factor(gate_probability) ** 2  # d^2 / 2 is uniform in a gate of clutter
-    clutter = rng.poisson(edge * size * sensor.clutter_density, PINGS)
-    owner = np.repeat(np.arange(PINGS), clutter)
+    clutter = rng.poisson(edge * size * sensor.clutter_density, SIMULATED_PINGS)
+    owner = np.repeat(np.arange(SIMULATED_PINGS), clutter)
     own_rate, clutter_rate = _range_rate_ratios(case, owner)
     likelihood = clutter_rate * np.exp(-edge * rng.random(len(owner)))
-    likelihood = np.asarray(np.bincount(owner, likelihood, minlength=PINGS), float)
-    own = rng.exponential(1.0, PINGS)
-    seen = (rng.random(PINGS) < probability) & (own <= edge)
+    likelihood = np.asarray(np.bincount(owner, likelihood, minlength=SIMULATED_PINGS), float)
+    own = rng.exponential(1.0, SIMULATED_PINGS)
+    seen = (rng.random(SIMULATED_PINGS) < probability) & (own <= edge)
     likelihood += np.where(seen, own_rate * np.exp(-own), 0.0)
     scale = probability / (sensor.clutter_density * size)
     mean = float(np.log(math.exp(missed) + scale * likelihood).mean())
     hit = math.log(scale) - 1.0 + float(np.log(own_rate).mean())
-    return Worth(hit=hit, miss=missed, scan=max(mean, 0.0))
+    return PingIncrements(hit=hit, miss=missed, scan=max(mean, 0.0))
 
 
 def _range_rate_ratios(case: Case, owner: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """``N(e; 0, s^2) / p(c)`` of a target's range rates, (PINGS,), and of clutter's in its gate.
+    """``N(e; 0, s^2) / p(c)`` of the range rates of targets and of clutter in their gates.
 
-    `owner` (n,) is the ping of each false detection. The target's speed is known, as its place is,
-    its heading any; all 1 where range rates are not used.
+    `owner` (n,) is the ping of each false detection. The target of each ping has the case's speed
+    and a random heading. All ratios are 1 if range rates are not used.
     """
     sensor = case.sensor
     sigma, half = sensor.range_rate_std, sensor.clutter_range_rate
     if not sigma:
-        return np.ones(PINGS), np.ones(len(owner))
+        return np.ones(SIMULATED_PINGS), np.ones(len(owner))
     rng = np.random.default_rng(2)
-    true = case.target_speed * np.cos(rng.uniform(-math.pi, math.pi, PINGS))
+    true = case.target_speed * np.cos(rng.uniform(-math.pi, math.pi, SIMULATED_PINGS))
 
     def ratio(rate: FloatArray, expected: FloatArray) -> FloatArray:
         likely = np.exp(-0.5 * np.square((rate - expected) / sigma)) / math.sqrt(2.0 * math.pi)
         density = half / (math.pi * (half**2 + np.square(rate)))
         return np.asarray(likely / sigma / density)
 
-    own = ratio(true + sigma * rng.standard_normal(PINGS), true)
+    own = ratio(true + sigma * rng.standard_normal(SIMULATED_PINGS), true)
     return own, ratio(half * rng.standard_cauchy(len(owner)), true[owner])
 
 
 def score_thresholds(
     case: Case, options: ScoreOptions, windows: Sequence[int]
 ) -> list[tuple[float, float]]:
-    """For each window the threshold of `score`, and the share of targets that passes it.
+    """For each window the threshold of `score` and the share of targets that pass it.
 
-    The share is that within the case's scans, without clutter.
+    The targets have the case's scans, without clutter.
     """
     plans = threshold_plan.score_plans(
         case.sensor,
@@ -188,17 +189,17 @@ def score_thresholds(
 
 
 def score_window(case: Case, options: ScoreOptions) -> int:
-    """The shortest window beyond which hardly more targets are found."""
+    """The shortest window beyond which P_D hardly increases."""
     windows = [window for window in WINDOWS if window <= max(case.scans, WINDOWS[0])]
     shares = np.array([share for _, share in score_thresholds(case, options, windows)])
-    return windows[int(np.argmax(shares >= shares.max() - WORTH_A_LONGER_WINDOW))]
+    return windows[int(np.argmax(shares >= shares.max() - MIN_DETECTION_INCREASE))]
 
 
 def rules_within(case: Case, options: TsepmOptions, false_per_hour: float) -> list[Rule]:
-    """For each window the rule of fewest hits that keeps the wish, if there is one."""
+    """For each window the rule of fewest hits that keeps the target false-track rate, if any."""
     windows = [window for window in RULE_WINDOWS if window <= case.scans]
-    found = (_rule_within(case, options, false_per_hour, window) for window in windows)
-    return [rule for rule in found if rule is not None]
+    rules = (_rule_within(case, options, false_per_hour, window) for window in windows)
+    return [rule for rule in rules if rule is not None]
 
 
 def _rule_within(
@@ -229,10 +230,10 @@ def _rule_within(
 
 
 def clutter_scans(case: Case, false_per_hour: float) -> int:
-    """Scans of clutter alone to simulate: enough to tell the wish, as far as the work allows."""
-    affordable = CLUTTER_DETECTIONS / max(case.detections_per_scan, LEAST_DETECTIONS)
-    enough = ENOUGH_FALSE / false_per_hour * case.scans_per_hour
-    return int(max(min(enough, affordable), FEWEST_CLUTTER_SCANS))
+    """Number of scans with clutter alone: EXPECTED_FALSE_TRACKS at the rate, within the cost."""
+    affordable = MAX_CLUTTER_DETECTIONS / max(case.detections_per_scan, MIN_DETECTIONS_PER_SCAN)
+    needed = EXPECTED_FALSE_TRACKS / false_per_hour * case.scans_per_hour
+    return int(max(min(needed, affordable), MIN_CLUTTER_SCANS))
 
 
 def candidates(
@@ -242,52 +243,53 @@ def candidates(
     rules: list[Rule],
     **simulation: Any,
 ) -> Iterator[Candidate]:
-    """The method `score` and the most promising M/N rules, each run on targets and on clutter.
+    """The method `score` and the M/N rules of highest P_D, each run on targets and on clutter.
 
     Parameters
     ----------
     case : Case
     score : ScoreOptions
     tsepm : TsepmOptions
-        But for the rule.
+        Options besides the rule.
     rules : list of Rule
-        That keep the wish.
+        Rules that keep the target false-track rate.
     **simulation
-        `runs`, `seed`, `workers` and `progress`, see `targets_found`.
+        `runs`, `seed`, `workers` and `progress`, see `target_statistics`.
     """
     common = dataclasses.asdict(case.common)
-    wish = score.false_tracks_per_hour
-    chosen = [("score", "score", dataclasses.asdict(score), wish)]
-    for rule in sorted(rules, key=lambda rule: -rule.in_time)[:SIMULATED_RULES]:
+    rate = score.false_tracks_per_hour
+    chosen = [("score", "score", dataclasses.asdict(score), rate)]
+    for rule in sorted(rules, key=lambda rule: -rule.in_time)[:MAX_SIMULATED_RULES]:
         changes = {"min_hits": rule.min_hits, "window": rule.window}
         name = f"tsepm {rule.min_hits}/{rule.window}"
         chosen.append(
             (name, "tsepm", {**dataclasses.asdict(tsepm), **changes}, rule.false_per_hour)
         )
-    alone = {name: value for name, value in simulation.items() if name != "runs"}
-    scans = clutter_scans(case, wish)
+    without_runs = {name: value for name, value in simulation.items() if name != "runs"}
+    scans = clutter_scans(case, rate)
     for name, method, own, bound in chosen:
         options = {**common, **own}
-        found = targets_found(case, method, options, **simulation)
-        false = false_tracks_per_hour(case, method, options, scans=scans, **alone)
-        yield Candidate(name, method, options, bound, found, false)
+        targets = target_statistics(case, method, options, **simulation)
+        false = false_tracks_per_hour(case, method, options, scans=scans, **without_runs)
+        yield Candidate(name, method, options, bound, targets, false)
 
 
 def remedies(case: Case) -> list[tuple[str, Case]]:
-    """Changes that may help where targets are not found, with the case as it would be."""
+    """Changes that may raise P_D, each with the changed case."""
     sensor = case.sensor
 
     def changed(**values: float) -> Case:
         return dataclasses.replace(case, sensor=dataclasses.replace(sensor, **values))
 
-    errors = {"range_std": 0.5 * sensor.range_std}
-    errors["range_std_fraction"] = 0.5 * sensor.range_std_fraction
+    range_errors = {
+        name: 0.5 * getattr(sensor, name) for name in ("range_std", "range_std_fraction")
+    }
     farthest = max(0.7 * sensor.max_range, 0.5 * (sensor.min_range + sensor.max_range))
     changes = [
         ("twice as many pings", dataclasses.replace(case, scans=2 * case.scans)),
         ("half the sector", changed(azimuth_max=sensor.azimuth_min + 0.5 * sensor.sector_width)),
         ("half the bearing error", changed(azimuth_std=0.5 * sensor.azimuth_std)),
-        ("half the range error", changed(**errors)),
+        ("half the range error", changed(**range_errors)),
         ("half the clutter", changed(clutter_density=0.5 * sensor.clutter_density)),
     ]
     if case.target_range is None:
@@ -295,17 +297,17 @@ def remedies(case: Case) -> list[tuple[str, Case]]:
     return changes
 
 
-def with_remedies(
+def remedied_detection(
     case: Case, score: ScoreOptions, *, given_window: bool, **simulation: Any
 ) -> Iterator[tuple[str, Estimate]]:
-    """What the method `score` finds as it is, with each change, and with a larger wish.
+    """P_D of the method `score` as given, with each change, and at a larger false-track rate.
 
     Parameters
     ----------
     case : Case
     score : ScoreOptions
     given_window : bool
-        Whether its window stays.
+        Whether the window of `score` is kept.
     **simulation
         As in `candidates`.
     """
@@ -316,5 +318,5 @@ def with_remedies(
     for text, changed, options in cases:
         window = score.window if given_window else score_window(changed, options)
         given = {**dataclasses.asdict(case.common), **dataclasses.asdict(options)}
-        found = targets_found(changed, "score", {**given, "window": window}, **simulation)
-        yield text, found.detection
+        values = {**given, "window": window}
+        yield text, target_statistics(changed, "score", values, **simulation).detection

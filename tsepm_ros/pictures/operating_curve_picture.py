@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from tsepm_ros.analysis.intervals import Estimate, error_bars
 from tsepm_ros.analysis.measures import SECONDS_PER_HOUR
-from tsepm_ros.analysis.operating_curve import LEAST_FALSE, Curve
+from tsepm_ros.analysis.operating_curve import MIN_FALSE_STARTS, Curve
 from tsepm_ros.analysis.performance import Evaluated
 from tsepm_ros.pictures.point_labels import PointLabel, label_points
 
@@ -101,8 +101,8 @@ def _styles(evaluation: Evaluated) -> dict[str, tuple[str, str]]:
 def _operating_curve(axis: Axes, evaluation: Evaluated) -> None:
     """A marker with intervals per point, and the operating curve of each method."""
     x, y = _coordinates(evaluation)
-    false = [figures.false_density for figures in evaluation.figures]
-    detection = [figures.detection for figures in evaluation.figures]
+    false = [measures.false_density for measures in evaluation.measures]
+    detection = [measures.detection for measures in evaluation.measures]
     x_bars, y_bars = error_bars(x, false), error_bars(y, detection)
     methods = np.array([point.method for point in evaluation.points])
     for method, (colour, marker) in _styles(evaluation).items():
@@ -131,9 +131,9 @@ def _operating_curve(axis: Axes, evaluation: Evaluated) -> None:
 def _coordinates(evaluation: Evaluated) -> tuple[FloatArray, FloatArray]:
     """Coordinates of the points: false starts per scan and km^2, and P_D."""
     unit = evaluation.scans * evaluation.scenario.area / 1e6
-    min_false = LEAST_FALSE / evaluation.figures[0].runs / unit
-    false = np.array([figures.false_density.value for figures in evaluation.figures])
-    detection = np.array([figures.detection.value for figures in evaluation.figures])
+    min_false = MIN_FALSE_STARTS / evaluation.measures[0].runs / unit
+    false = np.array([measures.false_density.value for measures in evaluation.measures])
+    detection = np.array([measures.detection.value for measures in evaluation.measures])
     return np.maximum(false, min_false), detection
 
 
@@ -177,10 +177,10 @@ def _nees(axis: Axes, evaluation: Evaluated) -> None:
 def _rows(axis: Axes, evaluation: Evaluated, full: str, hollow: str) -> None:
     """Two figures per operating point, one row per point."""
     styles = _styles(evaluation)
-    for row, (point, figures) in enumerate(zip(evaluation.points, evaluation.figures, strict=True)):
+    for row, (point, measures) in enumerate(zip(evaluation.points, evaluation.measures, strict=True)):
         colour, marker = styles[point.method]
         for name, face, shift in ((full, colour, -0.12), (hollow, "white", 0.12)):
-            estimate: Estimate = getattr(figures, name)
+            estimate: Estimate = getattr(measures, name)
             value = np.array([estimate.value])
             axis.errorbar(
                 value,

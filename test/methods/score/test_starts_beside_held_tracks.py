@@ -11,7 +11,7 @@ from support.score_scenes import score, sea
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import record
+from tsepm_ros.analysis.run_summary import summarise
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -68,7 +68,7 @@ def test_few_targets_in_clutter_are_started_twice():
     # 0.003 a run are expected.
     scene = load_scenario("box")
     point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
-    runs = [record(simulate(scene, [17, index], point)) for index in range(60)]
+    runs = [summarise(simulate(scene, [17, index], point)) for index in range(60)]
     assert sum(run.count(Outcome.TRUE) for run in runs) >= 50
     assert sum(run.count(Outcome.REDUNDANT) for run in runs) <= 3
 
