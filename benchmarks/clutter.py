@@ -1,6 +1,6 @@
-"""Time per scan, memory and counts against clutter density, beside the oracle and the peers.
+"""Time per scan, memory and counts against clutter density, of the package, the oracle and peers.
 
-All contenders get the same scans, each in its own process with one thread, scan by scan in turn.
+All contenders process the same scans in turn, each in its own process with one thread.
 Prints tables and writes clutter.json.
 
     python benchmarks/clutter.py [--densities calm 1e-6 5e-6] [--contenders tsepm-5/8 norfair-5]
@@ -37,15 +37,15 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--contenders", nargs="+", choices=CONTENDERS, default=[*CONTENDERS])
     parser.add_argument("--scans", type=int, default=32, help="scans per density")
     parser.add_argument("--seed", type=int, default=1)
-    text = "scans in a row before the next contender's turn; 1: cold caches, more: warm"
+    text = "scans per turn of a contender; 1: cold caches, more: warm caches"
     parser.add_argument("--block", type=int, default=1, help=text)
-    parser.add_argument("--scan-limit", type=float, default=60.0, help="s a scan may take")
-    parser.add_argument("--total-limit", type=float, default=120.0, help="s all its scans may take")
+    parser.add_argument("--scan-limit", type=float, default=60.0, help="limit of a scan's time, s")
+    parser.add_argument("--total-limit", type=float, default=120.0, help="limit of all scans, s")
     parser.add_argument("--output", type=Path, default=BUILD, help="folder for the JSON")
     options = parser.parse_args()
     if options.scans < 2 or options.block < 1:
         parser.error("--scans must be at least 2 and --block at least 1")
-    # As numbers are usually written, ascending: 0.000001 becomes 1e-06.
+    # In the usual notation, ascending: 0.000001 becomes 1e-06.
     names = {density_of(name): name for name in options.densities}
     options.densities = [
         name if name == CALM else f"{density:g}" for density, name in sorted(names.items())

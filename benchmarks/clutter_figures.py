@@ -1,7 +1,7 @@
-"""From raw times to figures: summaries, ratios, exponents and requirements.
+"""Figures from raw times: summaries, ratios, exponents and requirements.
 
-Times are wall time. Ratios and growth are of processor time: on an idle machine it is the same, and
-on a busy one a contender that runs long enough to be interrupted would come off worse.
+Times are wall time. Ratios and growth are of processor time, which equals wall time on an idle
+machine. On a busy machine wall time penalises contenders that run long enough to be interrupted.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.numerics.arrays import FloatArray
 
 REFERENCE = "tsepm-5/8"
-"""Whom the others' times are divided by."""
+"""Contender that the ratios refer to."""
 ORACLE = "oracle-5/8"
 PEERS = ("stonesoup-5/8", "stonesoup-tuned-5/8", "stonesoup-xy-5/8")
 SETTLED = max(entry.window for entry in CONTENDERS.values()) - 1
-"""First scan whose window holds scans for every rule."""
-FEWEST_PAIRS = 5
-"""Settled scans below which the figures are taken from all scans but the first."""
+"""First scan at which the window of every rule is full."""
+MIN_PAIRS = 5
+"""Minimum number of settled scans; with fewer, all scans but the first are used."""
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """All contenders at one density, by its name; theory is of those with the method tsepm."""
+    """All contenders at a named density; the theory is that of contenders with method tsepm."""
 
     name: str
     scene: Scene
@@ -46,7 +46,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Processor time over the reference's, scan by scan: median, 10 % and 90 %, and in sum."""
+    """Ratio of processor time to the reference's: median, 10 % and 90 % of the scans, and sum."""
 
     median: float
     low: float
@@ -60,7 +60,7 @@ class Ratio:
 class Summary:
     """Figures of a contender in one timing; times in s, memory in MB."""
 
-    scans: int  # that it finished
+    scans: int  # finished
     median: float  # wall time of the settled scans
     p95: float
     mean_cpu: float
@@ -74,12 +74,12 @@ class Summary:
     new: int  # tracks, in all scans
     of_target: int
     first_of_target: int  # scan; -1: none
-    stopped: str  # why it did not finish; empty if it did
+    stopped: str  # reason for an early end; empty if finished
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """A figure that must hold, as measured; `holds` is None where it was not measured."""
+    """A requirement with its measured value; `holds` is None if it was not measured."""
 
     text: str
     measured: str = "not measured"
@@ -87,7 +87,7 @@ class Requirement:
 
 
 def theory_of(scene: Scene, names: Sequence[str]) -> dict[str, Expected]:
-    """Expected counts for the contenders with method tsepm."""
+    """Expected counts of the contenders with method tsepm."""
     sea, sensor = scene.sea, scene.sea.sensor()
     speed, probability = sea.max_speed, sea.gate_probability
     gating = Gating(
@@ -102,23 +102,23 @@ def theory_of(scene: Scene, names: Sequence[str]) -> dict[str, Expected]:
 
 
 def settled(scans: int) -> slice:
-    """The scans from which medians and means are taken."""
-    return slice(SETTLED, scans) if scans >= SETTLED + FEWEST_PAIRS else slice(1, scans)
+    """The settled scans, of which medians and means are taken."""
+    return slice(SETTLED, scans) if scans >= SETTLED + MIN_PAIRS else slice(1, scans)
 
 
 def ratio_to(peer: PeerTimes, reference: PeerTimes | None) -> Ratio | None:
-    """Pair the times of the scans that both finished; None if there are too few."""
+    """Ratio over the scans that both finished; None if there are too few."""
     if reference is None:
         return None
     pairs = min(len(peer.seconds), len(reference.seconds))
     if pairs < 2:
         return None
-    own, other = np.array(peer.cpu[:pairs]), np.array(reference.cpu[:pairs])
+    own, base = np.array(peer.cpu[:pairs]), np.array(reference.cpu[:pairs])
     part = settled(pairs)
-    each = (own / other)[part]
-    low, median, high = np.percentile(each, [10, 50, 90])
+    ratios = (own / base)[part]
+    low, median, high = np.percentile(ratios, [10, 50, 90])
     return Ratio(
-        median, low, high, float(own.sum() / other.sum()), len(each), part.start == SETTLED
+        median, low, high, float(own.sum() / base.sum()), len(ratios), part.start == SETTLED
     )
 
 
@@ -130,7 +130,7 @@ def summarise(timing: Timing, name: str) -> Summary:
     times = np.array(peer.seconds[part]) if scans > 1 else np.full(1, np.nan)
     keys = peer.counts[0] if peer.counts else {}
     targets = [sum(timing.scene.is_target(hits) for hits in new) for new in peer.hits]
-    found = [scan for scan, count in enumerate(targets) if count]
+    confirming = [scan for scan, count in enumerate(targets) if count]
     return Summary(
         scans=scans,
         median=float(np.median(times)),
@@ -148,37 +148,37 @@ def summarise(timing: Timing, name: str) -> Summary:
         cut=sum(counts.get("cut", 0) for counts in peer.counts),
         new=sum(len(new) for new in peer.hits),
         of_target=sum(targets),
-        first_of_target=found[0] if found else -1,
+        first_of_target=confirming[0] if confirming else -1,
         stopped=peer.stopped,
     )
 
 
 def agreement(timings: Sequence[Timing]) -> tuple[int, int, int]:
-    """Scans that reference and oracle both finished, those with the same states, and hits.
+    """Scans finished by reference and oracle, scans with equal states, and scans with equal hits.
 
-    A merged track's hits are its best member's, and members can tie exactly in f_1: of five hits in
-    five scans the residual of the second does not depend on the fifth. Rounding then decides.
+    A merged track's hits are its best member's. Members can tie exactly in f_1, since of five hits
+    in five scans the residual of the second does not depend on the fifth; then rounding decides.
     """
     tracks, hits = [], []
     for timing in timings:
         if REFERENCE not in timing.peers or ORACLE not in timing.peers:
             continue
-        own, other = timing.peers[REFERENCE], timing.peers[ORACLE]
-        tracks += [_same_states(*pair) for pair in zip(own.states, other.states, strict=False)]
-        hits += [sorted(a) == sorted(b) for a, b in zip(own.hits, other.hits, strict=False)]
+        own, oracle = timing.peers[REFERENCE], timing.peers[ORACLE]
+        tracks += [_same_states(*pair) for pair in zip(own.states, oracle.states, strict=False)]
+        hits += [sorted(a) == sorted(b) for a, b in zip(own.hits, oracle.hits, strict=False)]
     return len(tracks), sum(tracks), sum(hits)
 
 
-def _same_states(one: FloatArray | None, other: FloatArray | None) -> bool:
-    if one is None or other is None or one.shape != other.shape:
+def _same_states(first: FloatArray | None, second: FloatArray | None) -> bool:
+    if first is None or second is None or first.shape != second.shape:
         return False
-    in_order = [states[np.argsort(states[:, 0])] for states in (one, other)]
+    in_order = [states[np.argsort(states[:, 0])] for states in (first, second)]
     return bool(np.allclose(*in_order, rtol=1e-9, atol=1e-6))
 
 
 @dataclass(frozen=True)
 class CostModel:
-    """Processor time per scan as a sum over counts, s each; fitted, none below 0."""
+    """Processor time per scan, linear in the counts: fitted coefficients, s, none below 0."""
 
     scan: float
     detection: float
@@ -186,7 +186,7 @@ class CostModel:
     raw: float
 
     def predict(self, detections: float, expected: Expected, part: slice) -> float:
-        """Mean time of the scans of a part, from expected counts within the limits."""
+        """Mean time of the scans of a part, from expected counts cut at the limits."""
         limits = CommonOptions()
         potential = np.minimum(expected.potential, limits.max_potential_tracks)[part].mean()
         raw = np.minimum(expected.raw, limits.max_raw_confirmations)[part].mean()
@@ -196,7 +196,7 @@ class CostModel:
 
 
 def fit_cost(timings: Sequence[Timing], name: str) -> CostModel | None:
-    """Fit the times of all a contender's scans, each weighted by 1/time; None if there are none."""
+    """Fit the times of a contender's scans with weights 1/time; None if there are too few."""
     rows, times = [], []
     for timing in timings:
         peer = timing.peers[name]
@@ -214,16 +214,16 @@ def exponents(timings: Sequence[Timing]) -> dict[str, list[float]]:
     """Growth d log(value) / d log(lambda) between neighbouring densities, by row.
 
     Rows are processor times of all contenders (mean of the settled scans) and, for method tsepm,
-    counts as measured and as the theory has them. nan where a value is missing or 0.
+    measured and theoretical counts. nan where a value is missing or 0.
     """
     names, values = zip(*_grown(timings).items(), strict=True)
-    steps = np.diff(np.log([timing.density for timing in timings]))
-    growth = np.diff(np.log(np.where(np.array(values) > 0.0, values, np.nan))) / steps
+    log_density_ratios = np.diff(np.log([timing.density for timing in timings]))
+    growth = np.diff(np.log(np.where(np.array(values) > 0.0, values, np.nan))) / log_density_ratios
     return dict(zip(names, growth.tolist(), strict=True))
 
 
 def _grown(timings: Sequence[Timing]) -> dict[str, list[float]]:
-    """What the exponents are of, a value per timing."""
+    """Values whose growth is measured, one per timing, by row."""
     rows: dict[str, list[float]] = {}
     for name in timings[0].peers:
         summaries = [summarise(timing, name) for timing in timings]
@@ -253,20 +253,21 @@ def _grown(timings: Sequence[Timing]) -> dict[str, list[float]]:
 
 
 def raw_before_cut(counts: dict[str, float]) -> float:
-    """Raw confirmations with those that the limit cut."""
+    """Raw confirmations, those cut by the limit included."""
     return counts.get("raw", 0.0) + counts.get("cut_raw", 0.0)
 
 
 def requirements(timings: Sequence[Timing]) -> list[Requirement]:
-    """What must hold, beside what was measured."""
+    """All requirements with their measured values."""
     by_name = {timing.name: timing for timing in timings}
-    found = [_at_least(by_name.get("1e-06"), peer, 150.0, "median ratio at 1e-6") for peer in PEERS]
-    found.append(_oracle_ratio(by_name.get("3e-06")))
-    found.append(_same_output(timings))
-    found.extend(_bounded(by_name.get("5e-06"), 0.1, 1000.0))
-    found.extend(_bounded(by_name.get("1e-05"), 1.0, None))
-    found.extend(_at_least(by_name.get("calm"), peer, 20.0, "median ratio, calm") for peer in PEERS)
-    return found
+    return [
+        *(_at_least(by_name.get("1e-06"), peer, 150.0, "median ratio at 1e-6") for peer in PEERS),
+        _oracle_ratio(by_name.get("3e-06")),
+        _same_output(timings),
+        *_bounded(by_name.get("5e-06"), 0.1, 1000.0),
+        *_bounded(by_name.get("1e-05"), 1.0, None),
+        *(_at_least(by_name.get("calm"), peer, 20.0, "median ratio, calm") for peer in PEERS),
+    ]
 
 
 def _at_least(timing: Timing | None, peer: str, needed: float, text: str) -> Requirement:
@@ -305,7 +306,7 @@ def _bounded(timing: Timing | None, share: float, megabytes: float | None) -> li
     summary = summarise(timing, REFERENCE)
     limit = share * timing.scene.sea.period
     finished = not summary.stopped
-    found = [
+    bounds = [
         Requirement(
             f"worst scan at {timing.name}: {REFERENCE} at most {limit:g} s",
             f"{summary.worst:.2f} s, {summary.cut} cut in {summary.scans} scans",
@@ -315,5 +316,5 @@ def _bounded(timing: Timing | None, share: float, megabytes: float | None) -> li
     if megabytes is not None:
         text = f"peak memory at {timing.name}: {REFERENCE} under {megabytes:g} MB"
         holds = finished and summary.memory < megabytes
-        found.append(Requirement(text, f"{summary.memory:.0f} MB", holds))
-    return found
+        bounds.append(Requirement(text, f"{summary.memory:.0f} MB", holds))
+    return bounds

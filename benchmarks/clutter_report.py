@@ -1,4 +1,4 @@
-"""The figures of the peer timing as text and as JSON."""
+"""Report of the peer timing as text and as JSON."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def _times(summaries: dict[str, Summary]) -> str:
     for name, item in summaries.items():
         ratio = ["-", "-", "-"]
         if item.ratio is not None:
-            spread = f"{item.ratio.low:.3g}-{item.ratio.high:.3g}"
-            ratio = [f"{item.ratio.median:.3g}", spread, f"{item.ratio.over_run:.3g}"]
+            interval = f"{item.ratio.low:.3g}-{item.ratio.high:.3g}"
+            ratio = [f"{item.ratio.median:.3g}", interval, f"{item.ratio.over_run:.3g}"]
         times = [_number(1e3 * value) for value in (item.median, item.p95, item.worst)]
         memory = [_number(item.memory), _number(item.memory_at_start)]
         first = str(item.first_of_target) if item.of_target else "-"
@@ -77,9 +77,9 @@ def _number(value: float) -> str:
 
 
 def growth_text(timings: Sequence[Timing]) -> str:
-    """Exponents between neighbouring densities, and what a unit of each count costs."""
+    """Exponents between neighbouring densities, and the fitted cost of each count."""
     head = ["d log / d log(clutter)"]
-    head += [f"{one.name}..{other.name}" for one, other in itertools.pairwise(timings)]
+    head += [f"{low.name}..{high.name}" for low, high in itertools.pairwise(timings)]
     rows = [
         [row, *("-" if math.isnan(value) else f"{value:.2f}" for value in values)]
         for row, values in figures.exponents(timings).items()
@@ -96,15 +96,15 @@ def growth_text(timings: Sequence[Timing]) -> str:
     return "\n".join(lines)
 
 
-def requirements_text(found: Sequence[Requirement]) -> str:
+def requirements_text(results: Sequence[Requirement]) -> str:
     """A line per requirement."""
     words = {True: "holds", False: "FALLS SHORT", None: "-"}
-    return "\n".join(f"{words[item.holds]:11s}  {item.text}: {item.measured}" for item in found)
+    return "\n".join(f"{words[item.holds]:11s}  {item.text}: {item.measured}" for item in results)
 
 
 def environment() -> dict[str, Any]:
-    """What was measured on."""
-    installed = {one.name: one.version for one in metadata.distributions()}
+    """Versions and processor of this machine."""
+    installed = {package.name: package.version for package in metadata.distributions()}
     return {
         "python": platform.python_version(),
         "processor": _processor(),
@@ -123,7 +123,7 @@ def _processor() -> str:
 
 
 def as_json(timings: Sequence[Timing], options: dict[str, Any]) -> str:
-    """Everything measured, with the figures made from it."""
+    """All measurements with the figures derived from them."""
     content = {
         "environment": environment(),
         "options": options,
@@ -131,7 +131,7 @@ def as_json(timings: Sequence[Timing], options: dict[str, Any]) -> str:
         "exponents": figures.exponents(timings),
         "requirements": [dataclasses.asdict(item) for item in figures.requirements(timings)],
     }
-    # JSON has no number for nan: null.
+    # nan becomes null: JSON has no nan.
     return json.dumps(json.loads(json.dumps(content), parse_constant=lambda _: None), indent=1)
 
 

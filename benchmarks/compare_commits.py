@@ -1,10 +1,11 @@
-"""Compare what two commits put out, on random scenes, recordings and a bag; or, --time, their time.
+"""Compare the outputs of two commits on random scenes, recordings and a bag, or their time.
 
 python benchmarks/compare_commits.py BASE [HEAD] [--tolerance 1e-12] [--time]
 
-HEAD is the working tree if not given. Differences are relative to the norm of BASE's; tolerance 0
-asks for every bit. A scene at which a side fails is compared up to there, and counted as
-shorter there: where HEAD (H) fails is a difference, where BASE (B) alone does is not.
+HEAD is the working tree if not given. Differences are relative to the norm of BASE's numbers;
+tolerance 0 requires equality to the bit. If a side fails in a scene, the scans before are compared
+and the side counts as shorter. A failure of HEAD (H) is a difference, a failure of BASE (B) alone
+is not.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ Run = dict[str, Any]
 
 
 def compare(base: Run, head: Run) -> Counter[str]:
-    """Count what differs in one run, and the largest differences of numbers."""
+    """Count the differences in one run, and find the largest differences of numbers."""
     pairs = list(zip(base["scans"], head["scans"], strict=False))
     counts = Counter({"runs": 1, "tracks": sum(len(a["hits"]) for a, _ in pairs)})
     counts["other hits"] = any(a["hits"] != b["hits"] for a, b in pairs)
@@ -60,7 +61,7 @@ def compare(base: Run, head: Run) -> Counter[str]:
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
-    """Largest difference of rows against the norm of the first, and of figures at least 1."""
+    """Largest difference of rows relative to the first's norm; for figures to at least 1."""
     if a.shape != b.shape:
         return np.inf
     with np.errstate(invalid="ignore"):
@@ -71,33 +72,33 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def report(pairs: Iterable[tuple[Run, Run]], tolerance: float) -> bool:
-    """Print a table of comparisons and where they differ; returns whether all is well."""
+    """Print a table of comparisons and the differing runs; returns whether all runs agree."""
     table: dict[str, Counter[str]] = {}
-    differing, well = [], True
+    differing, agree = [], True
     for base, head in pairs:
-        found, row = compare(base, head), table.setdefault(base["row"], Counter())
+        counts, row = compare(base, head), table.setdefault(base["row"], Counter())
         for name in COUNTED:
-            row[name] += found[name]
+            row[name] += counts[name]
         for name in NUMBERS:
-            row[name] = max(row[name], found[name])
-        bad = found["other hits"] or found["other counts"] or found["H shorter"]
-        bad = bad or not base["scans"] or max(found[name] for name in NUMBERS) > tolerance
-        bad = bad or (tolerance == 0.0 and not found["to the bit"])
-        well &= not bad
-        if bad or found["B shorter"]:
-            kind = "DIFFERS" if bad else "BASE failed"
-            abouts = dict.fromkeys((base["about"], head["about"]))  # an exception is part of it
+            row[name] = max(row[name], counts[name])
+        differs = counts["other hits"] or counts["other counts"] or counts["H shorter"]
+        differs = differs or max(counts[name] for name in NUMBERS) > tolerance
+        differs = differs or not base["scans"] or (tolerance == 0.0 and not counts["to the bit"])
+        agree &= not differs
+        if differs or counts["B shorter"]:
+            kind = "DIFFERS" if differs else "BASE failed"
+            abouts = dict.fromkeys((base["about"], head["about"]))  # with the exception, if any
             differing.append(f"{kind}: {base['row']}, {' | '.join(abouts)}")
     print(f"{'':28}" + "".join(f"{name:>13}" for name in (*COUNTED, *NUMBERS)))
     for name, row in table.items():
         cells = [*(str(row[key]) for key in COUNTED), *(f"{row[key]:.1e}" for key in NUMBERS)]
         print(f"{name:28}" + "".join(f"{cell:>13}" for cell in cells))
-    print(*differing[:40], f"... {len(differing)} in all" * (len(differing) > 40), sep="\n")
-    return well
+    print(*differing[:40], f"... {len(differing)} in total" * (len(differing) > 40), sep="\n")
+    return agree
 
 
 class Side:
-    """A tree of files, and a folder to run it in."""
+    """A source tree and the folder in which it runs."""
 
     def __init__(self, tree: Path, work: Path) -> None:
         self.tree, self.work = tree, work
@@ -106,12 +107,12 @@ class Side:
         self.work.mkdir()
 
     def worker(self, *arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
-        """Run the worker to its end."""
+        """Run the worker until it ends."""
         command = [*WORKER, *map(str, arguments)]
         return subprocess.run(command, env=self.environment, cwd=self.work, text=True, **options)
 
     def scenes(self, number: int) -> Path:
-        """Run the random scenes; returns the file with what they gave."""
+        """Run the random scenes; returns the file of their results."""
         self.worker("scenes", self.work / "scenes", number, check=True)
         return self.work / "scenes"
 
@@ -127,7 +128,7 @@ class Side:
         if done.returncode:
             return result | {"about": done.stderr[-200:]}
         with (out / "tracks.csv").open(encoding="utf-8", newline="") as file:
-            table = [row[:-1] for row in csv.reader(file)]  # without the sentence
+            table = [row[:-1] for row in csv.reader(file)]  # without the column of sentences
         scans = list(_clouds(out / "tracks.mcap"))
         dropped = sorted(re.findall(r"dropped: (\d+) ", done.stderr))
         scans[-1] |= {"bytes": (*scans[-1]["bytes"], table), "statistics": {"dropped": dropped}}
@@ -135,7 +136,7 @@ class Side:
 
 
 def _clouds(path: Path) -> Iterator[Run]:
-    """What each scan gave, from the messages on `tracks` and `tracks/current`."""
+    """Results of each scan, from the messages on `tracks` and `tracks/current`."""
     with AnyReader([path], default_typestore=STORE) as bag:
         messages = [(link.topic, time, data) for link, time, data in bag.messages()]
     new, held = ([m for m in messages if m[0] == t] for t in ("/tracks", "/tracks/current"))
@@ -165,7 +166,7 @@ def _columns(points: np.ndarray, prefix: str | tuple[str, ...]) -> np.ndarray:
 
 
 def runs(sides: list[Side], scenes: int, recordings: Path) -> Iterator[tuple[Run, Run]]:
-    """Iterate over all pairs of runs; the two of a pair are at work at the same time."""
+    """Iterate over all pairs of runs; the two runs of a pair are done at the same time."""
     bag = sides[0].work / "bag"
     sides[0].worker("bag", bag, check=True)
     plan = [(name, bag, f"method:={name} {NOISE} sensor.max_range:=3000.0") for name in OPTIONS]
@@ -180,29 +181,27 @@ def runs(sides: list[Side], scenes: int, recordings: Path) -> Iterator[tuple[Run
         with next(paths).open("rb") as base, next(paths).open("rb") as head:
             for _ in range(scenes * len(OPTIONS) + scenes // 4):
                 yield pickle.load(base), pickle.load(head)
-        for one in plan:
-            base_run, head_run = pool.map(lambda side, one=one: side.run(*one), sides)
+        for entry in plan:
+            base_run, head_run = pool.map(lambda side, entry=entry: side.run(*entry), sides)
             yield base_run, head_run
 
 
 def time_both(sides: list[Side], repeats: int) -> None:
-    """Print the processor time per ping of both, who take turns ping by ping, and the ratio."""
+    """Print the processor time per ping of both sides, ping by ping in turn, and the ratio."""
     print("method  density  BASE ms  HEAD ms  HEAD / BASE: median (min .. max of the repeats)")
     for method in ("tsepm", "score"):
         for density in (3.6e-8, 1e-6, 5e-6):
-            pings = np.array([_race(sides, method, density, seed) for seed in range(repeats)])
+            pings = np.array([_ping_times(sides, method, density, seed) for seed in range(repeats)])
             ratio = np.median(pings[:, :, 1] / pings[:, :, 0], axis=1)
             base, head = 1e3 * np.median(pings, axis=(0, 1))
             print(f"{method:7} {density:.1e} {base:8.3f} {head:8.3f}  ", end="")
             print(f"{np.median(ratio):.3f} ({ratio.min():.3f} .. {ratio.max():.3f})", flush=True)
 
 
-def _race(sides: list[Side], method: str, density: float, seed: int) -> np.ndarray:
-    """Times of the pings once the window is full, (n, 2), s: a disc of 9 km with one target."""
-    rng, streams = (
-        np.random.default_rng(seed),
-        {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE},
-    )
+def _ping_times(sides: list[Side], method: str, density: float, seed: int) -> np.ndarray:
+    """Times of the pings with a full window, (n, 2), s: a disc of 9 km with one target."""
+    rng = np.random.default_rng(seed)
+    streams = dict.fromkeys(("stdin", "stdout"), subprocess.PIPE)
     workers = [
         subprocess.Popen([*WORKER, "time"], env=side.environment, **streams) for side in sides
     ]
@@ -224,7 +223,7 @@ def _race(sides: list[Side], method: str, density: float, seed: int) -> np.ndarr
 
 
 def main() -> int:
-    """Compare; returns 0 if all is equal within the tolerance."""
+    """Compare; returns 0 if all runs agree within the tolerance."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("base")
     parser.add_argument("head", nargs="?")
@@ -241,9 +240,9 @@ def main() -> int:
     recordings = given.recordings or checkout.parent / "shared" / "data"
     with tempfile.TemporaryDirectory() as folder:
         trees = [Path(folder) / "base", Path(folder) / "head" if given.head else ROOT]
-        made = list(zip(trees, [given.base, given.head], strict=True))[: 1 + bool(given.head)]
+        worktrees = list(zip(trees, [given.base, given.head], strict=True))[: 1 + bool(given.head)]
         try:
-            for tree, revision in made:
+            for tree, revision in worktrees:
                 subprocess.run([*git, "worktree", "add", "--detach", tree, revision], check=True)
             sides = [Side(tree, Path(folder) / f"work{n}") for n, tree in enumerate(trees)]
             if given.time:
@@ -251,7 +250,7 @@ def main() -> int:
                 return 0
             return 0 if report(runs(sides, given.scenes, recordings), given.tolerance) else 1
         finally:
-            for tree, _ in made:
+            for tree, _ in worktrees:
                 subprocess.run([*git, "worktree", "remove", "--force", tree], check=False)
 
 

@@ -1,4 +1,4 @@
-"""One side of `compare_commits`: runs the package on PYTHONPATH on scenes that it draws itself."""
+"""One side of `compare_commits`: runs the package on PYTHONPATH on random scenes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SWITCHES: dict[str, float] = yaml.safe_load("""
 empty_scans: 0.25, sector: 0.4, outside: 0.15, zone: 0.3, rates: 0.4, features: 0.6,
 plot_features: 0.2, learn_density: 0.2, learn_detection: 0.4, limits: 0.15}
 """)
-"""What a scene may have, with its probability."""
+"""Properties of a scene with their probabilities."""
 CALM = dict.fromkeys(
     ("moving", "pose_errors", "offsets", "empty_scans", "outside", "lost_pings"), False
 )
@@ -48,7 +48,7 @@ split_merge: {rule: *rules, gate_probability: *gates, merging_probability: *merg
 multiple_model: {rule: *rules, speeds: [1, 2], headings: [4, 8], gate_probability: *gates,
   process_noise: *noises}
 """)
-"""Values from which each method's options are drawn; a rule is min_hits and window together."""
+"""Values from which each method's options are drawn; a rule is (min_hits, window)."""
 
 
 def draw_options(method: str, *seed: int) -> dict[str, Any]:
@@ -61,7 +61,7 @@ def draw_options(method: str, *seed: int) -> dict[str, Any]:
 
 
 def draw_scene(seed: int, **fixed: bool) -> dict[str, Any]:
-    """Draw keywords of scans, sensor and common options: targets, clutter and switches."""
+    """Draw a scene: keywords of its scans, sensor and common options."""
     rng = np.random.default_rng([11, seed])
     on = {name: bool(rng.random() < chance) for name, chance in SWITCHES.items()} | fixed
     low, high, near = (-2.2, 1.3, 300.0) if on["sector"] else (-math.pi, math.pi, 0.0)
@@ -90,11 +90,11 @@ def draw_scene(seed: int, **fixed: bool) -> dict[str, Any]:
     velocity = rng.uniform(-5.0, 5.0, (number, 2))
     if number == 3:  # two of them meet
         place[2] = place[1] + 6.0 * length * (velocity[1] - velocity[2]) + rng.uniform(-30, 30, 2)
-    steps = rng.uniform(6.0, 18.0, length) if on["irregular"] else np.full(length, 12.0)
+    intervals = rng.uniform(6.0, 18.0, length) if on["irregular"] else np.full(length, 12.0)
     scans = []
-    for elapsed in np.cumsum(steps)[rng.random(length) >= 0.15 * on["lost_pings"]]:
-        at = place + velocity * elapsed
-        scans.append(_draw_scan(rng, on, sensor, rng.poisson(clutter), elapsed, at, velocity))
+    for elapsed in np.cumsum(intervals)[rng.random(length) >= 0.15 * on["lost_pings"]]:
+        now = place + velocity * elapsed
+        scans.append(_draw_scan(rng, on, sensor, rng.poisson(clutter), elapsed, now, velocity))
     name = f"scene {seed} ({' '.join(switch for switch in on if on[switch])})"
     return {"scans": scans, "sensor": sensor, "common": common, "name": name}
 
@@ -129,7 +129,7 @@ def _draw_scan(
     own = np.append(velocity[seen], np.zeros((clutter, 2)), axis=0)[rows]
     rate = ((own - motion[:2]) * _unit(a + pose[2])).sum(axis=1)
     rate += np.where(of_target, 0.5, 3.0) * rng.normal(size=n)
-    spread = np.where(of_target, 0.1, 0.8)
+    sigma = np.where(of_target, 0.1, 0.8)
     optional = {
         "sensor_pose_covariance": ("pose_errors", np.diag([25.0, 16.0, 1e-4])),
         "time_offset": ("offsets", r / 1500.0),
@@ -139,9 +139,9 @@ def _draw_scan(
     }
     features = {
         "range_rate": ("rates", np.where(rng.random(n) < 0.1, np.nan, rate)),
-        "intensity": ("features", 20.0 * np.exp(spread * rng.normal(size=n))),
-        "range_width": ("features", 15.0 * np.exp(spread * rng.normal(size=n))),
-        "azimuth_width": ("features", 0.03 * np.exp(spread * rng.normal(size=n))),
+        "intensity": ("features", 20.0 * np.exp(sigma * rng.normal(size=n))),
+        "range_width": ("features", 15.0 * np.exp(sigma * rng.normal(size=n))),
+        "azimuth_width": ("features", 0.03 * np.exp(sigma * rng.normal(size=n))),
     }
     scan = {"stamp": 1000.0 + elapsed, "range": r, "azimuth": a, "sensor_pose": pose}
     scan |= {name: value for name, (switch, value) in optional.items() if on[switch]}
@@ -150,7 +150,7 @@ def _draw_scan(
 
 
 def locate(name: str) -> Any:
-    """Find what the package defines by a name, in whatever module of whatever layout that is."""
+    """Find an object of the package by its name, whatever the layout of the package."""
     package = importlib.import_module("tsepm_ros")
     pattern = re.compile(rf"^(class |def )?{name}\b *[:(=]", re.MULTILINE)
     for module in pkgutil.walk_packages(package.__path__, "tsepm_ros."):
@@ -162,7 +162,7 @@ def locate(name: str) -> Any:
 
 
 def output(initiator: Any, stamp: float, new: Any) -> dict[str, Any]:
-    """What one scan gave: new tracks in the order of their hits, held ones in that of their ids."""
+    """Results of a scan: new tracks in the order of their hits, held tracks by their ids."""
     held = initiator.current if hasattr(initiator, "current") else initiator.hold.current
     new, held = sorted(new, key=lambda t: t.hits), sorted(held, key=lambda t: t.track_id)
     numbers = [[value] for t in new for value in (t.stamp, t.evaluation, t.score, t.age)]
@@ -179,7 +179,7 @@ def output(initiator: Any, stamp: float, new: Any) -> dict[str, Any]:
 
 
 def run_scene(seed: int, method: str) -> dict[str, Any]:
-    """Run a method on a scene, up to an exception, which is part of the result."""
+    """Run a method on a scene, until an exception, which is part of the result."""
     from tsepm_ros import Scan, SensorModel, make_initiator
 
     scene, scans, failure = draw_scene(seed), [], ""
@@ -194,7 +194,7 @@ def run_scene(seed: int, method: str) -> dict[str, Any]:
 
 
 def run_change(seed: int) -> dict[str, Any]:
-    """Run a session whose options, or method, change halfway."""
+    """Run a session whose options or method change halfway."""
     from tsepm_ros import Scan
 
     learns, other = seed % 4 >= 2, seed % 2
@@ -221,7 +221,7 @@ def run_change(seed: int) -> dict[str, Any]:
 
 
 def results(scenes: int) -> Iterator[dict[str, Any]]:
-    """Iterate over the runs of all methods on all scenes, and those with changes."""
+    """Iterate over the runs of all methods on all scenes, and the runs with changes."""
     for seed in range(scenes):
         yield from (run_scene(seed, method) for method in OPTIONS)
     yield from (run_change(seed) for seed in range(scenes // 4))
@@ -241,18 +241,18 @@ def answer_times() -> None:
 
 
 def main() -> None:
-    """Do what the arguments say: scenes FILE NUMBER, time, bag FOLDER, or command MODULE ..."""
+    """Run by arguments: scenes FILE NUMBER, time, bag FOLDER, or command MODULE FUNCTION ..."""
     side = Path(os.environ["PYTHONPATH"]).resolve()
     assert Path(importlib.import_module("tsepm_ros").__path__[0]).resolve().parent == side
     kind, *rest = sys.argv[1:]
     if kind == "time":
         answer_times()
-    elif kind == "bag":  # of a moving sonar that turns, by the simulator and the tests' writer
+    elif kind == "bag":  # of a turning sonar, by the simulator and the tests' writer
         [helpers] = side.glob("test/**/bag_files.py")
         sys.path.insert(0, str(helpers.parent))
         bags = importlib.import_module("bag_files")
         bags.write_bag(Path(rest[0]), bags.simulated(bags.small_scenario(scans=40)))
-    elif kind == "command":  # the console script; pictures, which take long, are left out
+    elif kind == "command":  # the console script, without pictures, which take long
         sys.modules["matplotlib"] = None  # type: ignore[assignment]
         module, function, *sys.argv[1:] = rest
         sys.exit(getattr(importlib.import_module(module), function)())

@@ -1,15 +1,15 @@
-"""What the features of plots and the encounter test are worth where association is hard.
+"""Effect of `plot_features`, with its encounter test, where association is hard.
 
 Without and with `plot_features`, on scenes of the shipped scenario `encounter`:
 
-- ships that meet: as published, one overtaking the other 20 m abeam with 1.5 m/s more, and two
-  courses that cross at 23 degrees; with plots that are unlike, alike, or have no features. Tracks
-  held by the method `score` before the encounter are kept, swapped, or lost: not near their ships
-  (300 m) afterwards, or one for both;
-- a ship that goes through a clutter zone, held by `score`: the track is lost if another or none is
-  near the ship at the end; false tracks held are those that are not the nearest to it;
-- starts in that zone by the methods that associate scan by scan: whether the ship is started by a
-  track most of whose hits are its own, and false starts per run.
+- ships that meet: as published, overtaking at 20 m abeam with 1.5 m/s more, and on courses that
+  cross at 23 degrees; plots with different features, the same features, or none. Tracks held by
+  the method `score` before the encounter are kept, swapped, or lost: farther than 300 m from their
+  ships afterwards, or one track for both;
+- a ship in a clutter zone, held by `score`: its track is lost if another or no track is near the
+  ship at the end; every held track but the nearest is false;
+- starts in that zone by the methods that associate scan by scan: whether a track with most hits
+  from the ship starts, and false starts per run.
 
 With 95 % intervals.
 
@@ -39,12 +39,12 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.simulation.scenario import Scenario
 
-NEAR = 300.0
-"""Distance from its ship within which a track follows it, m."""
+MAX_DISTANCE = 300.0
+"""Maximum distance of a track from its ship, m."""
 BEFORE = 63.0
-"""Time by which the tracks are there, s: the encounters begin later."""
+"""Time before the encounters at which the tracks must exist, s."""
 ZONE_LEFT = 240.0
-"""Time from which the ship is out of the clutter zone, s."""
+"""Time at which the ship leaves the clutter zone, s."""
 STARTERS = ("sequential", "logic", "heuristic", "multiple_model")
 WITHOUT_AND_WITH = (False, True)
 
@@ -80,7 +80,7 @@ def encounters() -> dict[str, Scenario]:
 
 
 def _passing(speed: float, heading: float, abeam: float = 0.0) -> FloatArray:
-    """A ship that is 17 km away in the middle of the run, headed so far left of east."""
+    """A ship at 17 km in the middle of the run; `heading` is counter-clockwise from east."""
     middle = 148.5
     velocity = speed * np.array([math.cos(heading), math.sin(heading)])
     x, y = np.array([-2400.0, -17300.0 + abeam]) - middle * velocity
@@ -88,7 +88,7 @@ def _passing(speed: float, heading: float, abeam: float = 0.0) -> FloatArray:
 
 
 def zone(begin: float = 6400.0) -> Scenario:
-    """The ship in the clutter zone, which begins so far east, m."""
+    """The ship in the clutter zone, whose west end is at x = `begin`, m."""
     base = load_scenario("encounter")
     patch = base.clutter_patches[0]
     patches = (replace(patch, box=(begin, *patch.box[1:])),)
@@ -97,7 +97,7 @@ def zone(begin: float = 6400.0) -> Scenario:
 
 
 def followed(job: Job) -> Iterator[tuple[SimulatedScan, TrackArrays, TrackArrays]]:
-    """The scans of a run, with the tracks that the method then holds and newly starts."""
+    """The scans of a run, with the tracks held after and started by each."""
     initiator = make_initiator(job.method, sensor=job.scenario.sensor, **job.options)
     for scan in Simulator(job.scenario, job.seed):
         new = initiator.process(scan.scan)
@@ -105,12 +105,12 @@ def followed(job: Job) -> Iterator[tuple[SimulatedScan, TrackArrays, TrackArrays
 
 
 def nearest(truth: FloatArray, tracks: TrackArrays) -> int | None:
-    """Id of the held track nearest to a ship (4,), if one is near."""
+    """Id of the held track nearest to a ship (4,); None beyond MAX_DISTANCE."""
     if not len(tracks):
         return None
     distance = np.hypot(*(tracks.state[:, 0::2] - truth[0::2]).T)
     best = int(distance.argmin())
-    return int(tracks.track_id[best]) if distance[best] <= NEAR else None
+    return int(tracks.track_id[best]) if distance[best] <= MAX_DISTANCE else None
 
 
 def encounter_run(job: Job) -> str:
@@ -159,7 +159,7 @@ def jobs(scenario: Scenario, runs: int, method: str = "score", **options: Any) -
 
 
 def results(function: Callable[[Job], Any], work: list[Job], workers: Workers) -> list[Any]:
-    """What each run gave."""
+    """Result of each run."""
     return list(with_progress(workers.mapped(function, work), len(work)))
 
 
@@ -170,8 +170,8 @@ def encounter_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
             work = jobs(scenario, runs, plot_features=features)
             ends = Counter(results(encounter_run, work, workers))
             started = runs - ends["not started"]
-            shares = [proportion(ends[what], started) for what in ("kept", "swapped", "lost")]
-            yield [name, _said(features), str(started), *(f"{one:.2f}" for one in shares)]
+            shares = [proportion(ends[end], started) for end in ("kept", "swapped", "lost")]
+            yield [name, _setting(features), str(started), *(f"{share:.2f}" for share in shares)]
 
 
 def zone_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
@@ -181,7 +181,7 @@ def zone_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
         held = results(zone_run, work, workers)
         started, lost, false = map(np.array, zip(*held, strict=True))
         share = proportion(int(lost.sum()), int(started.sum()))
-        yield [_said(features), str(started.sum()), f"{share:.2f}", f"{mean(false):.1f}"]
+        yield [_setting(features), str(started.sum()), f"{share:.2f}", f"{mean(false):.1f}"]
 
 
 def start_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
@@ -192,7 +192,7 @@ def start_rows(runs: int, workers: Workers) -> Iterator[list[str]]:
             work = jobs(scenario, runs, method, plot_features=features)
             started, false = zip(*results(start_run, work, workers), strict=True)
             share = proportion(sum(started), runs)
-            yield [method, _said(features), f"{share:.2f}", f"{mean_count(false):.1f}"]
+            yield [method, _setting(features), f"{share:.2f}", f"{mean_count(false):.1f}"]
 
 
 TABLES = {
@@ -207,13 +207,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=positive, default=100)
     parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1)
-    given = parser.parse_args()
+    options = parser.parse_args()
     for rows, header in TABLES.items():
-        table = text_table(header, rows(given.runs, workers_of(given)))
+        table = text_table(header, rows(options.runs, workers_of(options)))
         print(f"\n{str(rows.__doc__).rstrip('.')}\n\n{table}", flush=True)
 
 
-def _said(features: bool) -> str:
+def _setting(features: bool) -> str:
     return "with" if features else "without"
 
 

@@ -1,7 +1,7 @@
 """The evaluation of `tsepm evaluate` with the peers in the same tables and pictures.
 
-Peers start tracks and hold none here, and norfair tells no covariance: what needs these is left out
-for them.
+Peers start tracks but hold none here, and norfair gives no covariance. Measures that need them are
+left out for peers.
 
     python benchmarks/evaluate_peers.py box --runs 100 --horizon 8
 """
@@ -28,24 +28,24 @@ from tsepm_ros.simulation import Scenario
 from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 
 RULES = ((8, 12), (6, 8), (5, 8), (4, 5), (3, 4))
-"""min_hits and window of a peer's sweep, from few to many false tracks."""
+"""(min_hits, window) of a peer's sweep, from few to many false tracks."""
 PEERS = {
     "stonesoup": ("stonesoup", "stone_soup", "TunedStoneSoupContender"),
     "stonesoup-xy": ("stonesoup", "stone_soup", "ConvertedStoneSoupContender"),
     "norfair": ("norfair", "norfair_tracker", "NorfairContender"),
 }
-"""Package, module and class of each. Stone Soup's own k-d tree gates by range alone: left out."""
+"""Package, module and class of each, without Stone Soup's k-d tree, which gates by range alone."""
 
 
 class PeerStarter:
-    """A contender that takes the scans of an evaluation, and holds no tracks."""
+    """A contender as the track starter of an evaluation; it holds no tracks."""
 
     def __init__(self, contender: Contender) -> None:
         self._contender = contender
         self._started = 0
 
     def process(self, scan: Scan) -> list[ConfirmedTrack]:
-        """See `TrackStarter.process`; what the contender does not tell is nan."""
+        """See `TrackStarter.process`; unknown states and covariances are nan."""
         self._contender.process(RawScan(scan.stamp, scan.range, scan.azimuth))
         hits = self._contender.hits()
         states, covariances = self._contender.states(), self._contender.covariances()
@@ -62,14 +62,14 @@ class PeerStarter:
 
 
 def sea_of(scenario: Scenario) -> Sea:
-    """What contenders may know of a scenario; a ValueError if it is one that they cannot take.
+    """Parameters of a scenario for contenders; a ValueError if they cannot process it.
 
-    They know no moving sensor, no time of an echo and no constant range error.
+    Contenders support no moving sensor, no echo times and no constant range error.
     """
     sensor = scenario.sensor
     if scenario.own_ship != OwnShipMotion() or scenario.sound_speed or sensor.range_std:
         raise ValueError(
-            f"the peers cannot take {scenario.name}: they need own_ship at rest at the origin, "
+            f"the peers cannot process {scenario.name}: they need own_ship at rest at the origin, "
             "sound_speed 0 and sensor.range_std 0 (--scene sound_speed:=0.0)"
         )
     return Sea(
@@ -102,7 +102,7 @@ def peer_points(peer: str) -> Iterator[OperatingPoint]:
 
 
 def installed(peers: list[str]) -> list[OperatingPoint]:
-    """The sweeps of those peers whose package is there; of the others it is said."""
+    """The sweeps of the peers with an installed package; the others are reported."""
     points = []
     for peer in peers:
         try:
@@ -113,7 +113,7 @@ def installed(peers: list[str]) -> list[OperatingPoint]:
 
 
 def main() -> int:
-    """Evaluate, print and write; 2 where something given is not allowed."""
+    """Evaluate, print and write; returns 2 if an argument is not allowed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_evaluation_arguments(parser)
     parser.add_argument("--peer", action="append", choices=PEERS, help="default: every peer")

@@ -1,4 +1,4 @@
-"""One thread for numpy's libraries and a folder for pictures' caches: imported before numpy is."""
+"""One thread for numpy's libraries and a folder for matplotlib's cache; import before numpy."""
 
 from __future__ import annotations
 

@@ -1,20 +1,20 @@
-"""What a filter loses that starts without the covariance between position and velocity.
+"""Loss of a filter that starts without the covariance between position and velocity.
 
-Every true start of a method in simulated runs is followed for some pings by the Kalman filter of
-`examples/nearest_neighbour.py`, which gets of the start's covariance
+The Kalman filter of `examples/nearest_neighbour.py` follows every true start of a method in
+simulated runs for some pings. It starts with
 
-- full: all of it, as `tracks` has it;
-- blocks: that of the position and that of the velocity, as `tracks/odometry` has it;
-- doubled: twice these blocks, which is safe whatever the correlation between them was: for any two
-  errors a and b, ``2 a a'`` and ``2 b b'`` on the diagonal exceed ``(a, b) (a, b)'``;
+- full: the start's full covariance, as on `tracks`;
+- blocks: the covariances of position and of velocity, as on `tracks/odometry`;
+- doubled: twice these blocks, an upper bound for any correlation between them: for any errors a
+  and b, ``2 a a'`` and ``2 b b'`` on the diagonal exceed ``(a, b) (a, b)'``;
 - diagonal: the variances alone.
 
-Each start is carried ahead alone, as for a ping that is missed or a plan: NEES of the position,
-ideally 2. Then it is filtered with its target's own detections, whatever their distance, so that
-what differs is due to the start: errors, and NEES of the state, ideally 4. Then the same filters
-find their detections themselves in the clutter: how many of those taken are false, and how many
-targets are lost, that is, ended or more than 3 sigma of the measurement error off after the last
-ping. Targets keep their velocity, and the filter knows: no process noise, unless it is given.
+Each start is predicted without detections: NEES of the position, ideally 2. It is filtered with its
+target's own detections, whatever their distance, so that differences are due to the start: errors,
+and NEES of the state, ideally 4. The same filters associate detections in clutter: the share of
+false detections, and the share of lost targets, whose filter ended or is more than 3 sigma of the
+measurement error off after the last ping. Targets keep their velocity, and the filter has no
+process noise unless it is given.
 
     python benchmarks/handover.py [--runs 160] [--noise 0.0] [--workers 2]
 """
@@ -53,12 +53,12 @@ from tsepm_ros.simulation import load_scenario
 METHODS = ("score", "tsepm")
 SCENARIO, SCANS = "four_targets", 16
 AFTER = 10
-"""Pings after the start."""
-TOLD = (1, 2, 3, 5, 10)
-"""Those of them that the tables name."""
+"""Number of pings after the start."""
+PINGS = (1, 2, 3, 5, 10)
+"""Pings after the start in the tables."""
 AHEAD, NEES_OF_STATE, POSITION, VELOCITY = range(4)
 TITLES = (
-    "position carried ahead, NEES (ideal 2)",
+    "predicted position, NEES (ideal 2)",
     "filtered, NEES (ideal 4)",
     "position error, RMS [m]",
     "velocity error, RMS [m/s]",
@@ -66,11 +66,11 @@ TITLES = (
 DIGITS = (2, 2, 1, 3)
 IDEAL = {AHEAD: 2.0, NEES_OF_STATE: 4.0}
 STYLES = (("#000000", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#56B4E9", "D"))
-"""Colours that stay apart for colour-blind readers (Okabe and Ito), and marks."""
+"""Colours distinct for colour-blind readers (Okabe and Ito), and markers."""
 
 
 def blocks(covariance: FloatArray) -> FloatArray:
-    """A covariance (4, 4) without what is between position and velocity."""
+    """A covariance (4, 4) without the covariance between position and velocity."""
     return covariance * np.tile(np.eye(2), (2, 2))
 
 
@@ -80,25 +80,25 @@ VARIANTS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "doubled": lambda covariance: 2.0 * blocks(covariance),
     "diagonal": lambda covariance: np.diag(np.diag(covariance)),
 }
-"""What a filter gets of a covariance; everything below is in this order."""
+"""Start covariance of a filter from the full covariance; the variants keep this order below."""
 
 
 @dataclass
 class Followed:
-    """Some starts s, followed by each of the v variants; the shares are nan without detections.
+    """Starts s followed by v variants of the filter; shares are nan without detections.
 
-    The figures after each ping from the start's on are NEES of the position carried ahead, and with
-    the target's own detections NEES, position error, m, and velocity error, m/s.
+    The figures after each ping, the start's ping included, are NEES of the predicted position, and
+    with the target's own detections NEES, position error, m, and velocity error, m/s.
     """
 
     figures: FloatArray  # (s, v, AFTER + 1, 4)
     outside: FloatArray  # (s, v), share of the target's own detections outside the gate
-    false: FloatArray  # (s, v), share of the detections taken in clutter that were not its own
-    lost: FloatArray  # (s, v), 1 where the target was lost in clutter
+    false: FloatArray  # (s, v), share of associated detections in clutter from other sources
+    lost: FloatArray  # (s, v), 1 if the target was lost in clutter
 
     @classmethod
     def of(cls, parts: Sequence[Followed]) -> Followed:
-        """All of several."""
+        """The concatenation of several parts."""
         return cls(*map(np.concatenate, zip(*(astuple(part) for part in parts), strict=True)))
 
 
@@ -121,7 +121,7 @@ class Scene:
 
     @classmethod
     def of(cls, run: SimulatedRun) -> Scene:
-        """The scene of a run; starts later than SCANS do not count."""
+        """The scene of a run with the starts of the first SCANS scans."""
         sensor = run.scenario.sensor
         return cls(
             run,
@@ -138,16 +138,16 @@ class Scene:
         return self.run.simulator.truth(self.run.scans[start.scan + ping].stamp)[start.target]
 
     def measured(self, index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Positions of a scan's detections, their covariances, and their lags, s."""
-        found = self.detections[index]
-        return found["position"], found["covariance"], found["time"] - self.run.scans[index].stamp
+        """Positions of a scan's detections, their covariances and times after the stamp, s."""
+        rows = self.detections[index]
+        return rows["position"], rows["covariance"], rows["time"] - self.run.scans[index].stamp
 
     def own(self, start: Start, ping: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """`measured` of the one or no detection of a start's target some pings later."""
+        """`measured` for the detection, if any, of a start's target some pings later."""
         index = start.scan + ping
-        position, R, lag = self.measured(index)
+        position, R, elapsed = self.measured(index)
         own = self.run.origins[index] == start.target
-        return position[own], R[own], lag[own]
+        return position[own], R[own], elapsed[own]
 
 
 def follow(seed: Sequence[int], method: str, noise: float) -> Followed:
@@ -156,20 +156,20 @@ def follow(seed: Sequence[int], method: str, noise: float) -> Followed:
     scene = Scene.of(simulate(scenario, list(seed), OperatingPoint(method)))
     shape = len(scene.starts), len(VARIANTS)
     followed = Followed(np.zeros((*shape, AFTER + 1, 4)), *(np.zeros(shape) for _ in range(3)))
-    for place, given in enumerate(VARIANTS.values()):
+    for place, variant in enumerate(VARIANTS.values()):
         for row, start in enumerate(scene.starts):
             ahead, own = (
-                Target(start.track.state, given(start.track.covariance)) for _ in range(2)
+                Target(start.track.state, variant(start.track.covariance)) for _ in range(2)
             )
-            followed.figures[row, place, :, AHEAD] = carried_ahead(scene, start, ahead, noise)
+            followed.figures[row, place, :, AHEAD] = predicted(scene, start, ahead, noise)
             figures, followed.outside[row, place] = filtered(scene, start, own, noise)
             followed.figures[row, place, :, NEES_OF_STATE:] = figures
-        followed.false[:, place], followed.lost[:, place] = in_clutter(scene, given, noise)
+        followed.false[:, place], followed.lost[:, place] = in_clutter(scene, variant, noise)
     return followed
 
 
-def carried_ahead(scene: Scene, start: Start, target: Target, noise: float) -> list[float]:
-    """NEES of the position after each ping, without any detection."""
+def predicted(scene: Scene, start: Start, target: Target, noise: float) -> list[float]:
+    """NEES of the position after each ping, predicted without detections."""
     figures = []
     for ping in range(AFTER + 1):
         if ping:
@@ -187,40 +187,39 @@ def filtered(
     for ping in range(AFTER + 1):
         if ping:
             target.predict(scene.run.scenario.period, noise)
-            position, R, lag = scene.own(start, ping)
-            for innovation, S in zip(*target.innovations(position, R, lag), strict=True):
+            position, R, elapsed = scene.own(start, ping)
+            for innovation, S in zip(*target.innovations(position, R, elapsed), strict=True):
                 outside.append(nees(innovation, S) >= GATE)
-                target.update(innovation, S, lag[0])
+                target.update(innovation, S, elapsed[0])
         x, vx, y, vy = error = target.state - scene.truth(start, ping)
         figures.append((nees(error, target.covariance), np.hypot(x, y), np.hypot(vx, vy)))
     return figures, float(np.mean(outside)) if outside else np.nan
 
 
 def in_clutter(
-    scene: Scene, given: Callable[[FloatArray], FloatArray], noise: float
+    scene: Scene, variant: Callable[[FloatArray], FloatArray], noise: float
 ) -> tuple[list[float], list[bool]]:
-    """Share of false detections taken by each start, and which are lost; all at once."""
+    """Share of false detections associated with each start, and whether its target is lost."""
     tracker = NearestNeighbourTracker(noise)
-    taken: dict[int, list[bool]] = {start.track.track_id: [] for start in scene.starts}
+    is_false: dict[int, list[bool]] = {start.track.track_id: [] for start in scene.starts}
     targets = {start.track.track_id: start.target for start in scene.starts}
     lost = {}
     for index, scan in enumerate(scene.run.scans):
         for name, column in tracker.step(scan.stamp, *scene.measured(index)).items():
-            taken[name].append(scene.run.origins[index][column] != targets[name])
+            is_false[name].append(scene.run.origins[index][column] != targets[name])
         for start in scene.starts:
             name = start.track.track_id
             if start.scan == index:
-                tracker.start([replace(start.track, covariance=given(start.track.covariance))])
+                tracker.start([replace(start.track, covariance=variant(start.track.covariance))])
             if start.scan == index - AFTER:
                 target = tracker.targets.pop(name, None)
                 lost[name] = target is None or is_off(scene, start, target)
-    return [float(np.mean(one)) if one else np.nan for one in taken.values()], [
-        lost[name] for name in taken
-    ]
+    shares = [float(np.mean(flags)) if flags else np.nan for flags in is_false.values()]
+    return shares, [lost[name] for name in is_false]
 
 
 def is_off(scene: Scene, start: Start, target: Target) -> bool:
-    """Whether a target is no longer where it is said to be, after the last ping."""
+    """Whether a filter is more than 3 sigma from its target after the last ping."""
     truth = scene.truth(start, AFTER)[0::2]
     stamp = scene.run.scans[start.scan + AFTER].stamp
     sigma = measurement_sigma(scene.run.scenario.sensor, truth - scene.run.sensor_position(stamp))
@@ -250,9 +249,9 @@ def tables(followed: Followed) -> str:
     """The tables of a method."""
     parts = [
         text_table(
-            [title, *(f"{ping} ping{'s' * (ping > 1)}" for ping in TOLD)],
+            [title, *(f"{ping} ping{'s' * (ping > 1)}" for ping in PINGS)],
             [
-                [name, *(f"{by_ping(followed, figure, place)[ping]:.{digits}f}" for ping in TOLD)]
+                [name, *(f"{by_ping(followed, figure, place)[ping]:.{digits}f}" for ping in PINGS)]
                 for place, name in enumerate(VARIANTS)
             ],
         )
@@ -284,10 +283,10 @@ def draw(results: dict[str, Followed], path: Path) -> None:
 
 
 def _draw_figure(axis: Any, followed: Followed, kind: int) -> None:
-    """Draw one figure of all variants, with intervals and what is ideal."""
+    """Draw one figure of all variants, with intervals and the ideal value."""
     for place, (name, (color, marker)) in enumerate(zip(VARIANTS, STYLES, strict=True)):
         values = by_ping(followed, kind, place)
-        centre = np.array([one.value for one in values])
+        centre = np.array([estimate.value for estimate in values])
         pings = np.arange(AFTER + 1) + 0.08 * (place - 1.5)  # side by side
         style = {"color": color, "marker": marker, "ms": 4, "lw": 1.2, "elinewidth": 0.8}
         axis.errorbar(pings, centre, error_bars(centre, values), label=name, **style)

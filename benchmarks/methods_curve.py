@@ -23,7 +23,7 @@ from tsepm_ros.analysis.text_tables import markdown_table
 
 Row = Mapping[str, str]
 COLUMNS = 5
-FULL, HOLLOW, OTHERS = "#0072B2", "#D55E00", "0.85"
+FULL, HOLLOW, BACKGROUND = "#0072B2", "#D55E00", "0.85"
 
 
 def estimate(row: Row, name: str) -> Estimate:
@@ -32,33 +32,33 @@ def estimate(row: Row, name: str) -> Estimate:
 
 
 def false_per_hour(row: Row) -> float:
-    """False and misplaced starts; where there are none, half a start in all runs."""
+    """False and misplaced starts per hour; at least half a start in all runs."""
     hours = estimate(row, "false_per_run").high / estimate(row, "false_per_hour").high
     return max(float(row["false_per_hour"]), 0.5 / float(row["runs"]) / hours)
 
 
 def three_digits(value: float) -> str:
-    """A number without an exponent, of two decimals at most; nothing for nan."""
+    """A number with three digits and at most two decimals; empty for nan."""
     return f"{round(float(f'{value:.3g}'), 2):g}".replace("nan", "")
 
 
 def with_interval(row: Row, name: str) -> str:
-    """A figure and its interval; nothing where there is none."""
-    one = estimate(row, name)
-    value, low, high = map(three_digits, (one.value, one.low, one.high))
+    """A figure and its interval; empty without a figure."""
+    figure = estimate(row, name)
+    value, low, high = map(three_digits, (figure.value, figure.low, figure.high))
     return f"{value} ({low}-{high})" if value and low and high else value
 
 
 def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str]) -> None:
-    """One method's points before those of all others."""
+    """One method's points in front of those of all methods."""
     last = [row for row in rows if row["scans"] == horizons[-1]]
-    others = [(false_per_hour(row), float(row["detection"])) for row in last]
-    axis.plot(*zip(*others, strict=True), "o", color=OTHERS, markersize=4)
+    background = [(false_per_hour(row), float(row["detection"])) for row in last]
+    axis.plot(*zip(*background, strict=True), "o", color=BACKGROUND, markersize=4)
     for scans, colour, face in zip(horizons, (HOLLOW, FULL), ("white", FULL), strict=True):
         own = [row for row in rows if row["method"] == method and row["scans"] == scans]
         own.sort(key=false_per_hour)
         shares = [estimate(row, "detection") for row in own]
-        values = [one.value for one in shares]
+        values = [share.value for share in shares]
         axis.errorbar(
             [false_per_hour(row) for row in own],
             values,
@@ -105,7 +105,7 @@ def table(rows: Sequence[Row], method: str, horizons: Sequence[str]) -> str:
             share = estimate(row, "detection")
             cells.append(f"{share.value:.2f} ({share.low:.2f}-{share.high:.2f})")
             cells.append(with_interval(row, "false_per_hour"))
-        lines.append([*cells, *(with_interval(row, one) for one in ("redundant_per_run", "nees"))])
+        lines.append([*cells, *(with_interval(row, key) for key in ("redundant_per_run", "nees"))])
     return markdown_table(["point", *heads, "redundant per run", "NEES"], lines)
 
 

@@ -1,10 +1,9 @@
-"""What the node adds to the algorithm, beside one hop of the bare middleware.
+"""Latency that the node adds to the algorithm, compared with one hop of the middleware.
 
-The node's part is the time from callback entry until the new tracks are published, and until
-everything is, less the core's own.
-The hop is the time from a driver's publish call, in another process, to a callback in this one, for
-a message of the same size on a topic of its own, sent before each ping while the node is at rest.
-Node and listener run single-threaded in this process, over DDS on this machine only.
+The node's latency is the time from callback entry until the new tracks, and until all messages, are
+published, less the core's time. The hop is the time from a driver's publish call in another process
+to a callback in this process, for a message of the same size on a separate topic, sent before each
+ping while the node is idle. Node and listener run single-threaded here, over local DDS.
 
     python benchmarks/node_latency.py [--detections 250] [--scans 300]
 """
@@ -34,12 +33,12 @@ PERIOD = 12.0
 MAX_RANGE = 9000.0
 SETTLING = 2.0
 PAUSE = 0.02
-"""Time in which the node comes to rest before the hop is measured, and before the ping, s."""
+"""Time for the node to become idle before each hop and each ping, s."""
 PATIENCE = 20.0
 
 
 def drive(domain: int, detections: int, scans: int) -> None:
-    """Publish the pings, each after a message of the same size that measures the hop."""
+    """Publish the pings, each after a message of the same size for the hop."""
     rng = np.random.default_rng(1)
     rclpy.init(domain_id=domain)
     node = Node("driver")
@@ -72,7 +71,7 @@ def drive(domain: int, detections: int, scans: int) -> None:
 
 
 def measure(detections: int, scans: int) -> dict[str, np.ndarray]:
-    """Node's own parts and core's part of each ping, and the hops, s."""
+    """Latencies of node and core of each ping, and of the hops, s."""
     domain = os.getpid() % 100 + 1
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)

@@ -1,8 +1,9 @@
 """Peer timing: all contenders on the same scans, each in its own process, in turn.
 
-A contender waits while another one works, so none disturbs the other, and the times of one scan
-are taken within moments of each other: their ratios hold where the machine's speed drifts.
-As a program it is a contender's process: scans on standard input, answers on standard output.
+Only one contender works at a time, so contenders do not disturb each other. The times of a scan are
+measured shortly after each other, so their ratios are robust to drifts of the machine's speed. Run
+as a program, the module is a contender's process: scans on standard input, answers on standard
+output.
 """
 
 from __future__ import annotations
@@ -25,29 +26,28 @@ from tsepm_ros.numerics.arrays import FloatArray
 if TYPE_CHECKING:  # a contender's process needs no scenes
     from scenes import Scene
 
-START_LIMIT = 120.0  # s, for the imports
-
+MAX_START_TIME = 120.0  # s, for the imports
 
 Limits = tuple[float, float]
-"""Times for one scan, and for all of a scene, over which a contender is stopped, s."""
+"""Time limits of a contender for one scan and for all scans of a scene, s."""
 
 
 @dataclass
 class PeerTimes:
-    """What one contender did in one scene; lists have an item per scan that it finished."""
+    """Results of a contender in a scene; lists have an item per finished scan."""
 
     seconds: list[float] = field(default_factory=list)  # wall time
     cpu: list[float] = field(default_factory=list)
     counts: list[dict[str, int]] = field(default_factory=list)
     hits: list[list[Hits]] = field(default_factory=list)  # of each new track
     states: list[FloatArray | None] = field(default_factory=list)  # of the new tracks, (n, 4)
-    memory: float = float("nan")  # peak, MB; nan where the system does not tell
+    memory: float = float("nan")  # peak, MB; nan if unknown
     memory_at_start: float = float("nan")
-    stopped: str = ""  # why it did not finish; empty if it did
+    stopped: str = ""  # reason for an early end; empty if finished
 
 
 class PeerProcess:
-    """The process of a contender, by its name, for a scene's figures."""
+    """The process of a named contender for the parameters of a scene."""
 
     def __init__(self, name: str, sea: Sea, limits: Limits) -> None:
         self.times = PeerTimes()
@@ -55,7 +55,7 @@ class PeerProcess:
         self._process = subprocess.Popen(
             [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
-        answer = self._ask((name, sea), START_LIMIT)
+        answer = self._ask((name, sea), MAX_START_TIME)
         if answer is None:
             self._stop("did not start")
         elif "missing" in answer:
@@ -63,7 +63,7 @@ class PeerProcess:
         self.times.memory_at_start = self.times.memory
 
     def step(self, scan: RawScan) -> None:
-        """Let the contender process one scan, unless it was stopped."""
+        """Process one scan unless the contender was stopped."""
         if self.times.stopped:
             return
         longest, total = self._limits
@@ -104,28 +104,27 @@ class PeerProcess:
         self.close()
 
 
-def peak_memory(process_id: int, otherwise: float) -> float:
+def peak_memory(process_id: int, default: float) -> float:
     """Peak resident memory of a living process, MB (Linux).
 
-    The system's count for the memory image, not for the process: that one would start at what the
-    parent had when it forked.
+    The count of the memory image (VmHWM). The count of the process would start at the parent's
+    memory at the fork.
     """
     try:
         status = Path(f"/proc/{process_id}/status").read_text(encoding="ascii")
     except OSError:
-        return otherwise
+        return default
     peaks = [line for line in status.splitlines() if line.startswith("VmHWM:")]
-    return int(peaks[0].split()[1]) / 1024.0 if peaks else otherwise
+    return int(peaks[0].split()[1]) / 1024.0 if peaks else default
 
 
 def time_peers(
     scene: Scene, names: Sequence[str], limits: Limits, block: int = 1
 ) -> dict[str, PeerTimes]:
-    """Let the named contenders process a scene in turn; who is first changes from scan to scan.
+    """Let the named contenders process a scene in turn; the first contender changes every turn.
 
-    A contender processes `block` scans in a row before it is the next one's turn. With 1 the
-    processor's caches are cold, as they are on a computer that does other things between two pings;
-    with more they are warm, as in a study.
+    A turn has `block` scans. With 1 the processor's caches are cold, as on a computer with other
+    work between two pings; with more they are warm, as in a study.
     """
     processes: dict[str, PeerProcess] = {}
     try:
@@ -143,9 +142,9 @@ def time_peers(
 
 
 def serve() -> None:
-    """Make the contender that comes first on standard input, then process a scan per message."""
+    """Make the contender named first on standard input, then process a scan per message."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints must not get between the answers
+    os.dup2(2, 1)  # output of libraries must not mix with the answers
 
     def answer(**values: Any) -> None:
         pickle.dump(values, answers)

@@ -1,14 +1,14 @@
-"""What the package promises of its default method `score`, measured; a Markdown table each.
+"""Promised properties of the default method `score`, measured; a Markdown table each.
 
-- wish: false tracks per hour over the wish, on clutter alone over the whole coverage;
+- false-rate: false tracks per hour over their target rate, on clutter alone over the coverage;
 - starts: errors of pure starts over their Cramer-Rao bound, and NEES, on scenes of the box;
-- equal-false-rate: P_D beside that of `tsepm` at its own 5/8 at the same false + misplaced starts
-  per run, and these at its P_D, on scenes of the box with one thing changed, and on two corners;
-- design: P_D and false tracks that `tsepm design` predicts beside those of whole scenes.
+- equal-false-rate: `score` against `tsepm` 5/8, in P_D at equal false + misplaced starts per run
+  and in these at equal P_D, on scenes of the box with one change, and on two corners;
+- design: P_D and false tracks predicted by `tsepm design` against those of whole scenes.
 
-With 95 % intervals. The runs of starts and equal-false-rate are kept: interrupted, they go on.
+With 95 % intervals. The runs of starts and equal-false-rate are kept; interrupted studies continue.
 
-    python benchmarks/promises.py wish [--runs 40] [--seed 1] [--workers 2]
+    python benchmarks/promises.py false-rate [--runs 40] [--seed 1] [--workers 2]
 """
 
 from __future__ import annotations
@@ -36,26 +36,25 @@ from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.scenario import TargetArea
 
 Rows = Iterator[Sequence[str]]
-"""A header, then rows as they are measured."""
+"""A header, then the rows of a table."""
 
 BUILD = fixed_threads.BUILD / "promises"
-DETECTIONS = 1.25e6
-"""False detections, at most, that a rate of false tracks is measured with."""
+MAX_DETECTIONS = 1.25e6
+"""Maximum number of false detections for a rate of false tracks."""
 STARTS_AT = {1e-8: 2.5, 1e-6: 1.0}
-"""Densities at which starts are measured, and how many times the runs that are asked for."""
+"""Densities of the starts, with factors of the number of runs."""
 RATES = (1, 10, 100, 1000, 10000)
-"""Wishes of the sweep that is put beside the published method."""
+"""Target false-track rates of the sweep of `score`, per hour."""
 LEFT_OUT = 10
-"""Scans of each part of clutter alone in which the hypotheses gather."""
-
+"""Scans of each run with clutter alone in which the hypotheses accumulate."""
 
 HOLDS, DOES_NOT, OPEN = "holds", "does not", "cannot tell"
-CLOSE = 0.03
-"""How near the P_D of `tsepm design` should be to what is measured."""
+MAX_ERROR = 0.03
+"""Maximum difference between the P_D of `tsepm design` and the measured P_D."""
 
 
 def errors(factor: float) -> dict[str, float]:
-    """The box's errors, so many times."""
+    """The box's errors times a factor."""
     return {"range_std_fraction": factor * 0.015, "azimuth_std": factor * math.radians(1.0)}
 
 
@@ -70,22 +69,22 @@ CHANGED: dict[str, dict[str, float]] = {
         for density, share, factor, name in CORNERS
     },
 }
-"""What the scenes of `equal-false-rate` change of the box: there 1e-6, 0.9, 1.5 % and 1 degree."""
+"""Changes of the box by `equal-false-rate`; the box has 1e-6, 0.9, 1.5 % and 1 degree."""
 
 
-def score_at(wish: float) -> OperatingPoint:
-    """The default method at a wish."""
-    options = {"false_tracks_per_hour": float(wish)}
-    return OperatingPoint("score", f"{wish:g}/h", options, version=package_version())
+def score_at(rate: float) -> OperatingPoint:
+    """The default method at a target false-track rate, per hour."""
+    options = {"false_tracks_per_hour": float(rate)}
+    return OperatingPoint("score", f"{rate:g}/h", options, version=package_version())
 
 
-def wish_kept(density: float, wish: float, hours: float, seed: int, workers: Workers) -> Estimate:
-    """False tracks over the wish."""
+def rate_ratio(density: float, rate: float, hours: float, seed: int, workers: Workers) -> Estimate:
+    """Rate of false tracks over the target rate."""
     case = clutter_alone(density)
     scans = math.ceil(hours * case.scans_per_hour)
     given = {"seed": seed, "workers": workers, "progress": with_progress}
-    options = {"false_tracks_per_hour": float(wish)}
-    return false_tracks_per_hour(case, "score", options, scans=scans, **given) / wish
+    options = {"false_tracks_per_hour": float(rate)}
+    return false_tracks_per_hour(case, "score", options, scans=scans, **given) / rate
 
 
 def clutter_alone(density: float) -> Case:
@@ -93,14 +92,15 @@ def clutter_alone(density: float) -> Case:
     return Case(sensor=replace(SensorModel(), clutter_density=density), scans=LEFT_OUT)
 
 
-def wish_table(options: argparse.Namespace) -> Rows:
-    """False tracks over the wish."""
-    yield "density [1/m^2]", "wish per hour", "hours", "false tracks per hour / wish"
+def false_rate_table(options: argparse.Namespace) -> Rows:
+    """Rates of false tracks over the target rates."""
+    yield "density [1/m^2]", "target per hour", "hours", "false tracks per hour / target"
     for density in (3e-7, 1e-6):
-        for wish in (100, 10, 1):
-            hours = min(options.runs / wish, DETECTIONS / clutter_alone(density).starts_per_hour)
-            kept = wish_kept(density, wish, hours, options.seed, options.workers)
-            yield f"{density:g}", f"{wish:g}", f"{hours:.3g}", f"{kept:.2f}"
+        affordable = MAX_DETECTIONS / clutter_alone(density).starts_per_hour
+        for rate in (100, 10, 1):
+            hours = min(options.runs / rate, affordable)
+            ratio = rate_ratio(density, rate, hours, options.seed, options.workers)
+            yield f"{density:g}", f"{rate:g}", f"{hours:.3g}", f"{ratio:.2f}"
 
 
 def scene(name: str, **changes: float) -> Scenario:
@@ -118,27 +118,27 @@ def starts_table(options: argparse.Namespace, densities: Mapping[float, float] =
         "pure_nees": "NEES, pure",
         "nees": "NEES, true",
     }
-    yield "density [1/m^2]", "azimuth error", "wish", "runs", *shown.values()
-    for density, more in densities.items():
-        runs = math.ceil(more * options.runs)
+    yield "density [1/m^2]", "azimuth error", "target", "runs", *shown.values()
+    for density, factor in densities.items():
+        runs = math.ceil(factor * options.runs)
         for degrees in (1, 3):
             azimuth = math.radians(degrees)
             box = scene("box", clutter_density=density, azimuth_std=azimuth)
-            [one] = evaluated(box, [score_at(wish) for wish in (1, 10)], runs, options)
-            for point, measures in zip(one.points, one.measures, strict=True):
+            [result] = evaluated(box, [score_at(rate) for rate in (1, 10)], runs, options)
+            for point, measures in zip(result.points, result.measures, strict=True):
                 cells = [measures.text(name, interval=name != "detection") for name in shown]
                 yield f"{density:g}", f"{degrees} deg", point.label, str(runs), *cells
 
 
 def evaluated(
-    one: Scenario,
+    scene: Scenario,
     points: Sequence[OperatingPoint],
     runs: int,
     options: argparse.Namespace,
     horizons: Sequence[int] = (),
 ) -> list[Evaluated]:
-    """A scene's runs, those done that are not there yet, after each horizon and after all."""
-    plan = Plan(scenarios=[one], points=points, runs=runs, seed=options.seed, horizons=horizons)
+    """Results of a scene after each horizon and after all scans; missing runs are done."""
+    plan = Plan(scenarios=[scene], points=points, runs=runs, seed=options.seed, horizons=horizons)
     return evaluate(plan, options.out / "runs", options.workers, with_progress)
 
 
@@ -146,39 +146,39 @@ HORIZONS = (8, 16)
 
 
 def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES) -> Rows:
-    """`tsepm` at its own rule beside the sweep of `score`."""
+    """`tsepm` at its own rule against the sweep of `score`."""
     points = [OperatingPoint("tsepm", "5/8", version=package_version()), *map(score_at, rates)]
     head = ["scene", "pings", "`tsepm` 5/8: P_D", "its false + misplaced per run"]
     head += ["`score` at as many: P_D", "`score` at its P_D: false + misplaced per run"]
     yield [*head, "verdict"]
     for name in options.scene or CHANGED:
         box = scene(name, **CHANGED[name])
-        for one in evaluated(box, points, options.runs, options, HORIZONS):
-            yield equal_rate_row(one)
+        for result in evaluated(box, points, options.runs, options, HORIZONS):
+            yield equal_rate_row(result)
 
 
-def equal_rate_row(one: Evaluated) -> list[str]:
+def equal_rate_row(result: Evaluated) -> list[str]:
     """The row of a scene after some pings.
 
-    The sweep of `score` ends somewhere: with more false starts allowed than its last point makes it
-    finds *at least* what that finds, and a P_D below that of its first costs *at most* what that
-    costs. Above its highest P_D, or below its fewest false starts, it is not compared.
+    With more false starts than the last point of its sweep `score` has *at least* that point's P_D;
+    for a P_D below its first point's it has *at most* that point's false starts. Above its highest
+    P_D, or below its fewest false starts, it is not compared.
     """
-    [row] = [row for row in one.comparisons if row.method == "tsepm" and row.other == "score"]
-    pairs = list(zip(one.points, one.measures, strict=True))
+    [row] = [row for row in result.comparisons if row.method == "tsepm" and row.other == "score"]
+    pairs = list(zip(result.points, result.measures, strict=True))
     [published] = [measures for point, measures in pairs if point.method == "tsepm"]
     false = [measures.false_per_run.value for point, measures in pairs if point.method == "score"]
-    found = [measures.detection.value for point, measures in pairs if point.method == "score"]
+    shares = [measures.detection.value for point, measures in pairs if point.method == "score"]
     beyond = row.false > max(false)
-    below = row.detection < found[false.index(min(false))]
+    below = row.detection < shares[false.index(min(false))]
     share, cost = f"{row.other_detection:.2f}", f"{row.other_false:.2f}"
     if math.isnan(row.other_detection.value):
         share = f"not reached: {min(false):.2f} or more"
     if math.isnan(row.other_false.value):
-        cost = f"not reached: P_D up to {max(found):.2f}"
+        cost = f"not reached: P_D up to {max(shares):.2f}"
     return [
-        one.scenario.name,
-        str(one.scans),
+        result.scenario.name,
+        str(result.scans),
         f"{published.detection:.2f}",
         f"{published.false_per_run:.2f}",
         f"at least {share}" if beyond else share,
@@ -188,7 +188,7 @@ def equal_rate_row(one: Evaluated) -> list[str]:
 
 
 def verdict(row: Comparison, *, beyond: bool, below: bool) -> str:
-    """Whether `score` is the better: in P_D or in false starts, with 95 %, and worse in neither."""
+    """Whether `score` is better in P_D or in false starts, with 95 %, and worse in neither."""
     better = row.detection_difference.high < 0.0 or row.false_ratio.high < 1.0
     worse = (row.detection_difference.low > 0.0 and not beyond) or (
         row.false_ratio.low > 1.0 and not below
@@ -198,29 +198,29 @@ def verdict(row: Comparison, *, beyond: bool, below: bool) -> str:
     return HOLDS if better else DOES_NOT
 
 
-def difference(one: Estimate, other: Estimate) -> Estimate:
-    """Of two independent shares, with Newcombe's interval from theirs (Statist. Med. 17, 1998)."""
-    gap = one.value - other.value
-    down = math.hypot(one.value - one.low, other.high - other.value)
-    up = math.hypot(one.high - one.value, other.value - other.low)
+def difference(first: Estimate, second: Estimate) -> Estimate:
+    """Difference of two independent shares with Newcombe's interval (Statist. Med. 17, 1998)."""
+    gap = first.value - second.value
+    down = math.hypot(first.value - first.low, second.high - second.value)
+    up = math.hypot(first.high - first.value, second.value - second.low)
     return Estimate(gap, gap - down, gap + up)
 
 
 def closeness(gap: Estimate) -> str:
-    """Whether a difference of P_D is small: all of its interval, none, or some."""
-    if gap.low >= -CLOSE and gap.high <= CLOSE:
+    """Whether all, none or a part of the interval of a difference of P_D is small."""
+    if gap.low >= -MAX_ERROR and gap.high <= MAX_ERROR:
         return HOLDS
-    return DOES_NOT if gap.low > CLOSE or gap.high < -CLOSE else OPEN
+    return DOES_NOT if gap.low > MAX_ERROR or gap.high < -MAX_ERROR else OPEN
 
 
-WISH = 10.0
+TARGET_RATE = 10.0
 SPEED = 5.0
 
 
 def design_table(options: argparse.Namespace) -> Rows:
-    """What `tsepm design` says beside what whole scenes give."""
+    """Predictions of `tsepm design` against whole scenes."""
     head = ["density [1/m^2]", "pings", "P_D, plan without clutter", "P_D, simulated by design"]
-    head += ["P_D, whole scenes", "design less measured", f"within {CLOSE}", "false/h, design"]
+    head += ["P_D, whole scenes", "design less measured", f"within {MAX_ERROR}", "false/h, design"]
     yield [*head, "false + misplaced/h, whole scenes"]
     for density in (3e-7, 1e-6):
         for scans in HORIZONS:
@@ -228,29 +228,29 @@ def design_table(options: argparse.Namespace) -> Rows:
 
 
 def designed(density: float, scans: int, options: argparse.Namespace) -> list[str]:
-    """The row of a density and so many pings, at the window that the design chooses."""
+    """The row of a density and a number of pings, at the window of the design."""
     sensor = replace(SensorModel(), clutter_density=density)
     case = Case(sensor=sensor, scans=scans, target_speed=SPEED)
-    wanted = ScoreOptions(false_tracks_per_hour=WISH)
-    wanted = replace(wanted, window=search.score_window(case, wanted))
-    [(_, planned)] = search.score_thresholds(case, wanted, [wanted.window])
-    given = {**asdict(case.common), **asdict(wanted)}
+    score = ScoreOptions(false_tracks_per_hour=TARGET_RATE)
+    score = replace(score, window=search.score_window(case, score))
+    [(_, planned)] = search.score_thresholds(case, score, [score.window])
+    given = {**asdict(case.common), **asdict(score)}
     simulation = {"seed": options.seed, "workers": options.workers, "progress": with_progress}
-    found = target_statistics(case, "score", given, runs=options.runs, **simulation).detection
-    clutter = search.clutter_scans(case, WISH)
+    simulated = target_statistics(case, "score", given, runs=options.runs, **simulation).detection
+    clutter = search.clutter_scans(case, TARGET_RATE)
     false = false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
     anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
     point = OperatingPoint("score", "designed", given, version=package_version())
     [measures] = evaluated(whole, [point], options.runs, options)[0].measures
-    gap = difference(found, measures.detection)
-    shares = [f"{share:.3f}" for share in (planned, found, measures.detection, gap)]
+    gap = difference(simulated, measures.detection)
+    shares = [f"{share:.3f}" for share in (planned, simulated, measures.detection, gap)]
     rates = [f"{rate:.1f}" for rate in (false, measures.false_per_hour)]
     return [f"{density:g}", str(scans), *shares, closeness(gap), *rates]
 
 
 COMMANDS = {
-    "wish": (wish_table, 40, "false tracks expected, at most"),
+    "false-rate": (false_rate_table, 40, "maximum number of expected false tracks"),
     "starts": (starts_table, 600, "runs of a scene; 2.5 times as many at 1e-8"),
     "equal-false-rate": (equal_rate_table, 100, "runs of a scene"),
     "design": (design_table, 200, "targets simulated, and whole scenes"),

@@ -1,18 +1,18 @@
 """Bias of a track's first position without and with the propagation model, from messages.
 
-A simulated sonar, which models the travel of sound by itself, is read as messages: PointCloud2 and
-Odometry at 5 Hz through the adapters and a session, as in the node. Its echoes are given
+The simulated sonar models the travel of sound. Its messages, PointCloud2 and Odometry at 5 Hz, pass
+through the adapters and a session, as in the node. The echoes have
 
-- without any times: each counts as of the stamp;
-- with `time_offset` in the message;
-- without, but with the parameter `sound_speed`;
-- and, to compare with, in a world where sound takes no time: what bias is left has other causes.
+- no times: each is taken at the stamp;
+- `time_offset` in the message;
+- no times, with the parameter `sound_speed`;
+- no delay, for comparison: sound takes no time, and the remaining bias has other causes.
 
-The bias is that of the position at the stamp of the scan that confirmed, along and across the line
-of sight, beside the standard deviation that the track's own covariance gives. Every run is done
-twice, with the same measurement errors of opposite sign, and the pair's mean counts: where both are
-confirmed by the same detections, what is linear in the errors cancels, and few runs show a small
-bias. With the errors of a data sheet they seldom are, and the intervals are wide.
+The bias is that of the position at the stamp of the confirming scan, along and across the line of
+sight. The tables also have the standard deviation by the track's covariance. Every run is done
+twice, with measurement errors of opposite sign, and the pair's mean counts. If both are confirmed
+by the same detections, terms linear in the errors cancel, and a few runs resolve a small bias. With
+the errors of a data sheet they seldom are, and the intervals are wide.
 
     python benchmarks/propagation.py [--pairs 200] [--noise exact data-sheet]
 """
@@ -44,7 +44,7 @@ from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 SOUND_SPEED = 1500.0
 ODOMETRY_RATE = 5.0
 AFTER = 20.0
-"""Time for which there is odometry after the last ping, s: the longest echo."""
+"""Duration of odometry after the last ping, s: longer than any echo."""
 
 NOISES = {
     "exact": SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=math.radians(0.05)),
@@ -57,7 +57,7 @@ SILENT_SEA = SensorModel(
     detection_probability=0.9,
     clutter_density=1e-15,
 )
-"""What is simulated: misses, but neither clutter nor errors; these are added here."""
+"""The simulated sensor has misses, but no clutter and no errors; errors are added here."""
 FAST = (np.array([7600.0, 8.0, 0.0, 0.0]),)
 STILL = (np.array([8000.0, 0.0, 0.0, 0.0]),)
 TURN = math.radians(2.0)
@@ -73,7 +73,7 @@ METHOD_OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 TIMES = ("none", "time_offset", "sound_speed")
 AT_ONCE = "no delay"
-"""The world to compare with."""
+"""The reference without propagation delay."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,11 @@ class Bias:
     """Errors of the first positions of many pairs of runs, (along, across) the line of sight, m."""
 
     errors: FloatArray  # (n, 2), mean of each pair
-    sigma: FloatArray  # (2,), root mean square of the deviations that the covariances give
+    sigma: FloatArray  # (2,), root mean square of the deviations by the covariances
 
 
 def scenario(scene: str, sound_speed: float) -> Scenario:
-    """A scene to hear."""
+    """Scenario of a scene."""
     targets, ship = SCENES[scene]
     return Scenario(scene, 16, 12.0, SILENT_SEA, sound_speed, targets, own_ship=ship)
 
@@ -146,11 +146,11 @@ def first_track(
 
 
 def bias(noise: str, scene: str, method: str, times: str, pairs: int, seed: int = 1) -> Bias:
-    """Measure the bias of the first position over seeded pairs of runs, by the names of the tables.
+    """Measure the bias of the first position over seeded pairs of runs, by the names in the tables.
 
-    Pair i is seeded with (seed, i), for every method and way alike.
+    Pair i is seeded with (seed, i) for all methods and kinds of times.
     """
-    heard = scenario(scene, 0.0 if times == AT_ONCE else SOUND_SPEED)
+    simulated = scenario(scene, 0.0 if times == AT_ONCE else SOUND_SPEED)
     name, options = METHOD_OPTIONS[method]
     settings = Settings(
         SessionOptions(method=name, own_ship_source="odometry"),
@@ -158,29 +158,29 @@ def bias(noise: str, scene: str, method: str, times: str, pairs: int, seed: int 
         CommonOptions(),
         {name: METHODS[name].Options(**options)},
     )
-    poses = odometry(heard)
+    poses = odometry(simulated)
     speed = SOUND_SPEED if times == "sound_speed" else 0.0
     errors, variances = [], []
     for index in range(pairs):
         clouds = (
-            messages(heard, [seed, index], NOISES[noise], sign, times) for sign in (1.0, -1.0)
+            messages(simulated, [seed, index], NOISES[noise], sign, times) for sign in (1.0, -1.0)
         )
-        one, other = (first_track(run, heard, settings, poses, speed) for run in clouds)
-        if one is not None and other is not None:
-            errors.append((one[0] + other[0]) / 2)
-            variances += [one[1], other[1]]
+        plus, minus = (first_track(run, simulated, settings, poses, speed) for run in clouds)
+        if plus is not None and minus is not None:
+            errors.append((plus[0] + minus[0]) / 2)
+            variances += [plus[1], minus[1]]
     return Bias(np.array(errors), np.sqrt(np.mean(variances, axis=0)))
 
 
 def row(noise: str, scene: str, method: str, times: str, pairs: int) -> list[str]:
     """One line of the table."""
-    one = bias(noise, scene, method, times, pairs)
-    cells = [scene, method, times, str(len(one.errors))]
+    measured = bias(noise, scene, method, times, pairs)
+    cells = [scene, method, times, str(len(measured.errors))]
     for axis in (0, 1):
-        error = mean(one.errors[:, axis])
+        error = mean(measured.errors[:, axis])
         half = (error.high - error.low) / 2
-        cells += [f"{error.value:.2f} ± {half:.2f}", f"{one.sigma[axis]:.1f}"]
-    return [*cells, f"{np.abs(one.errors.mean(axis=0) / one.sigma).max():.3f}"]
+        cells += [f"{error.value:.2f} ± {half:.2f}", f"{measured.sigma[axis]:.1f}"]
+    return [*cells, f"{np.abs(measured.errors.mean(axis=0) / measured.sigma).max():.3f}"]
 
 
 HEAD = ["scene", "method", "times", "pairs"]

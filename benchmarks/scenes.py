@@ -16,20 +16,20 @@ DENSITIES = (2.5e-7, 5e-7, 1e-6, 2e-6, 3e-6, 5e-6, 1e-5)
 """Clutter densities, per scan and m^2."""
 CALM_DETECTIONS = 10.0
 """Mean number of detections per scan of a calm sea, the target's included."""
-NEAREST_TARGET = 1000.0  # m
-AROUND = (-math.pi, math.pi)
+MIN_TARGET_RANGE = 1000.0  # m
+ALL_AZIMUTHS = (-math.pi, math.pi)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Scans that every contender gets, and the target of each detection, negative for clutter."""
+    """Scans for all contenders, and the target of each detection, negative for clutter."""
 
     sea: Sea
     scans: list[RawScan]
     origins: list[NDArray[np.int64]]
 
     def is_target(self, hits: Hits) -> bool:
-        """Tell whether more than half of a track's hits are echoes of the target."""
+        """Whether more than half of a track's hits are echoes of the target."""
         echoes = sum(bool(self.origins[scan][row] >= 0) for scan, row in hits)
         return 2 * echoes > len(hits)
 
@@ -41,14 +41,14 @@ def calm_density() -> float:
 
 
 def make_scene(clutter_density: float, scans: int, seed: int) -> Scene:
-    """Draw a scene: clutter of a density over the whole disc, one target in it."""
+    """Draw a scene: clutter of a density over the whole disc, and one target."""
     sea = Sea(clutter_density=clutter_density)
     scenario = Scenario(
         name="disc",
         scans=scans,
         period=sea.period,
         sensor=sea.sensor(),
-        areas=(TargetArea(1, (NEAREST_TARGET, sea.max_range), AROUND, sea.target_speed),),
+        areas=(TargetArea(1, (MIN_TARGET_RANGE, sea.max_range), ALL_AZIMUTHS, sea.target_speed),),
     )
     drawn = list(Simulator(scenario, seed))
     scans = [RawScan(item.scan.stamp, item.scan.range, item.scan.azimuth) for item in drawn]

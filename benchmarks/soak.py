@@ -1,10 +1,9 @@
 """Memory and speed over many scans in one process.
 
 Memory: slope of the resident set over the scans after a warm-up, by regression over means of equal
-blocks (neighbouring samples are not independent; far less so their blocks). Time: processor time,
-which other programs disturb least, of the first and the last thousand scans; and, since a machine's
-speed drifts over minutes, the last thousand scan by scan beside a fresh initiator that has seen
-only the scans of a few windows.
+blocks, since neighbouring samples depend on each other. Time: processor time of the first and the
+last thousand scans. A machine's speed drifts over minutes, so the last thousand scans are also
+compared, scan by scan, with a fresh initiator that has processed only a few windows.
 
     python benchmarks/soak.py [--scans 100000] [--detections 250]
 """
@@ -29,13 +28,14 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 NAME = "tsepm-5/8"
 PART = 1000
-"""Scans at the beginning and at the end that are compared."""
+"""Number of scans compared at the beginning and at the end."""
 LEAD = 100
-"""Scans before the first part, and scans that the fresh initiator sees before the comparison."""
+"""Scans before the first part, and scans of the fresh initiator before the comparison."""
+MIN_SCANS = 4 * (PART + LEAD)
 SAMPLE_EVERY = 50
 BLOCKS = 40
 WARM_UP = 0.1
-"""Share of the run before memory is looked at."""
+"""Share of the run before memory is measured."""
 
 
 def resident_memory() -> float:
@@ -72,10 +72,10 @@ def run(
         detections[index] = len(scan)
         pair = [(contender, own_seconds)]
         if index >= fresh_from:
-            pair.insert(index % 2, (fresh, fresh_seconds))  # in turn the first
-        for one, seconds in pair:
+            pair.insert(index % 2, (fresh, fresh_seconds))  # alternating order
+        for initiator, seconds in pair:
             begin = time.process_time()
-            one.process(scan)
+            initiator.process(scan)
             seconds[index] = time.process_time() - begin
         if index % SAMPLE_EVERY == 0 and index < fresh_from:
             memory[index] = resident_memory()
@@ -118,9 +118,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--output", type=Path, default=fixed_threads.BUILD, help="of soak.json")
     options = parser.parse_args()
-    least = 4 * (PART + LEAD)
-    if options.scans < least:
-        parser.error(f"--scans must be at least {least}")
+    if options.scans < MIN_SCANS:
+        parser.error(f"--scans must be at least {MIN_SCANS}")
     soak = summarise(*run(options.scans, options.detections, options.seed))
     slope, fresh = soak["memory_per_thousand"], soak["beside_fresh"]
     times = {name: 1e3 * soak[name] for name in ("first", "first_mean", "last", "last_mean")}

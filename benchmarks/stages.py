@@ -1,6 +1,6 @@
-"""Where the time of a scan goes: the functions that a method calls, at each clutter density.
+"""Profile of a scan: time of the functions that a method calls, at each clutter density.
 
-Processor time by cProfile; a function's time includes that of what it calls.
+Processor time by cProfile; a function's time includes that of its callees.
 
     python benchmarks/stages.py [--densities 1e-6 5e-6 1e-5] [--scans 32] [--evaluation NAME]
 """
@@ -19,8 +19,8 @@ from scenes import make_scene
 from tsepm_ros import Scan, make_initiator
 
 CALLERS = re.compile("tsepm_ros/(initiation|methods)/")
-LEAST = 0.005
-"""Share of the time below which a function is not shown."""
+MIN_SHARE = 0.005
+"""Minimum share of the time for a function to be shown."""
 
 
 def profile(method: str, density: float, scans: int, **options: str) -> None:
@@ -39,10 +39,10 @@ def profile(method: str, density: float, scans: int, **options: str) -> None:
         f"\n{density:g} per m^2: {1e3 * total / scans:.2f} ms a scan, {raw:.0f} raw confirmations"
     )
     for (file, _, name), (*_, callers) in sorted(stats.stats.items(), key=lambda item: -item[1][3]):
-        ours = sum(times[3] for caller, times in callers.items() if CALLERS.search(caller[0]))
-        if ours >= LEAST * total and "tsepm_ros" in file:
+        own = sum(times[3] for caller, times in callers.items() if CALLERS.search(caller[0]))
+        if own >= MIN_SHARE * total and "tsepm_ros" in file:
             where = file.rpartition("tsepm_ros/")[2].removesuffix(".py")
-            print(f"  {where + ' ' + name:52s} {1e3 * ours / scans:8.3f} ms {ours / total:6.1%}")
+            print(f"  {where + ' ' + name:52s} {1e3 * own / scans:8.3f} ms {own / total:6.1%}")
 
 
 def main() -> None:
@@ -52,10 +52,10 @@ def main() -> None:
     parser.add_argument("--densities", type=float, nargs="+", default=[2.5e-7, 1e-6, 5e-6, 1e-5])
     parser.add_argument("--scans", type=int, default=32)
     parser.add_argument("--evaluation", help="of the method tsepm")
-    given = parser.parse_args()
-    options = {"evaluation": given.evaluation} if given.evaluation else {}
-    for density in given.densities:
-        profile(given.method, density, given.scans, **options)
+    arguments = parser.parse_args()
+    options = {"evaluation": arguments.evaluation} if arguments.evaluation else {}
+    for density in arguments.densities:
+        profile(arguments.method, density, arguments.scans, **options)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""What is timed and compared: each contender is one small module with the same interface.
+"""The contenders of the comparison: small modules with the same interface.
 
-A contender gets raw scans and makes its own input of them in the time that is measured.
+A contender converts raw scans to its own input within the measured time.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Hits = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True, eq=False)
 class RawScan:
-    """A scan as a driver hands it over: s, and m and rad (n,), counter-clockwise from x."""
+    """A scan as from a driver: stamp, s, range, m, and azimuth, rad counter-clockwise from x."""
 
     stamp: float
     range: FloatArray
@@ -33,7 +33,7 @@ class RawScan:
 
 @dataclass(frozen=True, kw_only=True)
 class Sea:
-    """The scene's figures that every contender may know; the defaults are the paper's sonar."""
+    """Parameters of the scene for all contenders; the defaults are the paper's sonar."""
 
     clutter_density: float  # false detections per scan and m^2
     period: float = 12.0  # s
@@ -46,7 +46,7 @@ class Sea:
     target_speed: float = 5.0
 
     def sensor(self) -> SensorModel:
-        """The same figures as the package takes them."""
+        """The same parameters as the package's sensor model."""
         return SensorModel(
             range_std_fraction=self.range_std_fraction,
             azimuth_std=self.azimuth_std,
@@ -62,7 +62,7 @@ class Sea:
 
     @property
     def gate_sigmas(self) -> float:
-        """Standard deviations to which a gate of the gate probability reaches in two dimensions."""
+        """Radius of the two-dimensional gate of the gate probability, standard deviations."""
         return float(np.sqrt(-2.0 * np.log1p(-self.gate_probability)))
 
     @property
@@ -72,9 +72,9 @@ class Sea:
 
 
 class Contender(ABC):
-    """A track initiator, for a scene's figures and an M/N rule.
+    """A track initiator for a scene's parameters and an M/N rule.
 
-    A contender without such a rule comes as close as its options allow.
+    A contender without M/N rules approximates the rule by its options.
     """
 
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
@@ -84,7 +84,7 @@ class Contender(ABC):
 
     @abstractmethod
     def process(self, scan: RawScan) -> int:
-        """Take one scan and return the number of new tracks. This is what is timed."""
+        """Process one scan and return the number of new tracks. Timed."""
 
     @abstractmethod
     def hits(self) -> list[Hits]:
@@ -95,17 +95,17 @@ class Contender(ABC):
         return None
 
     def covariances(self) -> FloatArray | None:
-        """Covariances of these states, (n, 4, 4); None if it tells none. Not timed."""
+        """Covariances of these states, (n, 4, 4); None if unknown. Not timed."""
         return None
 
     @abstractmethod
     def counts(self) -> dict[str, int]:
-        """Counts of the last scan: `potential` and what else there is to count. Not timed."""
+        """Counts of the last scan: `potential` and others. Not timed."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """Where a contender is found and the rule that it gets."""
+    """Module and class of a contender, and its rule."""
 
     module: str
     kind: str

@@ -1,7 +1,7 @@
 """norfair: its tracker's own initialisation, with a vectorised distance.
 
-It counts frames, not seconds, and knows no M/N rule: a track is initialised when its hits minus its
-misses exceed a delay, here such that 5 hits in a row do it.
+norfair counts frames, not seconds, and has no M/N rule: a track is initialised when its hits minus
+its misses exceed a delay, chosen here so that 5 hits in a row suffice.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ class NorfairContender(Contender):
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
         super().__init__(sea, min_hits, window)
         error = max(sea.azimuth_std, sea.range_std_fraction) * sea.typical_range
-        step = sea.max_speed * sea.period
+        move = sea.max_speed * sea.period
         self._tracker = Tracker(
             distance_function="euclidean",
-            distance_threshold=step + sea.gate_sigmas * error,
+            distance_threshold=move + sea.gate_sigmas * error,
             initialization_delay=min_hits - 1,
             hit_counter_max=window,
             past_detections_length=window,
             filter_factory=OptimizedKalmanFilterFactory(
-                R=error**2, Q=VELOCITY_NOISE, pos_variance=error**2, vel_variance=(step / 2.0) ** 2
+                R=error**2, Q=VELOCITY_NOISE, pos_variance=error**2, vel_variance=(move / 2.0) ** 2
             ),
         )
         self._scan_index = 0
@@ -57,8 +57,8 @@ class NorfairContender(Contender):
     def states(self) -> FloatArray:
         """See `Contender.states`; norfair's velocities are per frame."""
         positions = np.array([track.estimate for track in self._new], float).reshape(-1, 2)
-        steps = np.array([track.estimate_velocity for track in self._new], float).reshape(-1, 2)
-        return np.stack([positions, steps / self.sea.period], axis=-1).reshape(-1, 4)
+        moves = np.array([track.estimate_velocity for track in self._new], float).reshape(-1, 2)
+        return np.stack([positions, moves / self.sea.period], axis=-1).reshape(-1, 4)
 
     def counts(self) -> dict[str, int]:
         """See `Contender.counts`."""

@@ -15,7 +15,7 @@ from support import plain_tsepm as plain
 
 
 class OracleContender(Contender):
-    """The loop of `plain_tsepm.plain_tsepm_with_counts`, one turn per scan."""
+    """The loop body of `plain_tsepm.plain_tsepm_with_counts`, called once per scan."""
 
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
         super().__init__(sea, min_hits, window)

@@ -3,14 +3,14 @@
 Three configurations, each faster than the one before:
 
 - `StoneSoupContender`: the library's own `DetectionKDTreeGNN2D`. Its tree measures distance in the
-  measurement's coordinates, radians beside metres, so that only range counts.
+  measurement's coordinates, radians and metres alike, so that only range counts.
 - `TunedStoneSoupContender`: a tree over Cartesian positions instead; and each track is predicted,
-  pre-gated and hypothesised in one go, so that the predictor's cache (the last 128 predictions)
+  pre-gated and hypothesised in one step, so that the predictor's cache (the last 128 predictions)
   always has its prediction.
 - `ConvertedStoneSoupContender`: as tuned, with positions converted beforehand.
 
 In all of them the deleter ends a track after `window` scans, as the M/N rule does; with the
-library's `UpdateTimeStepsDeleter(8)` they would hold more tracks and be slower. In the first two
+library's `UpdateTimeStepsDeleter(8)` they would have more tracks and be slower. In the first two
 all detections share one measurement model, with the range error at the typical range, so that the
 updater's cache serves all detections of a track.
 """
@@ -26,7 +26,7 @@ from scipy.spatial import KDTree
 from contenders import Contender, FloatArray, Hits, RawScan, Sea
 
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # of optional packages that are not there
+    warnings.simplefilter("ignore")  # about missing optional packages
     from stonesoup.base import Property
     from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
     from stonesoup.dataassociator.tree import DetectionKDTreeGNN2D
@@ -55,12 +55,12 @@ PRE_GATE_SLACK = 1.05  # the pre-gate's ellipses are not quite the hypothesiser'
 
 
 class WindowDeleter(Deleter):
-    """Ends a track that was not confirmed within a number of scans, its first one included."""
+    """Ends a track not confirmed within a number of scans, the first scan included."""
 
     window: int = Property(doc="N of the M/N rule.")
 
     def check_for_deletion(self, track: Track, **kwargs: object) -> bool:
-        """Tell whether the track has had its scans; every scan adds a state."""
+        """Whether the track has reached its number of scans; every scan adds a state."""
         return len(track) >= self.window
 
 
@@ -70,7 +70,7 @@ class CartesianTreeGNN2D(GNNWith2DAssignment):
     predictor: KalmanPredictor = Property(doc="The hypothesiser's predictor.")
     sigmas: float = Property(doc="Reach of the gate in standard deviations.")
     error_fraction: float = Property(doc="Larger measurement deviation as a fraction of range.")
-    error_floor: float = Property(doc="Least measurement deviation, m.")
+    error_floor: float = Property(doc="Minimum measurement deviation, m.")
 
     def generate_hypotheses(
         self,
@@ -169,13 +169,13 @@ class StoneSoupContender(Contender):
 
     def _make_associator(self, hypothesiser: DistanceHypothesiser) -> GNNWith2DAssignment:
         sea = self.sea
-        longest = sea.max_speed / 2.0 * sea.period * (self.window - 1)  # deviation after misses, m
+        deviation = sea.max_speed / 2.0 * sea.period * (self.window - 1)  # after misses, m
         return DetectionKDTreeGNN2D(
             hypothesiser,
             predictor=hypothesiser.predictor,
             updater=hypothesiser.updater,
-            max_distance=PRE_GATE_SLACK * sea.gate_sigmas * np.hypot(longest, self._range_std),
-            # It multiplies a variance; this is enough for the smallest that there is.
+            max_distance=PRE_GATE_SLACK * sea.gate_sigmas * np.hypot(deviation, self._range_std),
+            # The multiplier of a variance; sufficient for the smallest variance.
             max_distance_covariance_multiplier=PRE_GATE_SLACK * sea.gate_sigmas / self._range_std,
         )
 
@@ -216,9 +216,9 @@ class ConvertedStoneSoupContender(TunedStoneSoupContender):
         cosine, sine = np.cos(scan.azimuth), np.sin(scan.azimuth)
         along = np.stack([cosine, sine], axis=1)
         across = np.stack([-sine, cosine], axis=1)
-        spread = (self.sea.range_std_fraction * scan.range)[:, None] * along
-        swing = (self.sea.azimuth_std * scan.range)[:, None] * across
-        covariances = spread[:, :, None] * spread[:, None] + swing[:, :, None] * swing[:, None]
+        radial = (self.sea.range_std_fraction * scan.range)[:, None] * along
+        lateral = (self.sea.azimuth_std * scan.range)[:, None] * across
+        covariances = radial[:, :, None] * radial[:, None] + lateral[:, :, None] * lateral[:, None]
         positions = scan.range[:, None] * along
         return {
             Detection(

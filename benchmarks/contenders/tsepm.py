@@ -8,7 +8,7 @@ from tsepm_ros.kinematics.track import TrackArrays
 
 
 class TsepmContender(Contender):
-    """The published method as this package has it."""
+    """The published method in this package."""
 
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
         super().__init__(sea, min_hits, window)
@@ -38,7 +38,7 @@ class TsepmContender(Contender):
         return self._new.state
 
     def counts(self) -> dict[str, int]:
-        """See `Contender.counts`; `raw` is what reached confirmation and was not cut."""
+        """See `Contender.counts`; `raw` is without the confirmations that were cut."""
         last = self._initiator.statistics
         return {
             "potential": last.potential_tracks,

@@ -70,7 +70,7 @@ def test_a_contender_knows_the_scenario_s_sensor():
     "change", [{"own_ship.speed": 1.0}, {"sound_speed": 1500.0}, {"sensor.range_std": 5.0}]
 )
 def test_a_scenario_that_contenders_cannot_take_is_refused(change):
-    with pytest.raises(ValueError, match="the peers cannot take box"):
+    with pytest.raises(ValueError, match="the peers cannot process box"):
         peers.sea_of(load_scenario("box", change))
 
 

@@ -68,7 +68,7 @@ def test_carried_ahead_a_start_is_where_constant_velocity_takes_it():
     made = scene()
     start = made.starts[0]
     target = handover.Target(start.track.state, start.track.covariance)
-    figures = handover.carried_ahead(made, start, target, 0.0)
+    figures = handover.predicted(made, start, target, 0.0)
     later = start.track.predicted(start.track.stamp + handover.AFTER * 12.0)
     error = later.position - made.truth(start, handover.AFTER)[0::2]
     expected = error @ np.linalg.solve(later.position_covariance, error)

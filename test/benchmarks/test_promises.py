@@ -90,9 +90,9 @@ def test_a_difference_of_shares_is_close_far_or_open():
 
 
 def test_the_wish_is_kept_about():
-    kept = promises.wish_kept(density=3e-7, wish=100.0, hours=0.1, seed=1, workers=Workers())
-    assert 0.3 < kept.value < 2.0
-    assert kept.low < kept.value < kept.high
+    ratio = promises.rate_ratio(density=3e-7, rate=100.0, hours=0.1, seed=1, workers=Workers())
+    assert 0.3 < ratio.value < 2.0
+    assert ratio.low < ratio.value < ratio.high
 
 
 def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path):

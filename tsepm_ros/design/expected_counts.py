@@ -22,8 +22,8 @@ grow as :math:`\lambda^j`, raw confirmations as :math:`\lambda^M`, as long as st
 :math:`G(n, h, k)` be the density of *distinct* last hits by the state of the path that lives
 longest. The number of gates over a point is taken as Poisson with mean :math:`\mu = \sum a_k G`, so
 that :math:`\lambda e^{-\mu}` detections start a track; a covered detection continues the path of
-fewest hits among its gates: :math:`P(\text{fewest} = h) = e^{-\mu_{<h}} (1 - e^{-\mu_h})`. A last hit whose
-paths are all confirmed has no gate. This mean field ignores that gates cluster.
+fewest hits among its gates: :math:`P(\text{fewest} = h) = e^{-\mu_{<h}} (1 - e^{-\mu_h})`. A last
+hit whose paths are all confirmed has no gate. This mean field ignores that gates cluster.
 
 Two consequences: where gates overlap (:math:`\lambda a > 1`), starts fall with clutter while each
 start's tree grows. Starts come in waves: nearly every detection of the first scan starts a track,
