@@ -19,13 +19,13 @@ FIXED_RANGE_ERROR = SensorModel(range_std=30.0, range_std_fraction=0.0)
 def detections(positions: Any, times: Any, variance: float = 1.0) -> np.ndarray:
     """Converted detections at (..., 2) positions with circular errors."""
     positions = np.asarray(positions, float)
-    found = np.zeros(positions.shape[:-1], DETECTION)
-    found["position"] = positions
-    found["time"] = times
-    found["covariance"] = variance * np.eye(2)
-    found["major_sigma"] = math.sqrt(variance)
-    found["range_std"] = np.nan
-    return found
+    rows = np.zeros(positions.shape[:-1], DETECTION)
+    rows["position"] = positions
+    rows["time"] = times
+    rows["covariance"] = variance * np.eye(2)
+    rows["major_sigma"] = math.sqrt(variance)
+    rows["range_std"] = np.nan
+    return rows
 
 
 def scan_at(stamp: float, positions: Iterable[Sequence[float]], **more: Any) -> Scan:
@@ -55,9 +55,9 @@ def whitened(sample: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return inverse @ np.cov(sample, rowvar=False) @ inverse.T
 
 
-def fit_matrix(tau: np.ndarray) -> np.ndarray:
-    """The stacked H of Eq. 15 for hits at the times tau after the state."""
-    return np.vstack([np.kron(np.eye(2), [1.0, t]) for t in tau])
+def fit_matrix(elapsed: np.ndarray) -> np.ndarray:
+    """The stacked H of Eq. 15 for hits at times after the state."""
+    return np.vstack([np.kron(np.eye(2), [1.0, t]) for t in elapsed])
 
 
 def reconfigured(initiator: Initiator, sensor: SensorModel, common: Any, options: Any) -> bool:

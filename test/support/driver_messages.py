@@ -196,12 +196,12 @@ MAKERS: dict[str, Maker] = {
 def echoes_of(index: int, *, period: float = 12.0, clutter: int = 10) -> list[Echo]:
     """Echoes of ping number `index`: two targets that sail past, ahead, and clutter."""
     rng = np.random.default_rng(index)
-    found = []
+    echoes = []
     for x, vx, y, vy in ((3000.0, 4.0, 1500.0, -2.0), (5000.0, -6.0, -1000.0, 1.0)):
         at, across = x + vx * period * index, y + vy * period * index
         error = rng.normal(0.0, (0.005, 0.005))
         elevation = math.radians(-4.0)
-        found.append(
+        echoes.append(
             Echo(
                 math.hypot(at, across) * (1 + error[0]),
                 math.atan2(across, at) + error[1],
@@ -211,5 +211,5 @@ def echoes_of(index: int, *, period: float = 12.0, clutter: int = 10) -> list[Ec
     for square, azimuth, elevation in rng.uniform(
         (0.01, -1.3, -0.1), (1.0, 1.3, 0.1), (clutter, 3)
     ):
-        found.append(Echo(9000.0 * math.sqrt(square), float(azimuth), float(elevation)))
-    return found
+        echoes.append(Echo(9000.0 * math.sqrt(square), float(azimuth), float(elevation)))
+    return echoes

@@ -23,8 +23,8 @@ def message_type(type_name: str, **fields: Callable[[], Any] | object) -> type:
 
     def __init__(self: Any, **values: Any) -> None:  # noqa: N807
         for name, default in fields.items():
-            made = [] if default is FLOAT32_ARRAY else default()  # type: ignore[operator]
-            setattr(self, name, values.pop(name, made))
+            value = [] if default is FLOAT32_ARRAY else default()  # type: ignore[operator]
+            setattr(self, name, values.pop(name, value))
         assert not values, f"{type_name} has no fields {sorted(values)}"
 
     def __setattr__(self: Any, name: str, value: Any) -> None:  # noqa: N807

@@ -33,24 +33,24 @@ def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
 
 
 def step(
-    hold: TrackMaintenance, stamp: float, found=NOTHING, detectable: float = 0.0
+    maintenance: TrackMaintenance, stamp: float, scan=NOTHING, detectable: float = 0.0
 ) -> np.ndarray:
-    """Without a chance to detect, a miss says nothing: tracks live for their hold time."""
-    return hold.step(
+    """Process a scan; with `detectable` 0 misses do not count, and tracks live for hold_time."""
+    return maintenance.step(
         stamp,
-        found,
-        np.full(len(found), CLUTTER),
+        scan,
+        np.full(len(scan), CLUTTER),
         lambda positions: np.full(len(positions), detectable),
         FIXED_RANGE_ERROR,
         MAX_SPEED,
     )
 
 
-def ids(hold: TrackMaintenance) -> list[int]:
-    return [track.track_id for track in hold.current]
+def ids(maintenance: TrackMaintenance) -> list[int]:
+    return [track.track_id for track in maintenance.current]
 
 
 def holding(*track_ids: int, hold_time: float = 1e6, existence: float = 0.9) -> TrackMaintenance:
-    hold = TrackMaintenance(hold_time)
-    hold.add(tracks(*track_ids), existence)
-    return hold
+    maintenance = TrackMaintenance(hold_time)
+    maintenance.add(tracks(*track_ids), existence)
+    return maintenance

@@ -1,7 +1,7 @@
-"""How long tests wait before they give something up: the one place that says it.
+"""Time limits of tests.
 
-A limit is there to end what hangs. It is ten times the time on a quiet machine, so that nothing is
-given up on a busy one.
+A limit ends a test that hangs. It is ten times the time on a quiet machine, so that tests pass on a
+busy machine.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ PATIENCE = 10.0
 
 
 def patient(seconds: float) -> float:
-    """Longest wait for what takes so long on a quiet machine, s."""
+    """Time limit for an action of a duration on a quiet machine, s."""
     return PATIENCE * seconds
 
 

@@ -63,7 +63,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Plot:
-    """A detection with what association needs of it."""
+    """A detection with the data for its association."""
 
     detection: Detection
     clutter: float
@@ -73,7 +73,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Rule:
-    """What the maintenance is given."""
+    """Parameters of the maintenance."""
 
     settings: Parameters
     hold_time: float
@@ -84,7 +84,7 @@ class Rule:
 
 @dataclass
 class PlainMaintenance:
-    """The tracks held, and what the last scan gave."""
+    """The held tracks, and the results of the last scan."""
 
     rule: Rule
     tracks: list[Track] = field(default_factory=list)
@@ -354,7 +354,7 @@ class Fit:
 def fit(mode: Mode, plot: Plot, nearest: Plot, stamp: float, with_rates: bool, rule: Rule) -> Fit:
     """Compare a plot at its own time; S is that of the track's nearest plot at that plot's time.
 
-    So is the gain, unless plots have range rates.
+    So is the Kalman gain, unless plots have range rates.
     """
     x, p = mode.state, mode.covariance
     h_nearest = POSITION @ transition_matrix(nearest.detection.time - stamp)
@@ -364,15 +364,15 @@ def fit(mode: Mode, plot: Plot, nearest: Plot, stamp: float, with_rates: bool, r
     v = plot.detection.point - h @ x
     distance = float(v @ np.linalg.inv(s) @ v)
     likelihood = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
-    k = p @ (h if with_rates else h_nearest).T @ np.linalg.inv(s)
-    x, p = x + k @ v, p - k @ s @ k.T
+    kalman_gain = p @ (h if with_rates else h_nearest).T @ np.linalg.inv(s)
+    x, p = x + kalman_gain @ v, p - kalman_gain @ s @ kalman_gain.T
     gate = GATE_WITH_RANGE_RATE if has_rate(plot, rule) else GATE
     if distance <= gate and has_rate(plot, rule):
         error, variance, gradient = range_rate_innovation(x, p, plot, stamp, rule)
         distance += error**2 / variance
         likelihood *= math.exp(-(error**2) / variance / 2.0) / math.sqrt(2.0 * math.pi * variance)
-        k = p @ gradient / variance
-        x, p = x + k * error, p - variance * np.outer(k, k)
+        kalman_gain = p @ gradient / variance
+        x, p = x + kalman_gain * error, p - variance * np.outer(kalman_gain, kalman_gain)
     return Fit(likelihood if distance <= gate else 0.0, x, p)
 
 
@@ -405,7 +405,7 @@ def others(ratio: Mapping[int, float], j: int) -> float:
 
 
 def factor(existence: float, empty: float, ratio: float, rest: float) -> float:
-    """f: by how much the scan is less likely if a plot is not there for a target."""
+    """f: factor of the scan's likelihood by a target's possible origin of a plot."""
     without = 1.0 - existence + existence * (empty + rest)
     return (without + existence * ratio) / without
 
@@ -442,7 +442,7 @@ def update(
 
 def counted(tracks: Sequence[Track]) -> list[Track]:
     """The tracks with the scans in a row in which each agreed with an older track nearby."""
-    made = []
+    updated = []
     for i, track in enumerate(tracks):
         state, covariance = track.mean
         away = {
@@ -452,10 +452,10 @@ def counted(tracks: Sequence[Track]) -> list[Track]:
         }
         agrees = False
         for k in sorted(away, key=lambda k: away[k])[:7]:
-            apart, spread = state - tracks[k].mean[0], covariance + tracks[k].mean[1]
-            agrees |= k < i and float(apart @ np.linalg.solve(spread, apart)) <= 7.78
-        made.append(replace(track, agreeing=track.agreeing + 1 if agrees else 0))
-    return made
+            error, total = state - tracks[k].mean[0], covariance + tracks[k].mean[1]
+            agrees |= k < i and float(error @ np.linalg.solve(total, error)) <= 7.78
+        updated.append(replace(track, agreeing=track.agreeing + 1 if agrees else 0))
+    return updated
 
 
 class Coverage:

@@ -98,15 +98,15 @@ def match(
     options: Mapping[str, Any],
 ) -> set[int]:
     """Add its detection to each path, by the reading chosen; returns the detections used."""
-    found = []
+    pairs = []
     for i, path in enumerate(potential):
         turn = path.first_scan if options["matching"] == "oldest" else 0
         for j, detection in enumerate(detections):
             if in_gate(path.hits[-1], detection, settings, options):
-                found.append((turn, math.dist(path.hits[-1].point, detection.point), i, j))
+                pairs.append((turn, math.dist(path.hits[-1].point, detection.point), i, j))
     used_paths: set[int] = set()
     used: set[int] = set()
-    for _, _, i, j in sorted(found):
+    for _, _, i, j in sorted(pairs):
         if i not in used_paths and (j not in used or options["matching"] == "shared"):
             potential[i].hits.append(detections[j])
             used_paths.add(i)
@@ -161,9 +161,9 @@ def plain_kalman(hits: list[Detection], stamp: float, noise: float) -> Estimate:
     for hit in hits[2:]:
         x, p = plain_predict(x, p, hit.time - time, noise)
         time = hit.time
-        gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + hit.covariance)
-        x = x + gain @ (hit.point - h @ x)
-        p = (np.eye(4) - gain @ h) @ p
+        kalman_gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + hit.covariance)
+        x = x + kalman_gain @ (hit.point - h @ x)
+        p = (np.eye(4) - kalman_gain @ h) @ p
     x, p = plain_predict(x, p, stamp - time, noise)
     return Estimate(x, p, [hit.covariance for hit in hits])
 
@@ -254,8 +254,8 @@ def region_distance(
     if len(hits) == 1:
         (hit,) = hits
         reach = settings.max_speed * abs(detection.time - hit.time)
-        step = detection.point - hit.point
-        d = np.array([max(0.0, one - reach) + max(0.0, -one - reach) for one in step])
+        displacement = detection.point - hit.point
+        d = np.array([max(0.0, v - reach) + max(0.0, -v - reach) for v in displacement])
         return float(d @ np.linalg.inv(hit.covariance + detection.covariance) @ d)
     degree = min(len(hits) - 1, options["degree"])
     # Weights of the hits in the prediction: the fit to each unit vector, evaluated.

@@ -29,7 +29,7 @@ from support.plain_tsepm import (
 Key = tuple[int, int]
 """A detection: its scan, and its place in it."""
 Way = list[tuple[float, np.ndarray]]
-"""Places of the sensor, each with the range of the echo that it belongs to."""
+"""Positions of the sensor, each with the range of its echo."""
 
 
 @dataclass
@@ -44,7 +44,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Rule:
-    """What the method is given."""
+    """Parameters of the method."""
 
     settings: Parameters
     detection_probability: float
@@ -113,9 +113,9 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Gro
     return after
 
 
-def plain_starts(grown: Grown, threshold: float, wish: float) -> list[Start]:
-    """Tracks that a scan confirms where none is held yet, the one of most evidence first."""
-    found: list[Start] = []
+def plain_starts(grown: Grown, threshold: float, target_rate: float) -> list[Start]:
+    """Tracks that a scan confirms without held tracks, in descending order of evidence."""
+    starts: list[Start] = []
     free: dict[Key, float] = {}
     left = grown
     for members in strong_groups(grown, threshold):
@@ -124,28 +124,28 @@ def plain_starts(grown: Grown, threshold: float, wish: float) -> list[Start]:
         if free.get(newest, 1.0) >= 0.5:
             start = resolved(members, grown, free, 0.3)
         if start is None:
-            others = [one for one in left.ending if one.keys[-1] == newest]
-            if evidence(others) >= threshold + math.log(1e3):
-                start = resolved(others, left, free, 1.0)
+            ending = [one for one in left.ending if one.keys[-1] == newest]
+            if evidence(ending) >= threshold + math.log(1e3):
+                start = resolved(ending, left, free, 1.0)
         if start is None:
             continue
-        found.append(start)
-        odds = 500.0 / wish * math.exp(start.evidence - threshold)
+        starts.append(start)
+        odds = 500.0 / target_rate * math.exp(start.evidence - threshold)
         exists = min(odds / (1.0 + odds), 0.99)
         for key, value in start.probability.items():
             free[key] = free.get(key, 1.0) * (1.0 - value * exists)
         left = Grown(
             *([given_start(one, start) for one in part] for part in (left.ending, left.missed))
         )
-    return found
+    return starts
 
 
 def resolved(
-    members: Sequence[Hypothesis], grown: Grown, free: Mapping[Key, float], claimed: float
+    members: Sequence[Hypothesis], grown: Grown, free: Mapping[Key, float], max_held_share: float
 ) -> Start | None:
-    """The track of a newest detection, if it is no other's and its hits are clear."""
+    """The track of a newest detection, unless another track's or its hits are unclear."""
     rivals = rivals_of(members, grown)
-    if claimed_share(rivals, free) > claimed or max(len(one.keys) for one in rivals) < 3:
+    if held_share(rivals, free) > max_held_share or max(len(one.keys) for one in rivals) < 3:
         return None
     probability = hit_probabilities(rivals)
     certain = {key for key, value in probability.items() if value >= 0.9}
@@ -160,7 +160,7 @@ def resolved(
 
 
 def given_start(one: Hypothesis, start: Start) -> Hypothesis:
-    """The hypothesis as another target's: what the track's hits gave it does not count."""
+    """The hypothesis given the track: the score due to the track's hits is removed."""
     share = sum(start.probability.get(key, 0.0) for key in one.keys) / len(one.keys)
     return replace(one, score=one.score - share * max(one.score, 0.0))
 
@@ -208,8 +208,8 @@ def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
     ]
 
 
-def claimed_share(members: Sequence[Hypothesis], free: Mapping[Key, float]) -> float:
-    """Share of the hits that are another track's."""
+def held_share(members: Sequence[Hypothesis], free: Mapping[Key, float]) -> float:
+    """Share of the hits associated with another track."""
     hits = [(likelihood(one), 1.0 - free.get(key, 1.0)) for one in members for key in one.keys]
     return sum(weight * taken for weight, taken in hits) / sum(weight for weight, _ in hits)
 
@@ -221,7 +221,7 @@ def may_be_covered(measured: float, detection: Detection, rule: Rule) -> bool:
 
 
 def way_of_sensor(scan: Mapping[str, Any]) -> Way:
-    """Where the sensor was, by the range of the echo, nearest first; one place for all: that."""
+    """Positions of the sensor by the range of the echo, ascending; or one position for all."""
     poses = np.asarray(scan.get("sensor_pose", (0.0, 0.0, 0.0)), float).reshape(-1, 3)
     if len(poses) == 1:
         return [(0.0, poses[0, :2])]
@@ -230,7 +230,7 @@ def way_of_sensor(scan: Mapping[str, Any]) -> Way:
 
 
 def place_at(way: Way, distance: float) -> np.ndarray:
-    """Where the sensor was for an echo of a range: in a straight line between the next two."""
+    """Position of the sensor for an echo of a range, by linear interpolation."""
     for (near, begin), (far, end) in itertools.pairwise(way):
         if near <= distance < far:
             return begin + (distance - near) / (far - near) * (end - begin)
@@ -272,23 +272,23 @@ def extend(
     if distance > -2.0 * math.log(1.0 - rule.gate_probability):
         return None
     density = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
-    gain = math.log(rule.detection_probability * density / rule.settings.clutter_density)
-    k = predicted.covariance @ h.T @ np.linalg.inv(s)
+    increment = math.log(rule.detection_probability * density / rule.settings.clutter_density)
+    kalman_gain = predicted.covariance @ h.T @ np.linalg.inv(s)
     return Hypothesis(
         (*predicted.keys, detection.key),
-        predicted.state + k @ innovation,
-        (np.eye(4) - k @ h) @ predicted.covariance,
-        predicted.score + gain,
+        predicted.state + kalman_gain @ innovation,
+        (np.eye(4) - kalman_gain @ h) @ predicted.covariance,
+        predicted.score + increment,
     )
 
 
 def missed(predicted: Hypothesis, way: Way, rule: Rule) -> Hypothesis:
-    """The branch that leaves the scan out: free of charge outside the coverage."""
-    charge = 0.0
+    """The branch without a detection; its increment is 0 outside the coverage."""
+    increment = 0.0
     if covered(predicted, way, rule):
-        charge = math.log(1.0 - rule.detection_probability * rule.gate_probability)
+        increment = math.log(1.0 - rule.detection_probability * rule.gate_probability)
     return Hypothesis(
-        predicted.keys, predicted.state, predicted.covariance, predicted.score + charge
+        predicted.keys, predicted.state, predicted.covariance, predicted.score + increment
     )
 
 

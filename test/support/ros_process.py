@@ -23,9 +23,9 @@ def executable(name: str) -> str:
     """Where ROS has it, in lib/tsepm_ros, or else where pip puts it, beside the interpreter."""
     prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
     places = [Path(prefix) / "lib" / "tsepm_ros" for prefix in prefixes]
-    found = shutil.which(name, path=os.pathsep.join(map(str, [*places, BESIDE_INTERPRETER])))
-    assert found, f"{name} is in none of {places}, nor in {BESIDE_INTERPRETER}"
-    return found
+    path = shutil.which(name, path=os.pathsep.join(map(str, [*places, BESIDE_INTERPRETER])))
+    assert path, f"{name} is in none of {places}, nor in {BESIDE_INTERPRETER}"
+    return path
 
 
 class RosProcess:

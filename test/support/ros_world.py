@@ -148,18 +148,18 @@ class World:
     def until_logged(self, *parts: str, level: int = 0) -> str:
         """Spin until a sentence with all these parts is logged; returns it."""
 
-        def found() -> list[str]:
+        def matches() -> list[str]:
             return [line for line in self.logged(level) if all(part in line for part in parts)]
 
-        self.until(found, f"a log entry with {parts}")
-        return found()[0]
+        self.until(matches, f"a log entry with {parts}")
+        return matches()[0]
 
     def statuses(self) -> dict[str, DiagnosticStatus]:
         """The track initiator's diagnostics by task, as published after this call."""
         seen = len(self.diagnostics)
         self.until(lambda: len(self.diagnostics) > seen, "diagnostics")
-        found = self.diagnostics[-1].status
-        return {status.name.partition(": ")[2]: status for status in found}
+        statuses = self.diagnostics[-1].status
+        return {status.name.partition(": ")[2]: status for status in statuses}
 
     def status(self, task: str) -> DiagnosticStatus:
         """One of them."""

@@ -14,10 +14,10 @@ NOTHING = ScanSummary(false=0, held=0, localisation=0.0, missed=0.0, false_held=
 
 def start(scan: int, outcome: Outcome = Outcome.TRUE, **more) -> StartSummary:
     """A pure start with 12 s between scans and errors as large as their bounds."""
-    made = StartSummary(scan, 12.0 * scan, outcome, True, 30.0, 2.0, 4.0, 30.0, 2.0)
+    summary = StartSummary(scan, 12.0 * scan, outcome, True, 30.0, 2.0, 4.0, 30.0, 2.0)
     if not more.get("pure", True):
         more = {"position_bound": math.nan, "velocity_bound": math.nan, **more}
-    return dataclasses.replace(made, **more)
+    return dataclasses.replace(summary, **more)
 
 
 def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) -> RunSummary:
@@ -26,6 +26,6 @@ def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) 
     return RunSummary(targets, starts, scans)
 
 
-def as_json(records: Iterable[RunSummary]) -> list[dict]:
-    """The records for comparison: in them nan is not equal to itself."""
-    return [record.as_json() for record in records]
+def as_json(summaries: Iterable[RunSummary]) -> list[dict]:
+    """The summaries as JSON for comparison, since nan is not equal to itself."""
+    return [summary.as_json() for summary in summaries]

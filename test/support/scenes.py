@@ -83,14 +83,14 @@ def crowded_scene(seed: int) -> Scene:
     velocity = rng.uniform(-6.0, 6.0, 2)
     for index in range(5):
         place = np.array([2500.0, 1500.0]) + 12.0 * index * velocity
-        found = place + rng.uniform(-300.0, 300.0, (3, 2))
+        points = place + rng.uniform(-300.0, 300.0, (3, 2))
         if rng.random() < 0.9:
-            found = np.vstack([found, place + 40.0 * rng.standard_normal(2)])
+            points = np.vstack([points, place + 40.0 * rng.standard_normal(2)])
         scene.scans.append(
             {
                 "stamp": 12.0 * index,
-                "range": np.hypot(*found.T).tolist(),
-                "azimuth": np.arctan2(found[:, 1], found[:, 0]).tolist(),
+                "range": np.hypot(*points.T).tolist(),
+                "azimuth": np.arctan2(points[:, 1], points[:, 0]).tolist(),
             }
         )
     return scene
@@ -116,8 +116,8 @@ def _scan(rng, sensor, targets, stamp, pose, p_d, pose_errors, offsets, own_erro
         scan["sensor_pose_covariance"] = np.diag([25.0, 16.0, 1e-4]).tolist()
     if offsets:
         scan["time_offset"] = (np.array(range_) / 1500.0).tolist()
-        step = np.array(scan["time_offset"])[:, None] * np.array([3.0, -2.0, 0.002])
-        scan["sensor_pose"] = (pose + step).tolist()
+        displacement = np.array(scan["time_offset"])[:, None] * np.array([3.0, -2.0, 0.002])
+        scan["sensor_pose"] = (pose + displacement).tolist()
     else:
         scan["sensor_pose"] = pose.tolist()
     if own_errors:

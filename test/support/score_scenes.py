@@ -36,7 +36,7 @@ def sea(
     detected: float = 0.9,
 ) -> list[Scan]:
     """Scans of clutter and of targets [x, vx, y, vy]; the targets' detections come last."""
-    made = []
+    sea_scans = []
     for index in range(scans):
         range_, azimuth = clutter(rng, density)
         for x, vx, y, vy in targets:
@@ -46,8 +46,8 @@ def sea(
                 range_ = np.append(range_, distance * (1 + 0.015 * rng.standard_normal()))
                 angle = math.atan2(place[1], place[0])
                 azimuth = np.append(azimuth, angle + SONAR.azimuth_std * rng.standard_normal())
-        made.append(Scan(12.0 * index, range_, azimuth))
-    return made
+        sea_scans.append(Scan(12.0 * index, range_, azimuth))
+    return sea_scans
 
 
 def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, dict[str, float]]:

@@ -74,29 +74,31 @@ def ping(stamp: float, n: int = 1) -> SensorScan:
     )
 
 
-def play(one: Session, stamps, now: float = math.inf):
+def play(session: Session, stamps, now: float = math.inf):
     """Results of scans at the stamps, each processed as it comes."""
     results = []
     for stamp in stamps:
-        one.add_scan(ping(float(stamp)), 0.0)
-        results += one.process(now)
+        session.add_scan(ping(float(stamp)), 0.0)
+        results += session.process(now)
     return results
 
 
-def play_empty(one: Session, stamps):
+def play_empty(session: Session, stamps):
     """The same with scans that have no detections."""
     results = []
     for stamp in stamps:
-        one.add_scan(arrived(Scan(float(stamp), [], [])), 0.0)
-        results += one.process()
+        session.add_scan(arrived(Scan(float(stamp), [], [])), 0.0)
+        results += session.process()
     return results
 
 
-def sail(one: Session, *stamps: float, frame_id: str = "odom") -> None:
+def sail(session: Session, *stamps: float, frame_id: str = "odom") -> None:
     """Own-ship poses of a ship that runs along x at 2 m/s, at the stamps and every 20 s between."""
     for begin, end in itertools.pairwise([*stamps, stamps[-1]]):
         for stamp in [begin, *np.arange(begin + 20.0, end, 20.0)]:
-            one.add_own_ship(PoseSample(float(stamp), 2.0 * stamp, 10.0, 0.5, frame_id=frame_id))
+            session.add_own_ship(
+                PoseSample(float(stamp), 2.0 * stamp, 10.0, 0.5, frame_id=frame_id)
+            )
 
 
 def simulated(seed: int = 1) -> list[Scan]:

@@ -54,7 +54,7 @@ def pings(
 ) -> list[Ping]:
     """Pings from the origin, with every target (x, vx, y, vy) in each, as float32."""
     rng = np.random.default_rng(seed)
-    made = []
+    sequence = []
     for index in range(number):
         time = index * period
         x = np.array([target[0] + target[1] * time for target in targets])
@@ -64,14 +64,14 @@ def pings(
         angle += math.radians(0.7) * rng.standard_normal(len(x))
         distance = np.append(distance, 9000 * np.sqrt(rng.uniform(0.01, 1, clutter)))
         angle = np.append(angle, rng.uniform(-math.pi, math.pi, clutter))
-        made.append(
+        sequence.append(
             Ping(
                 start_ns + index * round(period * 1e9),
                 distance.astype(np.float32),
                 angle.astype(np.float32),
             )
         )
-    return made
+    return sequence
 
 
 def cloud(
