@@ -73,7 +73,8 @@ def good_detections(
     ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
     ``time_offset_not_finite`` and ``transmit_offset_not_finite``, and ``<field>_too_large`` and
     ``<field>_too_small`` for values above `tsepm_ros.sensing.scan.MAX_MAGNITUDE` or below
-    `tsepm_ros.sensing.scan.MIN_MAGNITUDE`. A detection counts once, under the first reason that applies.
+    `tsepm_ros.sensing.scan.MIN_MAGNITUDE`. A detection counts once, under the first reason that
+    applies.
 
     Parameters
     ----------

@@ -177,7 +177,9 @@ def _nees(axis: Axes, evaluation: Evaluated) -> None:
 def _rows(axis: Axes, evaluation: Evaluated, full: str, hollow: str) -> None:
     """Two figures per operating point, one row per point."""
     styles = _styles(evaluation)
-    for row, (point, measures) in enumerate(zip(evaluation.points, evaluation.measures, strict=True)):
+    for row, (point, measures) in enumerate(
+        zip(evaluation.points, evaluation.measures, strict=True)
+    ):
         colour, marker = styles[point.method]
         for name, face, shift in ((full, colour, -0.12), (hollow, "white", 0.12)):
             estimate: Estimate = getattr(measures, name)
