@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import propagation
 import pytest
 from scipy import stats
+
+pytest.importorskip("nav_msgs", reason="the echoes are read from ROS messages")
+import propagation
 
 PAIRS = 12
 CONFIDENCE = 0.999
