@@ -54,7 +54,7 @@ def test_a_recording_gives_tracks_as_csv(capsys, recording):
     assert float(row["stamp"]) == 24.0
     assert float(row["state_vx"]) == pytest.approx(5.0, rel=1e-3)
     assert float(row["state_y"]) == pytest.approx(3000.0, rel=1e-3)
-    assert "3 hits within 3 scans" in row["reason"] and "the threshold" in row["reason"]
+    assert "3 hits in 3 pings" in row["reason"] and "threshold" in row["reason"]
     assert captured.err == ""
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.initiation import path_counts
-from tsepm_ros.initiation.path_counts import LARGEST, PathCounts
+from tsepm_ros.initiation.path_counts import MAX_COUNT, PathCounts
 from tsepm_ros.stages.splitting import Gated
 
 Path = tuple[int, int, int]
@@ -84,5 +84,5 @@ def test_numbers_stop_before_they_overflow():
     counts = PathCounts.of(np.arange(n), np.ones(n, np.int64), np.zeros(n, np.int64))
     for _ in range(8):
         counts = counts.children(np.arange(n), gated, np.arange(n))
-    assert counts.number.tolist() == [LARGEST] * n
+    assert counts.number.tolist() == [MAX_COUNT] * n
     assert 0 < counts.total < 2**63

@@ -12,7 +12,7 @@ from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
 from tsepm_ros.maintenance.downstream_tracker import Tracker
 from tsepm_ros.maintenance.repetition import SAME_SCANS
 from tsepm_ros.maintenance.track_maintenance import (
-    LEAST_EXISTENCE,
+    MIN_EXISTENCE,
     TRACKED_EXISTENCE,
     TrackMaintenance,
 )
@@ -96,7 +96,7 @@ def test_what_is_tracked_is_not_ended_by_misses(straight):
     for stamp in (12.0, 24.0, 36.0, 48.0, 60.0):
         step(hold, stamp, detectable=P_D)
     assert ids(hold) == [1], "missed five times, and over the hold time"
-    assert hold.held.existence[0] < LEAST_EXISTENCE
+    assert hold.held.existence[0] < MIN_EXISTENCE
     step(hold, 60.1)
     assert (hold.ended, hold.tracker) == ([1], Tracker.SILENT)
 

@@ -18,7 +18,7 @@ from tsepm_ros.maintenance import ipda
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.ipda import TIME_OF_FADING, TIME_TO_FADE, TIME_TO_VANISH
 from tsepm_ros.maintenance.repetition import SAME_SCANS
-from tsepm_ros.maintenance.track_maintenance import LEAST_EXISTENCE, TrackMaintenance
+from tsepm_ros.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
 from tsepm_ros.sensing.conversion import convert
 
 
@@ -29,7 +29,7 @@ def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
         step(hold, 12.0 * scan, detectable=P_D)
         missed = (1.0 - P_D * GATE_PROBABILITY) ** scan
         expected = existence * missed / (existence * missed + 1.0 - existence)
-        if expected < LEAST_EXISTENCE:
+        if expected < MIN_EXISTENCE:
             break
         assert ids(hold) == [1]
         np.testing.assert_allclose(hold.held.existence, [expected])
@@ -46,7 +46,7 @@ def test_a_target_may_fade_and_is_given_up_later(monkeypatch):
         step(hold, 2.5 * scan, detectable=P_D)
         chain = chain @ expm(2.5 * rates) * [1.0 - P_D * GATE_PROBABILITY, 1.0, 1.0]
         chain /= chain.sum()
-        if chain[:2].sum() < LEAST_EXISTENCE:
+        if chain[:2].sum() < MIN_EXISTENCE:
             break
         np.testing.assert_allclose(hold.held.existence, [chain[:2].sum()], rtol=1e-9)
         np.testing.assert_allclose(hold.held.visible, [chain[0] / chain[:2].sum()], rtol=1e-9)

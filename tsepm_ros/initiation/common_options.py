@@ -35,15 +35,15 @@ class CommonOptions:
     hold_time: float = parameter(
         120.0,
         "Time for which a confirmed track is held, and stays on tracks/current, without a "
-        "detection of its own; it ends sooner where its target is missed again and again",
+        "detection of its own; repeated misses end it sooner",
         unit="s",
         minimum=0.0,
     )
     detection_probability: str = parameter(
         "given",
         "Detection probability: sensor.detection_probability as given; or estimated from the scans "
-        "after confirmation of the tracks held, beginning with what is given; that is right where "
-        "most of them are true, as with the method score",
+        "after confirmation of the held tracks, with the given value as the prior; suitable where "
+        "most tracks are true, as with the method score",
         choices=("given", "estimated"),
     )
     clutter_density: str = parameter(
@@ -69,8 +69,8 @@ class CommonOptions:
     tracked_timeout: float = parameter(
         60.0,
         "A downstream tracker whose last message on tracked is older than this at a scan is "
-        "silent, and its tracks are held as all others; for as long it may leave a new track "
-        "unlisted before that ends",
+        "silent, and its tracks are held as all others; a new track that it leaves unlisted for "
+        "this time ends",
         unit="s",
         positive=True,
         maximum=3600.0,

@@ -76,7 +76,7 @@ class FrontEnd:
 
     @property
     def estimated_detection_probability(self) -> float:
-        """Detection probability as the tracks held tell it, whether it is used or not."""
+        """Detection probability estimated from the held tracks, whether it is used or not."""
         return self.learned.detection_probability.estimate(self.sensor.detection_probability)
 
     @property

@@ -1,4 +1,4 @@
-"""Confirming tracks by counting their hits within a window of scans: what such methods share."""
+"""Base classes of the methods that confirm tracks by counting hits within a window of scans."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class HitCounter(WindowedMethod):
         return evaluation.normalized_distance(hits, fitted)
 
     def accept(self, estimates: Estimates) -> BoolArray:
-        """Which tracks may be put out, (n,): those whose hits tell a state at all."""
+        """Which tracks may be put out, (n,): those with a finite state estimate."""
         finite = np.isfinite(estimates.covariance).all(axis=(1, 2))
         return np.asarray(finite & np.isfinite(estimates.state).all(axis=1))
 
@@ -129,7 +129,7 @@ class HitCounter(WindowedMethod):
         return estimates
 
     def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
-        """Which of the tracks that share a detection is put out: that of the smallest, (n,)."""
+        """Figure, (n,): of tracks that share a detection that of the smallest is put out."""
         return estimates.evaluation
 
     def best(self, paths: Paths) -> tuple[Paths, Estimates, int]:

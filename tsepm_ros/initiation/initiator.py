@@ -22,9 +22,9 @@ from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
 NEW_TRACK_EXISTENCE = 0.99
-"""Probability that a confirmed track's target exists, where the method has no figure: a choice."""
+"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
 TRACK_IDS = 2**32
-"""Track ids count from 0 up to this, then start again: messages hold 32 bits."""
+"""Number of track ids: they start again from 0, since messages have 32 bits for them."""
 
 
 class Initiator:
@@ -211,7 +211,7 @@ class Initiator:
 
     @property
     def estimated_detection_probability(self) -> float:
-        """Detection probability as the tracks held tell it, whether it is used or not."""
+        """Detection probability estimated from the held tracks, whether it is used or not."""
         return self.front_end.estimated_detection_probability
 
     @property

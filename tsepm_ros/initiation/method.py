@@ -1,4 +1,4 @@
-"""What a track initiation method is: its options, and its step on an observed scan."""
+"""Base class of the track initiation methods: options, and the step on an observed scan."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Method(ABC):
     """Frozen dataclass of the method's own parameters."""
 
     operating_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {"default": {}}
-    """Options by a short label, from few to many false tracks: what an evaluation sweeps."""
+    """Options by a short label, from few to many false tracks; an evaluation sweeps them."""
 
     clutter_excludes_held: ClassVar[bool] = False
     """Whether the clutter map leaves out the detections of held tracks.
@@ -59,14 +59,14 @@ class Method(ABC):
         return TrackArrays.of([])
 
     def reason(self, track: ConfirmedTrack) -> str:
-        """Why a track was confirmed, in a sentence, as the options are now."""
-        return f"{len(track.hits)} hits within {track.scan_count} scans"
+        """The reason for which a track was confirmed, with the present options."""
+        return f"{len(track.hits)} hits in {track.scan_count} pings"
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; returns whether the potential tracks are kept.
 
         A method that cannot continue them under the new options overrides this and starts over. It
-        replaces what it holds, and changes none of it: a copy may hold it, too.
+        replaces its arrays and never changes them in place: a copy may share them.
         """
         self.sensor = sensor
         self.common = common

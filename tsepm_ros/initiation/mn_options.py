@@ -8,9 +8,9 @@ from typing import Any
 from tsepm_ros.parameters import check_group, parameter
 
 MAX_HITS = 32
-"""Most hits (M) that a rule may ask for."""
+"""Maximum of M."""
 MAX_WINDOW = 64
-"""Most scans (N) within which they may come."""
+"""Maximum of N."""
 
 
 def hits_option(
@@ -24,7 +24,7 @@ def window_option(
     default: int,
     *,
     minimum: int = 2,
-    meaning: str = "Scans within which they must come, the first hit's included (N)",
+    meaning: str = "Scans within which the hits must occur, the first hit's included (N)",
 ) -> Any:
     """Make the option `window` with a method's default and minimum."""
     return parameter(default, meaning, minimum=minimum, maximum=MAX_WINDOW)
@@ -32,7 +32,7 @@ def window_option(
 
 @dataclass(frozen=True, kw_only=True)
 class MnOptions:
-    """What the options of every M/N method begin with.
+    """Options that every M/N method begins with.
 
     A method with another default defines `min_hits` or `window` again, by `hits_option` and
     `window_option`; their place in the table stays the first.

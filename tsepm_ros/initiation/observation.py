@@ -1,4 +1,4 @@
-"""One scan as a method sees it, and what a method makes of it."""
+"""A scan as the input of a method, and the method's output."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tsepm_ros.sensing.sensor import SensorModel
 
 @dataclass(frozen=True)
 class Observation:
-    """A scan's detections in the coverage, and what is known of each before the method.
+    """A scan's detections in the coverage, with clutter densities and held association.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class Step:
-    """What a method makes of a scan.
+    """Output of a method for a scan.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Step:
     existence : (n,) ndarray, optional
         Probability that each new track's target exists; `NEW_TRACK_EXISTENCE` if not given.
     target_probability : (d,) ndarray, optional
-        Probability that each detection is of a target that is not confirmed yet: so much of it
+        Probability that each detection is of a target that is not confirmed yet; this part of it
         does not count as clutter.
     """
 

@@ -18,7 +18,7 @@ from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.stages.paths import Paths
 from tsepm_ros.stages.splitting import Gated
 
-LARGEST = 2**40
+MAX_COUNT = 2**40
 """Numbers stop here: sums over the detections of a scan still fit 64 bits."""
 BLOCK = 32
 """Kinds of paths split together: bounds memory."""
@@ -82,7 +82,7 @@ class PathCounts:
         _, first, place = np.unique(key, return_index=True, return_inverse=True)
         counts = np.zeros(len(first), np.int64)
         np.add.at(counts, place, 1 if number is None else number)
-        counts = np.minimum(counts, LARGEST)
+        counts = np.minimum(counts, MAX_COUNT)
         return cls(last_hit[first], hit_count[first], first_scan[first], counts)[counts > 0]
 
     @classmethod

@@ -24,15 +24,15 @@ from tsepm_ros.stages.association import Pairs, best_of_each
 from tsepm_ros.stages.paths import NO_HIT, Paths, starting
 
 MAX_PAIRS = 1_000_000
-"""Pairs of potential tracks and detections looked at in a scan; of more, the shortest steps."""
+"""Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
 
 
 class PathFollower(HitCounter):
     """A hit counter that extends potential tracks from scan to scan.
 
-    A method says which detections may extend which potential track (`pairs`) and which of them do
-    (`choose`). A detection that extends none starts a potential track, which ends N scans later.
-    The hits of a confirmed track are no other's: potential tracks that share one end.
+    A method finds the detections that may extend each potential track (`pairs`) and chooses among
+    them (`choose`). A detection that extends none starts a potential track, which ends N scans
+    later. The hits of a confirmed track are no other's: potential tracks that share one end.
     """
 
     every_detection_starts: ClassVar[bool] = False
@@ -94,8 +94,8 @@ class PathFollower(HitCounter):
         free = ~np.isin(ids, confirmation.hits)
         if not self.every_detection_starts:
             free[extending.row] = False
-        beyond = max(int(np.count_nonzero(free)) - self._most, 0)
-        started = self.started(ids[free][: self._most], detections[free][: self._most])
+        beyond = max(int(np.count_nonzero(free)) - self._max_tracks, 0)
+        started = self.started(ids[free][: self._max_tracks], detections[free][: self._max_tracks])
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
         self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
@@ -152,15 +152,15 @@ class PathFollower(HitCounter):
         return going_on, len(growing) + len(missed) - len(going_on)
 
     @property
-    def _most(self) -> int:
+    def _max_tracks(self) -> int:
         """Potential tracks held at most."""
         return self.common.max_potential_tracks
 
-    def started(self, ids: IntArray, found: NDArray[np.void]) -> Paths:
-        """New potential tracks of one hit each: detections found (n,), and their ids."""
+    def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:
+        """New potential tracks of one hit each, from detections (n,) and their ids."""
         return starting(ids, self.scan_index, self.options.min_hits)
 
-    def extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Paths:
+    def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """Potential tracks that each add a detection; see `Paths.extended`."""
         return self.potential.extended(parent, ids)
 
@@ -195,8 +195,8 @@ class PathFollower(HitCounter):
         owner = np.ascontiguousarray(hits["position"])
 
         def length(parent: IntArray, row: IntArray) -> FloatArray:
-            step = detections["position"][row] - owner[gate[parent]]
-            return np.hypot(step[:, 0], step[:, 1])
+            displacement = detections["position"][row] - owner[gate[parent]]
+            return np.hypot(displacement[:, 0], displacement[:, 1])
 
         parent, row, cut = splitting.split_within(gate, gated, MAX_PAIRS, length)
         return parent, row, cut + gated.cut
@@ -204,7 +204,7 @@ class PathFollower(HitCounter):
     def displacements(
         self, detections: NDArray[np.void], gate_sigmas: float
     ) -> tuple[IntArray, IntArray, Displacements, BoolArray, int]:
-        """The steps to reachable detections from the last two hits of the potential tracks.
+        """The displacements to reachable detections from the last two hits of the potential tracks.
 
         Parameters
         ----------
@@ -216,7 +216,7 @@ class PathFollower(HitCounter):
         -------
         parent, row : (p,) ndarray of int
             Rows of potential tracks and detections.
-        steps : Steps
+        displacements : Displacements
         first : (p,) ndarray of bool
             Whether the track has one hit only; it then counts as both.
         cut : int
@@ -238,7 +238,7 @@ class PathFollower(HitCounter):
         complete = self.potential.hit_count[pairs.parent] == self.options.min_hits - 1
         kept = []
         for part, limit in (
-            (pairs[~complete], self._most),
+            (pairs[~complete], self._max_tracks),
             (pairs[complete], self.common.max_raw_confirmations),
         ):
             kept.append(part[keep_best(part.cost, limit)])
@@ -248,5 +248,5 @@ class PathFollower(HitCounter):
 
     def _limit(self, tracks: Paths) -> tuple[Paths, int]:
         """Keep the potential tracks of the most hits; returns them and the number cut."""
-        kept = keep_best(-tracks.hit_count.astype(float), self._most)
+        kept = keep_best(-tracks.hit_count.astype(float), self._max_tracks)
         return tracks[kept], len(tracks) - len(kept)

@@ -19,8 +19,8 @@ class ScanStatistics:
     potential_tracks : int
         Potential tracks held after the scan (in a sum: the most held at once).
     hopeless_tracks : int
-        Beside them, paths that no further hit can save and that are held only as numbers, with
-        their gates (in a sum: the most held at once).
+        Further paths, which can no longer pass; only their counts and gates are kept (in a sum:
+        the most at once).
     started : int
         Potential tracks started.
     terminated : int
@@ -38,7 +38,7 @@ class ScanStatistics:
         a pair of gate and detection that was left out; the confirmations are all that would have
         come of the potential tracks cut in this and in earlier scans.
     outside_coverage : int
-        Detections received beside those in the coverage; they are not used.
+        Detections received outside the coverage; they are not used.
     """
 
     scans: int = 0

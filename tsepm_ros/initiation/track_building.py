@@ -45,8 +45,8 @@ def tracks_from_hits(
     """
     present = hits != NO_HIT
     count = present.sum(axis=1)
-    found, first = window[hits[present]], window[hits[:, 0]]
-    pairs = list(zip(found["scan"].tolist(), found["index"].tolist(), strict=True))
+    detections, first = window[hits[present]], window[hits[:, 0]]
+    pairs = list(zip(detections["scan"].tolist(), detections["index"].tolist(), strict=True))
     ends = np.cumsum(count)
     return TrackArrays(
         track_id=np.arange(len(hits)),

@@ -1,4 +1,4 @@
-"""A downstream tracker: whether it is heard, which tracks it lists, and what can be used."""
+"""A downstream tracker: its status, the tracks that it lists, and those of them that are usable."""
 
 from __future__ import annotations
 
@@ -13,22 +13,21 @@ from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 
-LARGEST_STATE = MAX_MAGNITUDE["sensor_pose"]
-"""Largest magnitude of a state's numbers that is taken, m and m/s."""
-SMALLEST_SIGMA = MIN_MAGNITUDE["range_std"]
-"""Smallest standard deviation that is taken, m and m/s."""
-ASYMMETRY = 1e-6
-"""Largest difference of two correlations that should be equal."""
-LEAST_EIGENVALUE = 1e-12
-"""Of the correlations: below, the covariance is positive definite by rounding only."""
-
+MAX_STATE = MAX_MAGNITUDE["sensor_pose"]
+"""Largest accepted magnitude of a state component, m and m/s."""
+MIN_SIGMA = MIN_MAGNITUDE["range_std"]
+"""Smallest accepted standard deviation, m and m/s."""
+MAX_ASYMMETRY = 1e-6
+"""Largest accepted difference of two correlations that should be equal."""
+MIN_EIGENVALUE = 1e-12
+"""Smallest accepted eigenvalue of the correlations; below, it is due to rounding."""
 
 LISTED = -math.inf
-"""Time since which a track is unlisted, of a track that the tracker lists."""
+"""Value of the time since which a track is unlisted, for a listed track."""
 
 
 class Tracker(enum.Enum):
-    """What is known of a downstream tracker."""
+    """Status of a downstream tracker."""
 
     NONE = "none"
     ALIVE = "alive"
@@ -67,12 +66,12 @@ class DownstreamTracker:
     def unlisted_since(self, since: FloatArray, stamp: float) -> FloatArray:
         """Times since which tracks (n,) are unlisted as the tracker is heard at a stamp, s.
 
-        After a silence it gets the whole time again to list them.
+        After a silence the timeout begins again.
         """
         return since if self.is_alive else np.maximum(since, stamp)
 
     def keeps(self, since: FloatArray) -> BoolArray:
-        """Which tracks, unlisted since times (n,), s, it keeps: what it lists while it is heard."""
+        """Which tracks, unlisted since times (n,), s, it keeps: those listed while it is heard."""
         return np.isneginf(since) & self.is_alive
 
 
@@ -118,7 +117,7 @@ class TrackerReport:
 
 
 def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
-    """The tracks that can be held, and the number of the others by reason.
+    """The tracks that can be held, and the number of the dropped tracks by reason.
 
     Parameters
     ----------
@@ -129,34 +128,34 @@ def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
     tracks : TrackArrays
         With symmetric covariances.
     dropped : dict of str to int
-        ``tracked_not_finite``: stamp, state or covariance is not finite, or beyond `LARGEST_STATE`;
+        ``tracked_not_finite``: stamp, state or covariance is not finite, or beyond `MAX_STATE`;
         ``tracked_bad_covariance``: not symmetric and positive definite, or a standard deviation
-        below `SMALLEST_SIGMA`; ``tracked_duplicate_id``: of several with an id the first is kept.
+        below `MIN_SIGMA`; ``tracked_duplicate_id``: of several with an id the first is kept.
     """
     state, covariance = tracks.state, tracks.covariance
-    finite = np.isfinite(tracks.stamp) & (np.abs(state) <= LARGEST_STATE).all(axis=1)
-    finite &= (np.abs(covariance) <= LARGEST_STATE**2).all(axis=(1, 2))
-    good = finite.copy()
-    good[finite] = _proper(covariance[finite])
-    _, first = np.unique(tracks.track_id[good], return_index=True)
-    kept = np.flatnonzero(good)[np.sort(first)]
+    finite = np.isfinite(tracks.stamp) & (np.abs(state) <= MAX_STATE).all(axis=1)
+    finite &= (np.abs(covariance) <= MAX_STATE**2).all(axis=(1, 2))
+    valid = finite.copy()
+    valid[finite] = _proper(covariance[finite])
+    _, first = np.unique(tracks.track_id[valid], return_index=True)
+    kept = np.flatnonzero(valid)[np.sort(first)]
     counts = {
         "tracked_not_finite": (~finite).sum(),
-        "tracked_bad_covariance": finite.sum() - good.sum(),
-        "tracked_duplicate_id": good.sum() - len(kept),
+        "tracked_bad_covariance": finite.sum() - valid.sum(),
+        "tracked_duplicate_id": valid.sum() - len(kept),
     }
-    taken = tracks.where(kept)
-    symmetric = 0.5 * (taken.covariance + np.swapaxes(taken.covariance, 1, 2))
+    usable_tracks = tracks.where(kept)
+    symmetric = 0.5 * (usable_tracks.covariance + np.swapaxes(usable_tracks.covariance, 1, 2))
     dropped = {reason: int(number) for reason, number in counts.items() if number}
-    return replace(taken, covariance=symmetric), dropped
+    return replace(usable_tracks, covariance=symmetric), dropped
 
 
 def _proper(covariance: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which of the finite matrices (n, 4, 4) are covariances."""
     variance = np.diagonal(covariance, axis1=1, axis2=2)
-    sigma = np.sqrt(np.maximum(variance, SMALLEST_SIGMA**2))
+    sigma = np.sqrt(np.maximum(variance, MIN_SIGMA**2))
     correlation = covariance / (sigma[:, :, None] * sigma[:, None, :])
     skew = np.abs(correlation - np.swapaxes(correlation, 1, 2)).max(axis=(1, 2))
     least = np.linalg.eigvalsh(correlation).min(axis=1)
-    proper = (variance >= SMALLEST_SIGMA**2).all(axis=1)
-    return np.asarray(proper & (skew <= ASYMMETRY) & (least > LEAST_EIGENVALUE))
+    proper = (variance >= MIN_SIGMA**2).all(axis=1)
+    return np.asarray(proper & (skew <= MAX_ASYMMETRY) & (least > MIN_EIGENVALUE))

@@ -1,4 +1,4 @@
-"""Detections in the gates of held tracks, and how well each fits: a row for each such pair."""
+"""Detections in the gates of held tracks, and their likelihoods: a row for each pair."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ GATE_PROBABILITY = 0.99
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than the largest of the scan."""
 SEARCH_MARGIN = 1.1
-"""Factor on the radius in which detections are looked for: the gate itself is tested later."""
+"""Factor on the search radius for detections: the gate itself is tested later."""
 MAX_NEIGHBOURS = 8
-"""Detections that a track weighs, the nearest."""
+"""Detections considered for each track: the nearest."""
 
 
 @dataclass(frozen=True)
@@ -89,10 +89,10 @@ def gate(
     sensor : SensorModel
     """
     near = neighbours(models, state, stamp, detections)
-    nearest, found = detections[near.nearest], detections[near.row]
+    nearest, candidates = detections[near.nearest], detections[near.row]
     return near, [
-        _gated(of_mode, covariance, near.track, nearest, found, stamp, sensor)
-        for _, of_mode, covariance in models.modes()
+        _gated(mode_state, covariance, near.track, nearest, candidates, stamp, sensor)
+        for _, mode_state, covariance in models.modes()
     ]
 
 
@@ -105,19 +105,21 @@ def neighbours(
     """
     if not len(detections) or not len(state):
         return Neighbours(*np.zeros((3, 0), np.int64))
-    lag = detections["time"] - stamp
-    first, last = lag.min(), lag.max()
+    time_after_scan = detections["time"] - stamp
+    first, last = time_after_scan.min(), time_after_scan.max()
     middle = 0.5 * (first + last)
     error = GATE_MARGIN * detections["major_sigma"].max()
     centre = kalman.position_after(state, middle)
     reach = np.zeros(len(state))
     gate = kalman.gate_reach(GATE_PROBABILITY, detections)
-    for _, of_mode, covariance in models.modes():
-        spread = kalman.position_covariance_after(covariance, np.full(len(state), middle))
-        sigma = np.hypot(major_sigma(spread), error)
-        offset = kalman.position_after(of_mode, middle) - centre
+    for _, mode_state, covariance in models.modes():
+        position_covariance = kalman.position_covariance_after(
+            covariance, np.full(len(state), middle)
+        )
+        sigma = np.hypot(major_sigma(position_covariance), error)
+        offset = kalman.position_after(mode_state, middle) - centre
         radius = SEARCH_MARGIN * gate * sigma + np.hypot(*offset.T)
-        radius += np.hypot(of_mode[:, 1], of_mode[:, 3]) * (last - first)
+        radius += np.hypot(mode_state[:, 1], mode_state[:, 3]) * (last - first)
         reach = np.maximum(reach, radius)
     count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
     distance, near = cKDTree(detections["position"]).query(centre, k=count)
@@ -130,27 +132,42 @@ def _gated(
     covariance: FloatArray,
     track: IntArray,
     nearest: NDArray[np.void],
-    found: NDArray[np.void],
+    candidates: NDArray[np.void],
     stamp: float,
     sensor: SensorModel,
 ) -> GatedDetections:
-    """How well the detections found (p,) fit the predicted tracks (n,) in one mode.
+    """How well the candidates (p,) fit the predicted tracks (n,) in one mode.
 
     Each detection is compared at its own time. One innovation covariance serves all detections of
     a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,).
     """
     if not len(nearest):
-        lag, spread = np.zeros(len(state)), covariance[:, 0::2, 0::2]
-        return GatedDetections(np.zeros((0, 2)), np.zeros(0), lag, spread)
-    lag, own_lag = nearest["time"] - stamp, found["time"] - stamp
-    spread = kalman.position_covariance_after(covariance, lag)
-    spread += covariance_at(nearest, kalman.position_after(state, lag), sensor)
-    innovation = found["position"] - kalman.position_after(state[track], own_lag)
+        time_after_scan, innovation_covariance = np.zeros(len(state)), covariance[:, 0::2, 0::2]
+        return GatedDetections(
+            np.zeros((0, 2)), np.zeros(0), time_after_scan, innovation_covariance
+        )
+    time_after_scan, pair_time = nearest["time"] - stamp, candidates["time"] - stamp
+    innovation_covariance = kalman.position_covariance_after(covariance, time_after_scan)
+    innovation_covariance += covariance_at(
+        nearest, kalman.position_after(state, time_after_scan), sensor
+    )
+    innovation = candidates["position"] - kalman.position_after(state[track], pair_time)
     density = kalman.log_likelihood(
-        state, covariance, track, own_lag, innovation, spread[track], found, GATE_PROBABILITY
+        state,
+        covariance,
+        track,
+        pair_time,
+        innovation,
+        innovation_covariance[track],
+        candidates,
+        GATE_PROBABILITY,
     )
     updated = None
-    if range_rates.measured(found).any():
-        placed = kalman.update(state[track], covariance[track], own_lag, innovation, spread[track])
-        updated = range_rates.update(*placed, own_lag, found)
-    return GatedDetections(innovation, np.exp(density), lag, spread, updated)
+    if range_rates.measured(candidates).any():
+        by_position = kalman.update(
+            state[track], covariance[track], pair_time, innovation, innovation_covariance[track]
+        )
+        updated = range_rates.update(*by_position, pair_time, candidates)
+    return GatedDetections(
+        innovation, np.exp(density), time_after_scan, innovation_covariance, updated
+    )

@@ -1,4 +1,4 @@
-"""What plots' features say of held tracks: factors of likelihood ratios, and plots of their own."""
+"""Plot features of held tracks: factors of likelihood ratios, and the tracks' own plots."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def with_plots(
     detections: NDArray[np.void],
     environment: Environment | None,
 ) -> tuple[HeldTracks, IntArray]:
-    """The rows with the features of the tracks' own plots, and the plots that tell tracks apart.
+    """The rows with the features of the tracks' own plots, and the plots that separate tracks.
 
-    A plot in a clutter zone tells none apart: two plots there are not two targets.
+    A plot in a clutter zone separates no tracks: two plots there are not two targets.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The table of held tracks: a row for each, with all that is known of it."""
+"""The table of held tracks: a row for each track."""
 
 from __future__ import annotations
 

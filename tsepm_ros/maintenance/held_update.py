@@ -18,7 +18,7 @@ DETECTED = 0.5
 
 
 class CoveredTracks(NamedTuple):
-    """What a scan tells of the detection probability: a row for each track that it covered.
+    """Samples of the detection probability: a row for each track that a scan covered.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ def updated(
     empty: FloatArray,
     covered: BoolArray,
 ) -> tuple[HeldTracks, CoveredTracks]:
-    """The predicted rows after a scan, and what it tells of the detection probability.
+    """The predicted rows after a scan, and its samples of the detection probability.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def updated(
     covered : (n,) ndarray of bool
         Which targets could be detected at all.
     """
-    of_mode, states, covariances = [], [], []
+    mode_ratios, states, covariances = [], [], []
     for (_, state, covariance), detections, ratio in zip(
         held.models.modes(), gated, ratios, strict=True
     ):
@@ -64,10 +64,10 @@ def updated(
         state, covariance = state_mixtures.updated_states(
             state, covariance, detections, near.track, beta
         )
-        of_mode.append(scan_ratio)
+        mode_ratios.append(scan_ratio)
         states.append(state)
         covariances.append(covariance)
-    probability, scan_ratio = ipda.updated_modes(held.models.probability, np.array(of_mode))
+    probability, scan_ratio = ipda.updated_modes(held.models.probability, np.array(mode_ratios))
     models = InteractingModels(probability, np.array(states), np.array(covariances))
     existence = ipda.updated_existence(held.existence, scan_ratio)
     detected = (1.0 - empty / scan_ratio) * existence

@@ -1,10 +1,10 @@
-"""Integrated probabilistic data association: whether a target exists, and which detection is its.
+"""Integrated probabilistic data association: target existence and association probabilities.
 
 Each track has a probability r that its target exists, which falls with every miss and rises with
 every detection that fits (Musicki, Evans, Stankovic, "Integrated probabilistic data association",
 IEEE Trans. Autom. Control 39(6), 1994). A target that exists may fade and become visible again
 (their Markov chain two): misses come in runs where scans follow quickly, and a run of them does not
-end a track. The modes in which a target moves are weighted by what the detections say of them
+end a track. The modes of target motion are weighted by their likelihoods
 (Musicki, Suvorova, "Tracking in clutter using IMM-IPDA-based algorithms", IEEE Trans. Aerosp.
 Electron. Syst. 44(1), 2008).
 
@@ -35,7 +35,7 @@ TIME_TO_FADE = 300.0
 TIME_OF_FADING = 20.0
 """Mean time for which it then stays invisible, s."""
 TIME_TO_VANISH = 600.0
-"""Mean time after which a target is gone, s: without it no number of misses would tell."""
+"""Mean time after which a target is gone, s: without it no number of misses would end a track."""
 MAX_LOG_FACTOR = 100.0
 """Logarithm of the largest factor by which detections are explained: no overflow."""
 
@@ -59,12 +59,12 @@ def predicted_visibility(visible: FloatArray, time_step: FloatArray) -> FloatArr
 
 @dataclass(frozen=True)
 class Association:
-    """How probably each detection is each target's.
+    """Association probabilities of detections and targets.
 
     Attributes
     ----------
     ratio : (m, p) ndarray
-        L_ijm of each pair in each mode, with what other targets explain as clutter.
+        L_ijm of each pair in each mode; detections of other targets count as clutter.
     probability : (p,) ndarray
         beta_ij = L_ij / Lambda_i: that detection j is target i's, if the target exists.
     held_density : (d,) ndarray
@@ -91,12 +91,12 @@ def associate(
 
         f_ij = (1 - r_i + r_i Lambda_i) / (1 - r_i + r_i (Lambda_i - L_ij))
 
-    To each target, what the others explain is clutter: L_ij / prod_k!=i f_kj stands for L_ij, with
-    the f_kj of targets alone, in all but the numerator of f_ij of j itself (as in Musicki, La
-    Scala, "Multi-target tracking in clutter without measurement assignment", IEEE Trans. Aerosp.
-    Electron. Syst. 44(3), 2008). The density of held targets' detections is
-    ``lambda_j (prod_i f_ij - 1)``. Where another detection may as well be target i's, little of it
-    is target i's: so a second target is seen beside the first.
+    For each target, the detections of the others are clutter: L_ij / prod_k!=i f_kj stands for
+    L_ij, with the f_kj of targets alone, in all but the numerator of f_ij of j itself (as in
+    Musicki, La Scala, "Multi-target tracking in clutter without measurement assignment", IEEE
+    Trans. Aerosp. Electron. Syst. 44(3), 2008). The density of held targets' detections is
+    ``lambda_j (prod_i f_ij - 1)``. Where another detection may as well be target i's, the share of
+    target i in detection j is small, so a second target close to it is detectable.
 
     Parameters
     ----------
@@ -147,14 +147,14 @@ def _log_factor(
     ratio: FloatArray,
     competing: FloatArray,
 ) -> FloatArray:
-    """Logarithm of f of each pair, (p,): of `ratio`, beside the `competing` ones of the same track.
+    """Logarithm of f of each pair, (p,): of `ratio`, given the `competing` ratios of the track.
 
     ``ln(1 + r_i L_ij / (1 - r_i + r_i (b_i + sum_k!=j L_ik)))``
     """
     r = existence[track]
-    others = scan_ratio(empty, competing, track)[track] - competing
+    remaining = scan_ratio(empty, competing, track)[track] - competing
     least = 1.0 - r + r * empty[track]  # the difference of the sums is rounded
-    return np.log1p(r * ratio / np.maximum(1.0 - r + r * others, least))
+    return np.log1p(r * ratio / np.maximum(1.0 - r + r * remaining, least))
 
 
 def updated_modes(

@@ -1,4 +1,4 @@
-"""Tracks that repeat an older one: two tracks of the same target."""
+"""Tracks that repeat an older track of the same target."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ SAME_SCANS = 5
 SAME_DISTANCE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
 NEAREST = 8
-"""Tracks among which an older one is looked for, the nearest, the track itself included."""
+"""Nearest tracks among which older tracks are sought, the track itself included."""
 
 
 def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray) -> BoolArray:
-    """Which tracks are where an older one is.
+    """Which tracks agree with an older track.
 
     Two tracks agree where ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four
     dimensions, and they do not each have a plot of their own.
@@ -37,22 +37,22 @@ def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray
     agrees = np.zeros(n, bool)
     if n < 2:
         return agrees
-    one, two = _pairs_with_older(state[:, 0::2])
-    apart = state[one] - state[two]
-    spread = covariance[one] + covariance[two]
-    scaled = np.linalg.solve(spread, apart[..., None])[..., 0]
-    near = np.einsum("pi,pi->p", apart, scaled) <= SAME_DISTANCE
-    near &= (plots[one] == plots[two]) | (plots[one] == NO_HIT) | (plots[two] == NO_HIT)
-    agrees[one[near]] = True
+    track, older = _pairs_with_older(state[:, 0::2])
+    difference = state[track] - state[older]
+    difference_covariance = covariance[track] + covariance[older]
+    scaled = np.linalg.solve(difference_covariance, difference[..., None])[..., 0]
+    near = np.einsum("pi,pi->p", difference, scaled) <= SAME_DISTANCE
+    near &= (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
+    agrees[track[near]] = True
     return agrees
 
 
 def _pairs_with_older(positions: FloatArray) -> tuple[IntArray, IntArray]:
-    """Rows of each track and of an older one near it, (p,) and (p,)."""
+    """Rows of each track and of an older track near it, (p,) and (p,)."""
     n = len(positions)
     if n <= NEAREST:  # all are
         return np.tril_indices(n, -1)
     _, nearest = cKDTree(positions).query(positions, k=NEAREST)
-    one, two = np.repeat(np.arange(n), NEAREST), nearest.ravel()
-    older = two < one
-    return one[older], two[older]
+    track, older = np.repeat(np.arange(n), NEAREST), nearest.ravel()
+    is_older = older < track
+    return track[is_older], older[is_older]

@@ -9,7 +9,7 @@ from tsepm_ros.maintenance.gated_detections import GatedDetections
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 ROUNDING = 1e-12
-"""Relative error of a covariance that has to be reckoned with."""
+"""Bound of the relative rounding error of a covariance."""
 
 
 def updated_states(
@@ -53,24 +53,28 @@ def _by_positions(
     track: IntArray,
     probability: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Mixtures where one gain K serves all detections of a track.
+    """Mixtures where a single gain K serves all detections of a track.
 
     ``x + K v``, ``P - (1 - beta_0) K S K' + K (sum_j beta_j v_j v_j' - v v') K'`` with
     ``v = sum_j beta_j v_j``.
     """
     n = len(state)
     x, y = gated.innovation.T
-    some = np.bincount(track, probability, minlength=n)
+    detected = np.bincount(track, probability, minlength=n)
     sums = [
         np.bincount(track, probability * part, minlength=n) for part in (x, y, x * x, x * y, y * y)
     ]
     mean = np.stack(sums[:2], axis=-1)
     square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
-    spread = gated.innovation_covariance
-    gain = kalman.kalman_gain(covariance, gated.time_after_scan, spread)
-    change = square - mean[:, :, None] * mean[:, None, :] - some[:, None, None] * spread
-    state = state + (gain @ mean[..., None])[..., 0]
-    return state, covariance + gain @ change @ np.swapaxes(gain, 1, 2)
+    innovation_covariance = gated.innovation_covariance
+    kalman_gain = kalman.kalman_gain(covariance, gated.time_after_scan, innovation_covariance)
+    change = (
+        square
+        - mean[:, :, None] * mean[:, None, :]
+        - detected[:, None, None] * innovation_covariance
+    )
+    state = state + (kalman_gain @ mean[..., None])[..., 0]
+    return state, covariance + kalman_gain @ change @ np.swapaxes(kalman_gain, 1, 2)
 
 
 def _by_updates(
@@ -80,15 +84,16 @@ def _by_updates(
     track: IntArray,
     probability: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Mixtures of each track as it is, and as each of its detections would make it.
+    """Mixtures of each predicted track and its updates by each of its detections.
 
     ``x + m``, ``beta_0 P + sum_j beta_j (P_j + d_j d_j') - m m'`` with ``d_j = x_j - x`` and
     ``m = sum_j beta_j d_j``.
     """
-    after, spread = updated
-    moved = after - state[track]
-    spread = spread - covariance[track] + moved[:, :, None] * moved[:, None, :]
+    updated_state, updated_covariance = updated
+    moved = updated_state - state[track]
+    second_moment = updated_covariance - covariance[track]
+    second_moment = second_moment + moved[:, :, None] * moved[:, None, :]
     mean, change = np.zeros_like(state), np.zeros_like(covariance)
     np.add.at(mean, track, probability[:, None] * moved)
-    np.add.at(change, track, probability[:, None, None] * spread)
+    np.add.at(change, track, probability[:, None, None] * second_moment)
     return state + mean, covariance + change - mean[:, :, None] * mean[:, None, :]

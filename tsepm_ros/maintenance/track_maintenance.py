@@ -1,7 +1,7 @@
 """Confirmed tracks maintained: carried from scan to scan, updated by their detections, and ended.
 
-Where a downstream tracker lists tracks, its states replace the held ones, and the rules by which
-tracks end here are for those only that it has not listed yet.
+The states of tracks that a downstream tracker lists replace the held states. The rules that end
+tracks here apply only to tracks that it has not listed yet.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
-LEAST_EXISTENCE = 0.01
+MIN_EXISTENCE = 0.01
 """Probability of existence below which a track ends."""
 TRACKED_EXISTENCE = 0.99
-"""Probability that a target exists which a downstream tracker lists: a choice."""
+"""Existence probability of a target that a downstream tracker lists: a choice."""
 
 
 class HeldAssociation(NamedTuple):
@@ -46,8 +46,6 @@ class HeldAssociation(NamedTuple):
 
 
 NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
-
-
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 
 
@@ -55,14 +53,14 @@ class TrackMaintenance:
     """Maintains confirmed tracks.
 
     A scan is taken by predicting the tracks, associating the detections, updating the tracks, and
-    ending those whose target is gone, was long not detected, or is an older track's too.
+    ending those whose target is gone, was not detected for a long time, or has an older track.
 
     Parameters
     ----------
     hold_time : float
         Time, s, for which a track is held without a detection of its own; it ends at the first scan
         after that, or sooner, where its target was missed so often that it probably exists no more,
-        or where it has come to be the same as an older track.
+        or where it repeats an older track.
     tracked_timeout : float, optional
         Time, s, after which a downstream tracker without a report is silent, and for which it may
         leave a track unlisted before that counts as declined.
@@ -171,7 +169,7 @@ class TrackMaintenance:
         )
         self._held = held
         # End.
-        plots = plots[self._end(held.existence >= LEAST_EXISTENCE)]
+        plots = plots[self._end(held.existence >= MIN_EXISTENCE)]
         self._end(~self._repeated(plots))
         return association.held_density
 

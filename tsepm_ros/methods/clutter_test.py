@@ -1,4 +1,4 @@
-"""Track splitting with Kennedy's test for clutter: what TSEPM 2018, Section 5 compares itself with.
+"""Track splitting with Kennedy's test for clutter: the reference of TSEPM 2018, Section 5.
 
 Kennedy H. L., "Clutter-based test statistics for automatic track initiation", Acta Automatica
 Sinica 34(3), 266-273, 2008, as TSEPM 2018 describes it: "a tentative track is confirmed when the
@@ -16,7 +16,7 @@ merging.
 
 Readings
 --------
-- Small values speak for a target (Sections 3.4 and 3.5 contradict each other).
+- Small values indicate a target (Sections 3.4 and 3.5 contradict each other).
 - V(k) is the area out to the associated point, not the gate's.
 - Where a limit cuts confirmations, those of smaller f_2 are kept.
 """

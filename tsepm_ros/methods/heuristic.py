@@ -8,7 +8,7 @@ Positions r_i of consecutive scans are a track if they satisfy (Eq. 2)::
     v_min T <= |r_i - r_(i-1)| <= v_max T
     |(r_(i+1) - r_i) - (r_i - r_(i-1))| <= a_max T^2
 
-and, where it is wanted, if the angle between two steps is at most phi (Eqs. 3 and 4). "If there is
+and, optionally, if the angle between two steps is at most phi (Eqs. 3 and 4). "If there is
 more than one return, the one with the minimum acceleration is used to form the new track."
 
 Readings
@@ -63,8 +63,7 @@ class HeuristicOptions(MnOptions):
     )
     gate_sigmas: float = parameter(
         0.0,
-        "Room that the limit of the speed leaves for errors, in standard deviations of the last "
-        "hit",
+        "Margin of the speed limit for errors, in standard deviations of the last hit",
         minimum=0.0,
         maximum=100.0,
     )
@@ -99,11 +98,11 @@ class Heuristic(PathFollower):
     def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections that satisfy the rules after each track's last hits, by acceleration."""
         options = self.options
-        parent, row, steps, first, cut = self.displacements(detections, options.gate_sigmas)
-        acceleration = np.where(first, 0.0, steps.acceleration)
-        kept = steps.faster_than(options.min_speed)
+        parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
+        acceleration = np.where(first, 0.0, displacements.acceleration)
+        kept = displacements.faster_than(options.min_speed)
         kept &= first | (acceleration <= options.max_acceleration)
-        kept &= first | (steps.turn <= options.max_turn)
+        kept &= first | (displacements.turn <= options.max_turn)
         return Pairs(parent[kept], row[kept], acceleration[kept]), cut
 
     def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
@@ -112,6 +111,6 @@ class Heuristic(PathFollower):
         largest = np.zeros(n)
         for last in range(2, count):
             three = hits[:, last - 2 : last + 1]
-            steps = Displacements.of(three["position"], three["time"])
-            largest = np.maximum(largest, steps.acceleration)
+            displacements = Displacements.of(three["position"], three["time"])
+            largest = np.maximum(largest, displacements.acceleration)
         return largest

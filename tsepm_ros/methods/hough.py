@@ -17,7 +17,7 @@ Readings
   scans are a line. Of these detections the one nearest to the middle of the cell is the hit. The
   other reading counts detections, which in clutter counts little else.
 - The image is of the last N scans, and moves on by one (Section 1). Only lines with a detection in
-  the newest scan are looked at: the others were there before.
+  the newest scan are evaluated: the others were evaluated before.
 - rho counts from the sensor's last position.
 - Of lines that share a detection the one of the most votes, and of these the best fit (f_1 of TSEPM
   2018, Eq. 23), is put out, and its detections leave the image.
@@ -138,7 +138,7 @@ class Hough(HitCounter):
         return image[-limit:], max(len(image) - limit, 0)
 
     def _lines(self, image: IntArray, votes: int, sensor: FloatArray) -> Paths:
-        """Lines through a detection of the last scan that have so many votes at least.
+        """Lines through a detection of the last scan that have at least so many votes.
 
         Parameters
         ----------
@@ -151,22 +151,22 @@ class Hough(HitCounter):
         detections = self.detections[image]
         cell, from_middle = self._cells(detections["position"] - sensor)
         scan = detections["scan"]
-        found = np.unique(cell[scan == self.scan_index])
-        if not len(found):
-            return starting(found, self.scan_index, 2)
-        line = np.minimum(np.searchsorted(found, cell), len(found) - 1)
-        detection, angle = np.nonzero(found[line] == cell)
+        cells = np.unique(cell[scan == self.scan_index])
+        if not len(cells):
+            return starting(cells, self.scan_index, 2)
+        line = np.minimum(np.searchsorted(cells, cell), len(cells) - 1)
+        detection, angle = np.nonzero(cells[line] == cell)
         line, from_middle = line[detection, angle], from_middle[detection, angle]
         order = np.lexsort((from_middle, scan[detection], line))
         line, detection = line[order], detection[order]
         new = np.diff(line, prepend=-1) != 0
         new |= np.diff(scan[detection], prepend=-1) != 0
         line, detection = line[new], detection[new]
-        counts = np.bincount(line, minlength=len(found))
+        counts = np.bincount(line, minlength=len(cells))
         place = np.arange(len(line)) - (np.cumsum(counts) - counts)[line]
-        hits = np.full((len(found), int(counts.max(initial=2))), NO_HIT, np.int64)
+        hits = np.full((len(cells), int(counts.max(initial=2))), NO_HIT, np.int64)
         hits[line, place] = image[detection]
-        first = np.zeros(len(found), np.int64)
+        first = np.zeros(len(cells), np.int64)
         first[line[place == 0]] = scan[detection[place == 0]]
         return Paths(hits, counts, first)[counts >= votes]
 

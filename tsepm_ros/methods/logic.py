@@ -28,9 +28,9 @@ Readings
 - Closest is by the normalised distance, not by metres.
 - Point (iv) terminates a track without a detection in its region; Section 1 has methods look for M
   hits within a window of N scans, which a track can only reach if it outlives a miss. `missed`
-  "waits", the default, is the second and not what Section 3.2 says; "ends" is point (iv).
-- The article does not say what becomes of confirmed tracks that share a detection: the best fit
-  (f_1 of TSEPM 2018, Eq. 23) is put out.
+  "waits", the default, is the second and differs from Section 3.2; "ends" is point (iv).
+- The article does not specify the treatment of confirmed tracks that share a detection: the best
+  fit (f_1 of TSEPM 2018, Eq. 23) is put out.
 """
 
 from __future__ import annotations
@@ -144,12 +144,12 @@ class Logic(PathFollower):
         row: IntArray,
     ) -> FloatArray:
         """D of pairs of predictions and detections, (p,)."""
-        found = detections[row]
-        expected, covariance = predicted.at(owner, found["time"])
-        misfit = found["position"] - expected
+        candidates = detections[row]
+        expected, covariance = predicted.at(owner, candidates["time"])
+        misfit = candidates["position"] - expected
         if predicted.degree == 0:
-            reach = self.common.max_speed * np.abs(found["time"] - predicted.last_time[owner])
+            reach = self.common.max_speed * np.abs(candidates["time"] - predicted.last_time[owner])
             misfit = np.maximum(0.0, misfit - reach[:, None]) + np.maximum(
                 0.0, -misfit - reach[:, None]
             )
-        return squared_distance(misfit, covariance + found["covariance"])
+        return squared_distance(misfit, covariance + candidates["covariance"])

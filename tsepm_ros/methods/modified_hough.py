@@ -14,9 +14,9 @@ the one to the other. Detections of consecutive scans are a track if
 - the slopes have one sign: in the order of the scans,
 - the slopes lie within the limits of the speed: ``v_min T <= |slope| <= v_max T``.
 
-The first two say that the directions of two steps, over the full circle, differ by sigma_theta at
-most, and this is how it is computed here: no accumulator, and so no cells, are needed, since steps
-that follow each other share a point and a common theta makes rho common.
+By the first two, the directions of two displacements, over the full circle, differ by sigma_theta
+at most, and this is how it is computed here: no accumulator, and so no cells, are needed, since
+displacements that follow each other share a point and a common theta makes rho common.
 
 Readings
 --------
@@ -95,9 +95,9 @@ class ModifiedHough(PathFollower):
     def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
-        parent, row, steps, first, cut = self.displacements(detections, options.gate_sigmas)
-        kept = steps.faster_than(options.min_speed)
-        turn = np.where(first, 0.0, steps.turn)
+        parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
+        kept = displacements.faster_than(options.min_speed)
+        turn = np.where(first, 0.0, displacements.turn)
         kept &= turn <= options.max_turn
         return Pairs(parent[kept], row[kept], turn[kept]), cut
 

@@ -108,15 +108,19 @@ class Banks(Paths):
             covariance=covariance.reshape(self.covariance.shape),
         )
 
-    def updated(self, lag: FloatArray, found: NDArray[np.void]) -> Banks:
-        """The banks after each has taken in a detection (n,), `lag` (n,) s after their stamp."""
+    def updated(self, time_after_state: FloatArray, detections: NDArray[np.void]) -> Banks:
+        """The banks after an update by a detection each (n,), at times (n,) after the stamp, s."""
         n, number = self.weight.shape
         state, covariance = self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4)
-        lags, hits = lag.repeat(number), found.repeat(number)
-        innovation = hits["position"] - state[:, 0::2] - lags[:, None] * state[:, 1::2]
-        spread = kalman.position_covariance_after(covariance, lags) + hits["covariance"]
-        density, _ = gaussian.log_density(innovation, spread)
-        state, covariance = kalman.update(state, covariance, lags, innovation, spread)
+        elapsed, hits = time_after_state.repeat(number), detections.repeat(number)
+        innovation = hits["position"] - state[:, 0::2] - elapsed[:, None] * state[:, 1::2]
+        innovation_covariance = (
+            kalman.position_covariance_after(covariance, elapsed) + hits["covariance"]
+        )
+        density, _ = gaussian.log_density(innovation, innovation_covariance)
+        state, covariance = kalman.update(
+            state, covariance, elapsed, innovation, innovation_covariance
+        )
         density = density.reshape(n, number)
         likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
         # A floor, so that no filter is lost to rounding.
@@ -181,11 +185,11 @@ class MultipleModel(PathFollower):
         parent, row, cut = splitting.neighbours(positions, centres, radius)
 
         def distance(parent: IntArray, row: IntArray) -> FloatArray:
-            found = detections[row]
-            lag = found["time"] - self.stamp
-            expected = state[parent, 0::2] + lag[:, None] * state[parent, 1::2]
-            spread = kalman.position_covariance_after(covariance[parent], lag)
-            return squared_distance(found["position"] - expected, spread + found["covariance"])
+            hits = detections[row]
+            elapsed = hits["time"] - self.stamp
+            expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
+            predicted = kalman.position_covariance_after(covariance[parent], elapsed)
+            return squared_distance(hits["position"] - expected, predicted + hits["covariance"])
 
         return within(parent, row, distance, factor**2), cut
 
@@ -193,23 +197,25 @@ class MultipleModel(PathFollower):
         """Each track and each detection is matched once, the nearest first."""
         return nearest_first(pairs)
 
-    def extended(self, parent: IntArray, ids: IntArray, found: NDArray[np.void]) -> Banks:
+    def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Banks:
         """See `PathFollower.extended`."""
         children = self.potential.extended(parent, ids)
-        return children.updated(found["time"] - self.stamp, found)
+        return children.updated(detections["time"] - self.stamp, detections)
 
-    def started(self, ids: IntArray, found: NDArray[np.void]) -> Banks:
+    def started(self, ids: IntArray, detections: NDArray[np.void]) -> Banks:
         """A bank for each detection, carried from its time to the scan's stamp."""
-        mean, spread = cells(self.common.max_speed, self.options.speeds, self.options.headings)
+        mean, velocity_covariance = cells(
+            self.common.max_speed, self.options.speeds, self.options.headings
+        )
         n, number = len(ids), len(mean)
         path = starting(ids, self.scan_index, self.options.min_hits)
         state, covariance = np.zeros((n, number, 4)), np.zeros((n, number, 4, 4))
-        state[..., 0::2], state[..., 1::2] = found["position"][:, None], mean
-        covariance[..., 0::2, 0::2] = found["covariance"][:, None]
-        covariance[..., 1::2, 1::2] = spread
-        step = (self.stamp - found["time"]).repeat(number)
+        state[..., 0::2], state[..., 1::2] = detections["position"][:, None], mean
+        covariance[..., 0::2, 0::2] = detections["covariance"][:, None]
+        covariance[..., 1::2, 1::2] = velocity_covariance
+        elapsed = (self.stamp - detections["time"]).repeat(number)
         state, covariance = kalman.predict(
-            state.reshape(-1, 4), covariance.reshape(-1, 4, 4), step, self.options.process_noise
+            state.reshape(-1, 4), covariance.reshape(-1, 4, 4), elapsed, self.options.process_noise
         )
         return Banks(
             path.hits,
@@ -228,8 +234,8 @@ class MultipleModel(PathFollower):
         for count in np.unique(paths.hit_count):
             rows = np.flatnonzero(paths.hit_count == count)
             hits = self.detections[paths.hits[rows, :count]]
-            tau = hits["time"] - self.stamp
-            fitted = Fit(state[rows], covariance[rows], tau, hits["covariance"])
+            time_after_state = hits["time"] - self.stamp
+            fitted = Fit(state[rows], covariance[rows], time_after_state, hits["covariance"])
             figure[rows] = normalized_distance(hits, fitted)
         return Estimates(state, covariance, figure)
 

@@ -36,7 +36,7 @@ METHODS: dict[str, type[Method]] = {
 
 
 def available_methods() -> tuple[str, ...]:
-    """Names that `make_initiator` knows."""
+    """Names that `make_initiator` accepts."""
     return tuple(METHODS)
 
 

@@ -17,16 +17,16 @@ Readings
 - k T is the time between the detections. The sensor moves: r is in the fixed frame.
 - sigma is the deviation of the range error at the last hit; `gate_error` "major_axis" reads it as
   the larger axis of the position's error, as the papers of 2016 and 2018 do.
-- Step 3 does not say who gets a detection in the gates of several tracks; `matching` has the
+- Step 3 does not assign a detection in the gates of several tracks; `matching` has the
   readings. "oldest": the tracks in the order in which Step 5 made them, each with what is nearest
-  to it of what is left. Section 4.1 and Figs. 3 and 4 speak for it: there points outside the gate,
+  to it of what is left. Section 4.1 and Figs. 3 and 4 support it: there points outside the gate,
   which start tracks of their own, keep none of the later ones from the track, and "if there are 6
   or more than 6 points which satisfy the threshold, it is considered that a track exists".
   "nearest": the nearest pair of all first, then the nearest of what is left; a track started by an
   echo outside the gate then takes the target's next ones, and the examples depend on where the
   points lie. "shared": each track takes what is nearest to it, and a detection "removed" only
-  starts none; the article then starts a target once for each of its tracks, since no step merges
-  them. Here, as with the other methods, the best of the tracks that share a hit is put out.
+  starts none; the article then starts a target once for each of its tracks, since no displacement
+  merges them. Here, as with the other methods, the best of the tracks that share a hit is put out.
 - A track that can no longer reach M hits is deleted when its N scans are over (Section 4.1), not
   as soon as that is known: it matches, and so removes, detections until then.
 - A confirmed track no longer matches detections: its target starts anew, as with the other methods.
@@ -103,8 +103,8 @@ class Sequential(PathFollower):
         last_hits = self.detections[self.potential.last_hit]
         margin = self.options.gate_sigmas * self._sigma(last_hits)
         parent, row, cut = self.reachable(detections, margin)
-        step = detections["position"][row] - last_hits["position"][parent]
-        return Pairs(parent, row, np.hypot(step[:, 0], step[:, 1])), cut
+        displacement = detections["position"][row] - last_hits["position"][parent]
+        return Pairs(parent, row, np.hypot(displacement[:, 0], displacement[:, 1])), cut
 
     def _sigma(self, hits: NDArray[np.void]) -> FloatArray:
         """Standard deviation of each hit's error, (n,), m."""

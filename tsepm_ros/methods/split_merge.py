@@ -26,8 +26,8 @@ Readings
 - Groups are the connected components of the pairs, and what a scan combines are the distinct
   measurements of all members.
 - A target has one detection a scan, so a combination is one or the other: its moments are those of
-  the mixture with equal weights, the spread of the two included. Averaging them as two measurements
-  of one target, the other reading, would halve the variance.
+  the mixture with equal weights, the spread of their means included. Averaging them as two
+  measurements of one target, the other reading, would halve the variance.
 - The position is Eq. 4's, R is from the unscented transform (`conversion.unscented`).
 """
 
@@ -112,7 +112,7 @@ class SplitMerge(Tsepm):
 
 
 def combined(hits: NDArray[np.void]) -> NDArray[np.void]:
-    """Combine the distinct measurements of merged tracks to one a scan.
+    """Combine the distinct measurements of merged tracks to a single measurement a scan.
 
     ``z = sum z_i / k``, ``R = sum (R_i + (z_i - z)(z_i - z)') / k``, at the mean of their times.
 
@@ -129,13 +129,13 @@ def combined(hits: NDArray[np.void]) -> NDArray[np.void]:
     _, first, scan, number = np.unique(
         hits["scan"], return_index=True, return_inverse=True, return_counts=True
     )
-    made = hits[first].copy()
+    combined = hits[first].copy()
     for name in ("time", "position"):
-        total = np.zeros_like(made[name])
+        total = np.zeros_like(combined[name])
         np.add.at(total, scan, hits[name] - hits[name][first][scan])  # exact where there is one
-        made[name] += (total.T / number).T
-    apart = hits["position"] - made["position"][scan]
-    spread = np.zeros((len(first), 2, 2))
-    np.add.at(spread, scan, hits["covariance"] + apart[:, :, None] * apart[:, None, :])
-    made["covariance"] = spread / number[:, None, None]
-    return made
+        combined[name] += (total.T / number).T
+    deviation = hits["position"] - combined["position"][scan]
+    covariance = np.zeros((len(first), 2, 2))
+    np.add.at(covariance, scan, hits["covariance"] + deviation[:, :, None] * deviation[:, None, :])
+    combined["covariance"] = covariance / number[:, None, None]
+    return combined

@@ -37,20 +37,20 @@ class Hypotheses(Paths):
         return replace(self, score=self.score_given_held)
 
     def given_track(self, ids: IntArray, probability: FloatArray) -> Hypotheses:
-        """The hypotheses given a new track, which is held from now on.
+        """The hypotheses given a new held track.
 
         Parameters
         ----------
         ids : (c,) ndarray of int
             Detections, ascending.
         probability : (c,) ndarray
-            How probably each is the new track's.
+            Association probability of each with the new track.
 
         Returns
         -------
         Hypotheses
-            `score_given_held` is less by the share of the hits that are the track's: on average
-            each hit added the same.
+            `score_given_held` is reduced by the share of hits that are due to the track, as if
+            each hit had the same increment.
         """
         share = sums_over_hits(self.hits, ids, probability) / self.hit_count
         score = self.score_given_held

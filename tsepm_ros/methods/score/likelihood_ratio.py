@@ -1,11 +1,11 @@
 """Evidence for a target against clutter: log-likelihood ratios.
 
-Each hypothesis says that certain detections, one a scan at most, are a target's. Its score is the
-log-likelihood ratio of that against all of them being clutter (Sittler 1964; Bar-Shalom, Blackman,
+Each hypothesis assigns certain detections, at most one a scan, to a target. Its score is the
+log-likelihood ratio of this assignment against clutter only (Sittler 1964; Bar-Shalom, Blackman,
 Fitzgerald, "Dimensionless score function for multiple hypothesis tracking", IEEE Trans. Aerosp.
-Electron. Syst. 43(1), 2007). The mean of the ratio over all hypotheses of a start is a martingale
-of mean 1 where there is only clutter, so that it ever reaches A with a probability of at most 1 / A
-(Ville 1939, Wald 1945); of the best hypothesis alone that does not hold.
+Electron. Syst. 43(1), 2007). In clutter alone, the mean of the ratio over all hypotheses of a start
+is a martingale of mean 1: the probability that it ever reaches A is at most 1 / A (Ville 1939, Wald
+1945). This bound does not hold for the best hypothesis alone.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY
 
 MAX_DETECTION_PROBABILITY = 0.999
-"""A miss must stay possible: a target fades, whatever the data sheet says."""
+"""A miss must stay possible: targets fade, also where P_D is given as 1."""
 
 
 def hit_increment(
@@ -32,7 +32,7 @@ def hit_increment(
     detection_probability : float or (n,) ndarray
         P_D where the hypothesis expects its target; where it is 0, the increment is -inf.
     clutter : (n,) ndarray
-        lambda at the detection: the density of what else would explain it, 1/m^2.
+        lambda at the detection: the density of its other possible causes, 1/m^2.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Track initiation by the likelihood ratio of a target against clutter.
 
 The tree of splits of TSEPM 2018, evaluated by the log-likelihood ratio instead of f_1: missed
-branches are kept, every detection may start a track, and what is tested is the evidence of all
-hypotheses that share a detection, summed. With lambda the clutter density, N(z; H x, S) the density
+branches are kept, every detection may start a track, and the test is on the summed evidence of all
+hypotheses that share a detection. With lambda the clutter density, N(z; H x, S) the density
 of a detection z under a hypothesis, P_G the gate's probability, and s_i the sum of the increments
 of hypothesis i, a scan goes through::
 
@@ -11,13 +11,13 @@ of hypothesis i, a scan goes through::
     split         s_i += ln(P_D N(z; H x, S) / lambda)           Sittler 1964; Bar-Shalom, Blackman,
                                                                  Fitzgerald 2007
     start         s = 0, by every detection
-    miss          s_i += ln(1 - P_D P_G); 0 where nothing can be seen
+    miss          s_i += ln(1 - P_D P_G); 0 outside the coverage
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection
     threshold     A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     confirm       E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9 (or by 8 hits); beside a held track
-                  E >= A + ln 1000, with what it explains of z added to lambda
+                  target's with a probability of at least 0.9 (or by 8 hits); of a second target
+                  E >= A + ln 1000, with the density due to held tracks added to lambda
       state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
     prune         s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
@@ -25,8 +25,8 @@ of hypothesis i, a scan goes through::
     finish        ids, track maintenance, targets out of the clutter map (initiator)
 
 Each has its module: `tree` (predict to evidence, prune), `threshold` with `threshold_plan`, and
-`starts` (confirm). The full references are in `likelihood_ratio`; the jump is found by simulation
-in `threshold_plan`.
+`starts` (confirm). The full references are in `likelihood_ratio`; the jump is simulated in
+`threshold_plan`.
 
 Readings
 --------
@@ -166,37 +166,41 @@ class Score(Method):
 
     @property
     def threshold(self) -> float:
-        """Log-likelihood ratio that confirms: what gives the wanted false tracks per hour."""
+        """Log-likelihood ratio that confirms; it gives the target false-track rate."""
         return self._threshold.value(self.sensor, self.common, self.options)
 
     def reason(self, track: ConfirmedTrack) -> str:
-        """Its evidence, the threshold that it passed, and the false-track rate behind that.
+        """The hits, the evidence, the threshold that it passed, and the target false-track rate.
 
         See `Method.reason`.
         """
+        rate = self.options.false_tracks_per_hour
         return (
-            f"{super().reason(track)}; the evidence of all hypotheses with one newest detection is "
-            f"{track.score:.2f}, at least the threshold {track.score - track.evaluation:.2f} that "
-            f"clutter passes {self.options.false_tracks_per_hour:g} times an hour"
+            f"{super().reason(track)}; log-likelihood ratio {track.score:.1f}, threshold "
+            f"{track.score - track.evaluation:.1f} ({rate:g} false track{'' if rate == 1 else 's'} "
+            "per hour)"
         )
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
 
-        Those of held targets are left out, also where they might be of a second target beside one.
+        Those of held targets are left out, also where they might be of a second target.
 
         See `Method.potential_tracks`.
         """
-        found = self.hypotheses
-        found = found[starts.spans_time(found, 2, self.detections, self._min_time)]
-        each = np.arange(len(found))
-        found = found[
-            starts.held_share(found, each, len(found), self.detections) <= starts.MAX_HELD_SHARE
+        hypotheses = self.hypotheses
+        hypotheses = hypotheses[starts.spans_time(hypotheses, 2, self.detections, self._min_time)]
+        each = np.arange(len(hypotheses))
+        hypotheses = hypotheses[
+            starts.held_share(hypotheses, each, len(hypotheses), self.detections)
+            <= starts.MAX_HELD_SHARE
         ]
-        if not len(found):
+        if not len(hypotheses):
             return TrackArrays.of([])
-        state, covariance = self._fit(observed, found)
-        return self._tracks(observed, found.hits, state, covariance, found.score, self.threshold)
+        state, covariance = self._fit(observed, hypotheses)
+        return self._tracks(
+            observed, hypotheses.hits, state, covariance, hypotheses.score, self.threshold
+        )
 
     @property
     def _min_time(self) -> float:
@@ -217,19 +221,18 @@ class Score(Method):
             hypotheses, self.detections, observed.stamp, self.sensor, self.options.estimator
         )
 
-    def _confirmed(
-        self, observed: Observation, found: list[Start], threshold: float
-    ) -> TrackArrays:
+    def _confirmed(self, observed: Observation, new: list[Start], threshold: float) -> TrackArrays:
         """The tracks of the starts."""
-        hits = np.full((len(found), max((len(one.hits) for one in found), default=1)), NO_HIT)
-        for row, one in enumerate(found):
-            hits[row, : len(one.hits)] = one.hits
+        most_hits = max((len(start.hits) for start in new), default=1)
+        hits = np.full((len(new), most_hits), NO_HIT)
+        for row, start in enumerate(new):
+            hits[row, : len(start.hits)] = start.hits
         return self._tracks(
             observed,
             hits,
-            np.reshape([one.state for one in found], (-1, 4)),
-            np.reshape([one.covariance for one in found], (-1, 4, 4)),
-            np.array([one.evidence for one in found], float),
+            np.reshape([start.state for start in new], (-1, 4)),
+            np.reshape([start.covariance for start in new], (-1, 4, 4)),
+            np.array([start.evidence for start in new], float),
             threshold,
         )
 

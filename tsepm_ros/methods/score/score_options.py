@@ -9,7 +9,7 @@ from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.stages.estimation import ESTIMATORS
 
 MIN_HITS = 3
-"""A track is not confirmed on fewer: two hits leave nothing to check the velocity by."""
+"""Hits of a confirmed track, at least: two hits cannot check the velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,18 +24,18 @@ class ScoreOptions:
 
     false_tracks_per_hour: float = parameter(
         1.0,
-        "False tracks per hour that are wanted, over the whole coverage; sets the threshold",
+        "Target false-track rate, per hour over the whole coverage; sets the threshold",
         minimum=1e-30,
         maximum=1e6,
     )
     miss_probability: float = parameter(
         0.005,
-        "Probability that a target's hypothesis is deleted wrongly; sets the deletion threshold",
+        "Probability that the hypothesis of a target is deleted; sets the deletion threshold",
         positive=True,
         maximum=0.5,
     )
     window: int = parameter(
-        16, "Scans after which a hypothesis that is not confirmed ends", minimum=3, maximum=64
+        16, "Scans after which an unconfirmed hypothesis ends", minimum=3, maximum=64
     )
     gate_probability: float = parameter(
         0.99,
@@ -59,7 +59,7 @@ class ScoreOptions:
         choices=ESTIMATORS[1:],
     )
     max_per_detection: int = parameter(
-        100, "Hypotheses kept with the same last detection; the best are", minimum=1
+        100, "Hypotheses with the same last detection, at most; the best are kept", minimum=1
     )
 
     def __post_init__(self) -> None:

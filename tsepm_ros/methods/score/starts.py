@@ -1,10 +1,10 @@
-"""The rule that starts tracks: enough evidence, and hits that are clearly those of one target.
+"""The rule that starts tracks: sufficient evidence, and hits that are clearly of a single target.
 
 With the evidence E of the hypotheses that end in one detection, summed, and the threshold A::
 
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9 (or by 8 hits); beside a held track
-                  E >= A + ln 1000, with what it explains of z added to lambda
+                  target's with a probability of at least 0.9 (or by 8 hits); of a second target
+                  E >= A + ln 1000, with the density due to held tracks added to lambda
     state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import softmax
 
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
-from tsepm_ros.maintenance.track_maintenance import LEAST_EXISTENCE
+from tsepm_ros.maintenance.track_maintenance import MIN_EXISTENCE
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import MIN_HITS
 from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown
@@ -36,15 +36,15 @@ from tsepm_ros.stages.paths import NO_HIT
 MIN_HIT_PROBABILITY = 0.9
 """Posterior probability from which a detection counts as a hit of a confirmed track: a choice."""
 MIN_PURITY_PROBABILITY = 0.9
-"""Posterior probability, at the least, that more than half of a new track's hits are its target's.
+"""Minimum posterior probability that more than half of a new track's hits are its target's.
 
-A start that is less certain waits: a track with half of its hits wrong helps no one, and hides its
-target. A choice, compared with others in docs/score.md.
+A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
+choice; docs/score.md compares other values.
 """
 MAX_UNRESOLVED_HITS = 8
 """Hits of the best hypothesis from which a start waits no longer: a choice.
 
-Where a target has several detections a ping, it may never be clear which are its own.
+The hits may stay ambiguous where a target has several detections a ping.
 """
 MAX_HELD_SHARE = 0.3
 """Share of the hits due to held tracks above which a hypothesis is of a held target."""
@@ -53,7 +53,7 @@ MAX_HELD_PROBABILITY = 0.5
 MIN_COMMON_SHARE = 0.3
 """Share of common hits above which two hypotheses are of the same target."""
 SECOND_TARGET_MARGIN = math.log(1e3)
-"""Evidence above the threshold that a second target beside a held track needs: a choice.
+"""Evidence above the threshold, given held tracks, that a second target needs: a choice.
 
 A second track competes for the held track's detections, and a start with wrong hits briefly looks
 like two targets.
@@ -63,11 +63,11 @@ MIN_RELATIVE_WEIGHT = 0.01
 TARGET_BIRTH_RATE = 500.0
 """Assumed target births per hour; sets the existence probability of new tracks: a choice.
 
-A new track keeps its detections from others as firmly as it is probable. The rate is high: only at
-far more false tracks than an operator could use do new tracks leave their detections to others.
+The existence probability weights the association of detections with a new track. The rate is high:
+the weight falls clearly below 1 only at useless false-track rates.
 """
-MIN_NEW_EXISTENCE = 2.0 * LEAST_EXISTENCE
-"""Existence probability of a new track at the least: it is held for a scan."""
+MIN_NEW_EXISTENCE = 2.0 * MIN_EXISTENCE
+"""Minimum existence probability of a new track: it is held for a scan at least."""
 
 HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
 """States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
@@ -80,9 +80,9 @@ class Start:
     Attributes
     ----------
     hits : (h,) ndarray of int
-        Detections that are credible as the target's, ascending, see `credible_hits`.
+        Detections that are credible hits of the target, ascending, see `credible_hits`.
     detections, probability : (c,) ndarray
-        All detections that may be, ascending, and how probably each is.
+        All detections that may be the target's, ascending, and the probability of each.
     state, covariance : (4,), (4, 4) ndarray
     evidence : float
         Of the newest detection.
@@ -116,7 +116,7 @@ class StartRule(Protocol):
         grown : Grown
             The tree after the scan.
         window : DetectionWindow
-            The detections, and how probably each is due to held tracks; the new tracks are added.
+            The detections, with the probability that held tracks caused each; new tracks are added.
         threshold : float
             Of the evidence; infinite where no evidence can reach it.
         min_time : float
@@ -130,7 +130,7 @@ class StartRule(Protocol):
 
 @dataclass(frozen=True)
 class SummedEvidence:
-    """The rule as built: summed evidence, resolved hits, and more evidence beside held tracks."""
+    """The default rule: summed evidence, resolved hits, and a margin given held tracks."""
 
     def starts(
         self,
@@ -144,10 +144,9 @@ class SummedEvidence:
     ) -> list[Start]:
         """Start a track where the evidence of a detection reaches the threshold.
 
-        The strongest detection comes first. No track starts before it is clear which hits are its
-        target's. Where more than `MAX_HELD_SHARE` of these are due to held tracks, or the detection
-        probably is, the evidence given the held tracks must exceed the threshold by
-        `SECOND_TARGET_MARGIN`.
+        The strongest detection comes first. A start waits until its target's hits are resolved.
+        Where more than `MAX_HELD_SHARE` of these are due to held tracks, or the detection probably
+        is, the evidence given the held tracks must exceed the threshold by `SECOND_TARGET_MARGIN`.
 
         See `StartRule.starts`.
         """
@@ -162,7 +161,7 @@ class SummedEvidence:
             grouped.summed(ending.score_given_held, group, n) >= threshold + SECOND_TARGET_MARGIN
         )
         starts: list[Start] = []
-        for newest in sorted(np.flatnonzero(strong), key=lambda one: -sums[one]):
+        for newest in sorted(np.flatnonzero(strong), key=lambda detection: -sums[detection]):
             members = ending[group == newest]
             start = None
             if (
@@ -188,10 +187,10 @@ class SummedEvidence:
 
 
 def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArray:
-    """Posterior probability that targets exist, (n,), by the evidence above the threshold, (n,).
+    """Posterior probability that targets exist, (n,), from the evidence above the threshold, (n,).
 
-    With the prior that `TARGET_BIRTH_RATE` targets appear per hour: at the threshold the odds are
-    that rate to the rate of false tracks.
+    The prior is `TARGET_BIRTH_RATE`: at the threshold, the odds are this rate over the target
+    false-track rate.
     """
     false = false_tracks_per_hour * np.exp(-evaluation)
     return np.clip(
@@ -204,15 +203,15 @@ def held_share(
 ) -> FloatArray:
     """Share of each group's hits that are a held track's, over its hypotheses, (count,).
 
-    ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i claimed.
+    ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i due to held tracks.
     """
     weight = np.exp(hypotheses.score - grouped.largest_of(hypotheses.score, group, count)[group])
     hit = hypotheses.hits != NO_HIT
-    claimed = np.zeros(hypotheses.hits.shape)
-    claimed[hit] = window.held_probability(hypotheses.hits[hit])
-    theirs = np.bincount(group, weight * claimed.sum(axis=1), minlength=count)
+    held = np.zeros(hypotheses.hits.shape)
+    held[hit] = window.held_probability(hypotheses.hits[hit])
+    held_hits = np.bincount(group, weight * held.sum(axis=1), minlength=count)
     hits = np.bincount(group, weight * hypotheses.hit_count, minlength=count)
-    return np.asarray(theirs / np.maximum(hits, 1e-300))
+    return np.asarray(held_hits / np.maximum(hits, 1e-300))
 
 
 def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
@@ -232,11 +231,11 @@ def resolved(
 ) -> Start | None:
     """The track of hypotheses with one newest detection.
 
-    None while it is not clear which hits are its target's, up to `MAX_UNRESOLVED_HITS` hits, and
+    None while the target's hits are not resolved, up to `MAX_UNRESOLVED_HITS` hits, and
     where more than `max_held_share` of them are due to held tracks.
 
-    Whether that detection is the target's is as open as the others: the hypotheses of the same
-    target that end in another, or in none, are its rivals in hits and state.
+    The newest detection is as uncertain as the others: hypotheses of the same target that end in
+    another detection, or miss the scan, are rivals.
     """
     evidence = float(np.logaddexp.reduce(members.score))
     rivals = rivals_of(members, grown, evidence)
@@ -244,24 +243,24 @@ def resolved(
     long = spans_time(rivals, MIN_HITS, window, min_time)
     if not long.any():
         return None
-    one = np.zeros(len(rivals), np.int64)
-    if held_share(rivals, one, 1, window)[0] > max_held_share:
+    same_group = np.zeros(len(rivals), np.int64)
+    if held_share(rivals, same_group, 1, window)[0] > max_held_share:
         return None
-    claimed, probability = hit_probabilities(rivals)
+    detections, probability = hit_probabilities(rivals)
     best = np.argmax(np.where(long, rivals.score, -np.inf))
-    hits = credible_hits(claimed, probability, rivals.hits[best])
-    theirs = np.isin(rivals.hits, hits).sum(axis=1)
-    right = theirs > 0.5 * len(hits)
+    hits = credible_hits(detections, probability, rivals.hits[best])
+    common = np.isin(rivals.hits, hits).sum(axis=1)
+    right = common > 0.5 * len(hits)
     unclear = softmax(rivals.score)[right].sum() < MIN_PURITY_PROBABILITY
     if unclear and rivals.hit_count[best] < MAX_UNRESOLVED_HITS:
         return None
-    with_all = theirs == len(hits)
+    with_all = common == len(hits)
     state, covariance = mixed(rivals[with_all if with_all.any() else right], fit)
-    return Start(hits, claimed, probability, state, covariance, evidence)
+    return Start(hits, detections, probability, state, covariance, evidence)
 
 
 def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
-    """Hypotheses of the same target as those with one newest detection, whatever they end in."""
+    """Hypotheses of the same target as `members`, whatever detection they end in."""
     likely, probability = hit_probabilities(members)
     pool = [
         part[(part.score > evidence + RELATIVE_PRUNING) & (part.hit_count >= 2)]
@@ -273,12 +272,12 @@ def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
 
 
 def hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
-    """Detections of hypotheses of one target, (h,), and how probably each is the target's."""
+    """Detections of hypotheses of one target, (h,), and the probability of each."""
     share = softmax(members.score)
-    found, place = np.unique(members.hits, return_inverse=True)
+    detections, place = np.unique(members.hits, return_inverse=True)
     mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
-    hit = found != NO_HIT
-    return found[hit], mass[hit]
+    hit = detections != NO_HIT
+    return detections[hit], mass[hit]
 
 
 def credible_hits(detections: IntArray, probability: FloatArray, best: IntArray) -> IntArray:
@@ -290,14 +289,14 @@ def credible_hits(detections: IntArray, probability: FloatArray, best: IntArray)
     if len(credible) >= MIN_HITS:
         return credible
     path = best[best != NO_HIT]
-    found = probability[np.searchsorted(detections, path)]
-    return np.sort(path[np.argsort(-found, kind="stable")[:MIN_HITS]])
+    of_path = probability[np.searchsorted(detections, path)]
+    return np.sort(path[np.argsort(-of_path, kind="stable")[:MIN_HITS]])
 
 
 def spans_time(
     hypotheses: Hypotheses, min_hits: int, window: DetectionWindow, min_time: float
 ) -> BoolArray:
-    """Which hypotheses have enough hits, and at times (s) that tell a velocity, (n,)."""
+    """Which hypotheses have enough hits over more than a minimum time (s), (n,)."""
     enough = hypotheses.hit_count >= min_hits
     if not enough.any():
         return enough

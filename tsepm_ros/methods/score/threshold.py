@@ -1,8 +1,8 @@
-"""The threshold of the evidence: what gives the wanted false tracks per hour.
+"""The threshold of the evidence that gives the target false-track rate.
 
-Every detection starts a hypothesis. So many starts per hour, of which the wanted number may be
-confirmed falsely, are a share, and `threshold_plan` gives the threshold that at most this share of
-the starts from clutter passes::
+Every detection starts a hypothesis. The target false-track rate over the starts per hour is the
+share of starts that may be confirmed falsely. `threshold_plan` gives the threshold that at most
+this share of the starts from clutter passes::
 
     share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
     A             = -ln(share) - the mean jump over it
@@ -29,7 +29,7 @@ SECONDS_PER_HOUR = 3600.0
 
 
 class Threshold:
-    """The threshold, by the scans so far."""
+    """The threshold, from the scan rate and the number of detections so far."""
 
     def __init__(self) -> None:
         self._counts: deque[int] = deque(maxlen=MAX_SCANS_REMEMBERED)
@@ -51,7 +51,7 @@ class Threshold:
     def false_share(self, false_tracks_per_hour: float) -> float | None:
         """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
 
-        The starts are the detections, those of the last scan at the least.
+        The starts per scan are the mean of the detections, or those of the last scan if more.
         """
         interval = self.interval
         if not interval:
@@ -68,9 +68,9 @@ class Threshold:
         sensor : SensorModel
             As given.
         common : CommonOptions
-            Which of its figures are estimated.
+            With the properties that are estimated.
         options : ScoreOptions
-            With the false-track rate.
+            With the target false-track rate.
         """
         share = self.false_share(options.false_tracks_per_hour)
         if share is None or self._last is None:
@@ -90,15 +90,15 @@ class Threshold:
     def value_if_near(
         self, evidence: float, sensor: SensorModel, common: CommonOptions, options: ScoreOptions
     ) -> float:
-        """As `value`; infinite where the evidence is below any that it may be, without a plan."""
+        """As `value`; infinite, without a plan, where the evidence is below any threshold."""
         share = self.false_share(options.false_tracks_per_hour)
-        if share is None or evidence < threshold_plan.least_threshold(share):
+        if share is None or evidence < threshold_plan.min_threshold(share):
             return math.inf
         return self.value(sensor, common, options)
 
 
 def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOptions) -> SensorModel:
-    """The sensor that a plan is made for; estimates are rounded, so that near ones share a plan.
+    """The sensor of a plan; estimates are rounded, so that similar estimates share a plan.
 
     The detection probability goes in steps of 0.1, the median of the clutter density in steps of
     half a decade, and clutter's range rate by factors of 2. Range rates count only where the scan
@@ -111,7 +111,7 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
     observed : Observation
         The last scan, with the estimates.
     common : CommonOptions
-        Which figures are estimated.
+        With the properties that are estimated.
     """
     if common.detection_probability == "estimated":
         coarse = max(round(observed.detection_probability_in_use, 1), 0.1)

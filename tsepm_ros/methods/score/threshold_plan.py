@@ -1,8 +1,8 @@
-"""What a threshold gives before it is used: how often a start from clutter passes it.
+"""Prediction of the share of starts from clutter that passes a threshold.
 
-Targets are drawn as the likelihood-ratio method assumes them, and the evidence for them is followed
-without clutter. From how often they pass a threshold, and by how much, follows by Wald's
-identity how often clutter does:
+Targets are drawn from the model of the likelihood-ratio method, and their evidence is simulated
+without clutter. The share that passes a threshold, and the excess over it, give the share for
+clutter by Wald's identity:
 
 ``P_0(passes A) = E_1[1 / L at the passage; passes A]``
 
@@ -31,37 +31,35 @@ from tsepm_ros.sensing.sensor import SensorModel
 SIMULATED_TARGETS = 1500
 SEED = 1
 THRESHOLDS = np.arange(0.0, 40.0, 0.05)
-"""Thresholds that are looked at, in units of the log-likelihood ratio."""
-
-
+"""Thresholds of a plan, in units of the log-likelihood ratio."""
 MIN_PASSAGES = 30
-"""Simulated passages below which a share is not trusted."""
+"""Simulated passages of a threshold, at least, for a share of use."""
 MAX_BELOW_VILLE = 2.5
-"""The threshold is at most this far below Ville's: the simulated targets may be unlike the true."""
+"""The threshold is at most this far below Ville's: true targets may differ from the simulated."""
 ROUNDING_STEP = 0.1
 
 
 def rounded(value: float) -> float:
-    """A value above 0 in steps of 10 %, so that near ones share a plan."""
+    """A value above 0 in steps of 10 %, so that similar values share a plan."""
     return math.exp(ROUNDING_STEP * round(math.log(value) / ROUNDING_STEP))
 
 
 def ville_threshold(false_share: float) -> float:
-    """Threshold that at most this share of the starts from clutter passes, whatever they are like.
+    """Threshold that at most this share of the starts from clutter passes, for any clutter.
 
     ``-ln(share)``, from P(sup L >= A) <= 1 / A for a likelihood ratio L of mean 1.
     """
     return -math.log(false_share)
 
 
-def least_threshold(false_share: float) -> float:
-    """Threshold below which none is, whatever the targets: `MAX_BELOW_VILLE` below Ville's."""
+def min_threshold(false_share: float) -> float:
+    """Lower limit of the threshold for any targets: `MAX_BELOW_VILLE` below Ville's."""
     return ville_threshold(false_share) - MAX_BELOW_VILLE
 
 
 @dataclass(frozen=True, eq=False)
 class ScorePlan:
-    """How a threshold and false tracks go together.
+    """Shares of starts that pass each threshold, from clutter and from targets.
 
     Attributes
     ----------
@@ -81,13 +79,14 @@ class ScorePlan:
         Beyond what was simulated, the share falls as exp(-threshold). Never above Ville's.
         """
         highest = ville_threshold(false_share)
-        fits = self.false_share <= false_share
-        found = highest
-        if fits.any():
-            found = float(THRESHOLDS[np.argmax(fits)])
-        elif len(fits):
-            found = THRESHOLDS[len(fits) - 1] + math.log(self.false_share[-1] / false_share)
-        return min(max(found, least_threshold(false_share)), highest)
+        low_enough = self.false_share <= false_share
+        threshold = highest
+        if low_enough.any():
+            threshold = float(THRESHOLDS[np.argmax(low_enough)])
+        elif len(low_enough):
+            excess = math.log(self.false_share[-1] / false_share)
+            threshold = THRESHOLDS[len(low_enough) - 1] + excess
+        return min(max(threshold, min_threshold(false_share)), highest)
 
     def passed(self, threshold: float) -> FloatArray:
         """Share of the targets that have passed a threshold by each scan, (scans,).
@@ -114,7 +113,7 @@ def score_plan(
     deletion: float,
     min_hits: int,
 ) -> ScorePlan:
-    """Follow the evidence for targets drawn as the method assumes them.
+    """Simulate the evidence for targets drawn from the method's model.
 
     Parameters
     ----------
@@ -181,7 +180,7 @@ def score_plans(
             )
     enough = np.cumsum(targets.detected, axis=1) >= min_hits
     tested = np.where(targets.detected & enough, evidences, -np.inf)
-    return [_plan(one, window) for one, window in zip(tested, windows, strict=True)]
+    return [_plan(evidence, window) for evidence, window in zip(tested, windows, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,12 +189,12 @@ class _Targets:
 
     Attributes
     ----------
-    found : (n, window) ndarray of DETECTION
+    detections : (n, window) ndarray of DETECTION
         As they would be measured in each scan.
     detected : (n, window) ndarray of bool
     """
 
-    found: NDArray[np.void]
+    detections: NDArray[np.void]
     detected: BoolArray
 
 
@@ -212,21 +211,21 @@ def _draw_targets(
     truth = np.zeros((SIMULATED_TARGETS, 4))
     truth[:, 0] = np.sqrt(square)
     truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (SIMULATED_TARGETS, 2))
-    found = np.zeros((SIMULATED_TARGETS, window), DETECTION)
-    found["range_rate_std"] = sensor.range_rate_std
+    detections = np.zeros((SIMULATED_TARGETS, window), DETECTION)
+    detections["range_rate_std"] = sensor.range_rate_std
     rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, SIMULATED_TARGETS))
     for scan in range(window):
-        found["covariance"][:, scan] = _errors(truth, sensor)
-        rate, _, _ = range_rates.expected(found[:, scan], truth[:, 0::2], truth[:, 1::2])
-        found["range_rate"][:, scan] = rate + sensor.range_rate_std * rate_errors[scan]
-        found["position"][:, scan] = truth[:, 0::2] + _drawn(rng, truth, sensor)
+        detections["covariance"][:, scan] = _errors(truth, sensor)
+        rate, _, _ = range_rates.expected(detections[:, scan], truth[:, 0::2], truth[:, 1::2])
+        detections["range_rate"][:, scan] = rate + sensor.range_rate_std * rate_errors[scan]
+        detections["position"][:, scan] = truth[:, 0::2] + _drawn(rng, truth, sensor)
         truth[:, 0::2] += interval * truth[:, 1::2]
         truth[:, 1::2] += rng.normal(
             0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
         )
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability
     detected[:, 0] = True
-    return _Targets(found, detected)
+    return _Targets(detections, detected)
 
 
 def _scores(
@@ -239,41 +238,48 @@ def _scores(
     process_noise: float,
     deletion: float,
 ) -> FloatArray:
-    """Score after each scan of the hypothesis that starts in one of them, (n, window).
+    """Score after each scan of the hypotheses that start in scan `first`, (n, window).
 
-    -inf before the start, where there was no detection to start from, and once it is deleted.
+    -inf before the start, without a detection in that scan, and after deletion.
     """
     n, window = targets.detected.shape
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    found = targets.found[:, first]
-    state[:, 0::2] = found["position"]
-    covariance[:, 0::2, 0::2] = found["covariance"]
+    detections = targets.detections[:, first]
+    state[:, 0::2] = detections["position"]
+    covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
-    state, covariance, start = range_rates.begun(state, covariance, found, sensor)
+    state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
     scores = np.full((n, window), -np.inf)
     scores[:, first] = np.where(targets.detected[:, first], start, -np.inf)
-    everyone, at_once = np.arange(n), np.zeros(n)
+    target, at_stamp = np.arange(n), np.zeros(n)
     missed = likelihood_ratio.miss_increment(
         np.full(n, sensor.detection_probability), gate_probability
     )
     for scan in range(first + 1, window):
         state, covariance = kalman.predict(state, covariance, interval, process_noise)
-        found = targets.found[:, scan]
-        innovation = found["position"] - state[:, 0::2]
-        spread = covariance[:, 0::2, 0::2] + _errors(state, sensor)
+        detections = targets.detections[:, scan]
+        innovation = detections["position"] - state[:, 0::2]
+        innovation_covariance = covariance[:, 0::2, 0::2] + _errors(state, sensor)
         density = kalman.log_likelihood(
-            state, covariance, everyone, at_once, innovation, spread, found, gate_probability
+            state,
+            covariance,
+            target,
+            at_stamp,
+            innovation,
+            innovation_covariance,
+            detections,
+            gate_probability,
         )
         hit = targets.detected[:, scan] & np.isfinite(density)
-        clutter = sensor.clutter_density * range_rates.clutter_density(found, sensor)
+        clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
         increment = likelihood_ratio.hit_increment(density, sensor.detection_probability, clutter)
         scores[:, scan] = scores[:, scan - 1] + np.where(hit, increment, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
         state[hit], covariance[hit] = kalman.update(
-            state[hit], covariance[hit], at_once[hit], innovation[hit], spread[hit]
+            state[hit], covariance[hit], at_stamp[hit], innovation[hit], innovation_covariance[hit]
         )
         state[hit], covariance[hit] = range_rates.update(
-            state[hit], covariance[hit], at_once[hit], found[hit]
+            state[hit], covariance[hit], at_stamp[hit], detections[hit]
         )
     return scores
 
@@ -301,7 +307,7 @@ def _errors(state: FloatArray, sensor: SensorModel) -> FloatArray:
 
 
 def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> FloatArray:
-    """Errors of those covariances, along and across the line of sight, (n, 2), m."""
+    """Errors of the covariances of `_errors`, along and across the line of sight, (n, 2), m."""
     range_ = np.hypot(state[:, 0], state[:, 2])
     straight = position_covariance(
         range_, np.zeros(len(state)), sensor.range_variance(range_), sensor.azimuth_std

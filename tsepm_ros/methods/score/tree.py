@@ -37,7 +37,7 @@ from tsepm_ros.stages.paths import starting
 MAX_PAIRS_TOGETHER = 50_000
 """Pairs of hypotheses and detections that are scored together: bounds memory."""
 RELATIVE_PRUNING = math.log(1e-4)
-"""Log of the part of the best likelihood ratio with the same last hit below which to delete."""
+"""Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
 PRIOR_TARGET_ODDS = 0.01
@@ -64,7 +64,7 @@ class Grown:
 
     @property
     def newest(self) -> IntArray:
-        """Place in the scan of the detection that each of the ended ones ends in, (n,)."""
+        """Place in the scan of the last hit of each of `ended`, (n,)."""
         return self.ended.last_hit - (self.ids[0] if len(self.ids) else 0)
 
     @cached_property
@@ -93,7 +93,7 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
 
 
 def held_penalty(observed: Observation) -> FloatArray:
-    """``ln((lambda + held density) / lambda)``, (d,): what a hit adds less given held tracks."""
+    """``ln((lambda + held density) / lambda)``, (d,): a hit's loss by held tracks."""
     return np.log1p(
         observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
     )
@@ -103,8 +103,8 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
     """Start a hypothesis from every detection.
 
     The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
-    axis; the first range rate, if there is one, measures it along the line of sight, and is
-    evidence for a target or against it.
+    axis. The first range rate, if measured, updates it along the line of sight and contributes to
+    the score.
 
     Parameters
     ----------
@@ -253,12 +253,12 @@ def near(
     widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
     positions = np.ascontiguousarray(predicted.state[:, 0::2])
     error = major_sigma(covariance_at(np.broadcast_to(widest, len(predicted)), positions, sensor))
-    lag = np.abs(detections["time"] - observed.stamp).max()
-    spread = major_sigma(predicted.covariance[:, 0::2, 0::2])
-    drift = major_sigma(predicted.covariance[:, 1::2, 1::2])
-    sigma = np.hypot(spread + lag * drift, GATE_MARGIN * error)
+    longest = np.abs(detections["time"] - observed.stamp).max()
+    position_sigma = major_sigma(predicted.covariance[:, 0::2, 0::2])
+    speed_sigma = major_sigma(predicted.covariance[:, 1::2, 1::2])
+    sigma = np.hypot(position_sigma + longest * speed_sigma, GATE_MARGIN * error)
     speed = np.hypot(predicted.state[:, 1], predicted.state[:, 3])
-    radius = kalman.gate_reach(gate_probability, detections) * sigma + lag * speed
+    radius = kalman.gate_reach(gate_probability, detections) * sigma + longest * speed
     return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
 
 
@@ -364,5 +364,5 @@ def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hyp
 
 
 def strongest(hypotheses: Hypotheses, limit: int) -> Hypotheses:
-    """The hypotheses of the best scores, at most so many."""
+    """The hypotheses of the best scores, up to a limit."""
     return hypotheses[keep_best(-hypotheses.score, limit)]

@@ -28,7 +28,7 @@ class TsepmOptions(MnOptions):
     )
     evaluation: str = parameter(
         "normalized_distance",
-        "What a track is evaluated by: f_1 (Eq. 23) or Kennedy's f_2 (Eq. 25)",
+        "Evaluation of a track: f_1 (Eq. 23) or Kennedy's f_2 (Eq. 25)",
         choices=evaluation.EVALUATIONS,
     )
     pruning_probability: float = parameter(
