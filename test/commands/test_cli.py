@@ -251,7 +251,7 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
         (["evaluate", "--horizon", "17"], "horizon 17"),
         (["evaluate", "--scene", "sensor.colour:=1.0"], "colour"),
         (["evaluate", "--scene", "sensor.azimuth_std:=wide"], "sensor.azimuth_std"),
-        (["evaluate", "box", "box"], "box is there twice"),
+        (["evaluate", "box", "box"], "box is given twice"),
         (["evaluate", "box", "-p", "min_hits=4"], "min_hits=4"),
         (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "/nowhere is neither"),
     ],
