@@ -8,6 +8,7 @@ write 0 for no detection.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ from msg_adapters.detection_types import register, register_writer
 from msg_adapters.ping import Ping, good_detections
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing.scan import Scan
 
 if TYPE_CHECKING:
@@ -33,6 +35,10 @@ RAYS_AT_ONCE = (
     "valid range / sound speed later"
 )
 
+GRAZING_ANGLE = math.radians(20.0)
+"""Least angle between a ray and a surface that is one object."""
+COARSEST_FAN = math.radians(3.0)
+"""Angle between rays from which on neighbours are of different objects."""
 RAYS = 36_000
 """Number of rays of a written all-round scan, much finer than the bearings of a sonar."""
 
@@ -73,6 +79,7 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
         time_offset=echo,
         transmit_offset=leaving,
         features=features,
+        group=runs_of_rays(range, scan.angle_increment),
         nothing=(range == np.inf) | (range == 0.0),
         faults={
             "range_below_min": range < scan.range_min,
@@ -80,6 +87,37 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
         },
         assumptions=assumptions,
     )
+
+
+def runs_of_rays(range: FloatArray, increment: float) -> IntArray:
+    """Which rays see one object: neighbours whose ranges do not jump.
+
+    The jump is that of a surface which is hit at `GRAZING_ANGLE`, as in the adaptive breakpoints of
+    Borges, Aldon, "Line extraction in 2D range images for mobile robotics", J. Intell. Robot. Syst.
+    40(3), 2004: ``|r_i - r_(i-1)| <= r sin(increment) / sin(angle - increment)``. In a coarse fan
+    every ray is a run.
+
+    Parameters
+    ----------
+    range : (n,) ndarray
+        m; any value that is not finite and above 0 ends a run.
+    increment : float
+        Angle between rays, rad.
+
+    Returns
+    -------
+    (n,) ndarray of int
+        Number of each ray's run.
+    """
+    before, after = range[:-1], range[1:]
+    if not abs(increment) <= COARSEST_FAN:  # nan, too
+        return np.arange(len(range))
+    slope = math.sin(abs(increment)) / math.sin(GRAZING_ANGLE - abs(increment))
+    seen = np.isfinite(range) & (range > 0.0)
+    with np.errstate(invalid="ignore"):
+        goes_on = np.abs(after - before) <= slope * np.minimum(before, after)
+    ends = ~(goes_on & seen[:-1] & seen[1:])
+    return np.concatenate([[0], np.cumsum(ends)])[: len(range)]
 
 
 @register_writer("sensor_msgs/msg/LaserScan")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import ns_to_seconds
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 
@@ -61,6 +61,7 @@ def good_detections(
     time_offset: FloatArray | None = None,
     transmit_offset: FloatArray | None = None,
     features: Mapping[str, FloatArray] | None = None,
+    group: IntArray | None = None,
     north_referenced: bool = False,
     axes: str = "body",
     faults: Mapping[str, BoolArray] | None = None,
@@ -101,6 +102,8 @@ def good_detections(
         Time after the stamp at which the ping of each detection left, s; 0 if not given.
     features : mapping of str to (n,) ndarray, optional
         Further measurements by the names of `tsepm_ros.Scan`.
+    group : (n,) ndarray of int, optional
+        Neighbouring detections of one object, as in `tsepm_ros.Scan`.
     north_referenced, axes
         As in `tsepm_ros.own_ship.registration.SensorScan`.
     faults : mapping of str to (n,) ndarray of bool, optional
@@ -145,6 +148,7 @@ def good_detections(
         azimuth_std=selected_or_none(azimuth_std),
         time_offset=selected_or_none(time_offset),
         features={name: selected(values) for name, values in (features or {}).items()},
+        group=None if group is None else group[kept],
     )
     sensor_scan = SensorScan(
         scan=scan,

@@ -145,3 +145,12 @@ def test_limits_that_are_no_numbers_leave_nothing_out():
 def test_a_scan_without_detections_is_good(ranges):
     found = read_detections(fan(ranges))
     assert (len(found), found.dropped) == (0, {})
+
+
+def test_neighbouring_rays_on_one_hull_are_of_one_group():
+    ranges = [20.0, 20.2, 20.4, 60.0, INF, 60.1, 60.2, -INF, 60.3]
+    group = read_detections(fan(ranges, angle_increment=0.0125)).scan.group
+    assert [int(np.flatnonzero(group == one)[0]) for one in group] == [0, 0, 0, 3, 4, 4, 6]
+    coarse = read_detections(fan([20.0, 20.1, 20.2])).scan.group
+    assert len(set(coarse.tolist())) == 3
+    assert len(read_detections(fan([])).scan.group) == 0

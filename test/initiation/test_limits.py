@@ -233,7 +233,7 @@ def test_time_counts_from_the_begin_and_without_a_limit_there_is_always_some_lef
 
 def test_many_detections_in_one_place_in_two_scans_are_processed_in_time():
     # A saturated receiver: 16 million pairs, of which 250 000 may be kept.
-    initiator = make_initiator("tsepm", sensor=SensorModel())
+    initiator = make_initiator("tsepm", sensor=SensorModel(), plots="off")
     n = 4000
     with at_most(60.0):
         for k in range(2):

@@ -52,6 +52,21 @@ class CommonOptions:
         "polar grid, also where clutter ends or changes within the sensor's coverage",
         choices=("given", "estimated"),
     )
+    plots: str = parameter(
+        "auto",
+        "Plots, of which each is all detections of one target in a ping: on; off, where the driver "
+        "sees to it that a target has one; or auto, on as soon as detections of one ping lie "
+        "closer together than those of clutter do, until a reset",
+        choices=("auto", "on", "off"),
+    )
+    target_extent: float = parameter(
+        0.0,
+        "How far apart the detections of one target may be in a ping, beside what the sensor's "
+        "resolution adds; 0: as the detections themselves have it",
+        unit="m",
+        minimum=0.0,
+        maximum=1e3,
+    )
     plot_features: bool = parameter(
         False,
         "In clutter zones, and where targets meet, the intensity, range width and azimuth width "

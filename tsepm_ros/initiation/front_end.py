@@ -1,19 +1,22 @@
-"""Before every method: conversion, coverage, clutter density, and what held tracks explain."""
+"""Before every method: coverage, plots, conversion, clutter, and what held tracks explain."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
+from tsepm_ros.initiation.plot_extraction import PlotExtraction
+from tsepm_ros.maintenance.extended_targets import further_plots
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMaintenance
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
-from tsepm_ros.sensing import range_rates
+from tsepm_ros.sensing import plots, range_rates
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.coverage import PosesByRange, inside
 from tsepm_ros.sensing.scan import Scan
@@ -38,8 +41,10 @@ class FrontEnd:
         Stamp of the last scan, s.
     scan_index : int
         Number of the last scan, from 0; -1 before the first.
-    outside_coverage : int
-        Detections of the last scan that are not used.
+    inside_coverage, outside_coverage : int
+        Detections of the last scan that are used, and that are not.
+    plots : PlotExtraction
+        Makes plots of the detections.
     """
 
     def __init__(
@@ -59,7 +64,9 @@ class FrontEnd:
         """Forget the scans so far and what was learned from them."""
         self.stamp: float | None = None
         self.scan_index = -1
-        self.outside_coverage = 0
+        self.inside_coverage = self.outside_coverage = 0
+        self.plots = PlotExtraction(self.sensor, self.common)
+        self._recent: list[Scan] = []
         self.learned = Learned.initial(self.sensor)
         self._poses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._polar = np.zeros(0), np.zeros(0)
@@ -70,6 +77,7 @@ class FrontEnd:
     ) -> None:
         """Change the options before the next scan; what was learned and still holds is kept."""
         self.learned = self.learned.under(sensor)
+        self.plots = self.plots.under(sensor, common)
         self.sensor = sensor
         self.common = common
         self.clutter_excludes_held = clutter_excludes_held
@@ -100,6 +108,48 @@ class FrontEnd:
             return self.sensor
         return dataclasses.replace(self.sensor, detection_probability=self.detection_probability)
 
+    def begin(self, scan: Scan, window: int) -> list[Scan]:
+        """Learn from the next scan how closely its detections lie together.
+
+        Where that shows that targets have several, the scans before it are to be observed again,
+        with plots: what was learned from them is forgotten, and held tracks that are one target's
+        become one.
+
+        Parameters
+        ----------
+        scan : Scan
+            The next to be observed.
+        window : int
+            Scans to keep, this one included.
+
+        Returns
+        -------
+        list of Scan
+            Those to be observed before it, oldest first; as a rule none.
+
+        Raises
+        ------
+        ValueError
+            As `observe` does. Nothing has changed then.
+        """
+        self._check(scan)
+        recent, self._recent = self._recent, [*self._recent, scan][-window:]
+        if not self.plots.learn(self._covered(scan)[0]):
+            return []
+        again = recent[max(len(recent) - window + 1, 0) :]
+        for one in [*again, scan]:
+            self.plots.observe(self._covered(one)[0])
+        before = recent[: len(recent) - len(again)]
+        self.stamp = before[-1].stamp if before else None
+        self.scan_index -= len(again)
+        self.learned = Learned.initial(self.sensor)
+        self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
+        return again
+
+    def forget_recent(self) -> None:
+        """Forget the scans that might be observed again."""
+        self._recent = []
+
     def observe(self, scan: Scan, time_limit: TimeLimit) -> Observation:
         """Count a scan in and convert its detections in the coverage (Step 1).
 
@@ -117,10 +167,7 @@ class FrontEnd:
         self.stamp = scan.stamp
         self.scan_index += 1
         self._poses = PosesByRange.of(scan) or self._poses
-        covered = inside(scan, self.sensor)
-        self.outside_coverage = len(scan) - int(np.count_nonzero(covered))
-        detections = convert(scan, self.sensor, self.scan_index)[covered]
-        self._polar = scan.range[covered], scan.azimuth[covered]
+        detections = self._detections(scan)
 
         learned, with_features = self.learned, self.common.plot_features
         in_zone, environment = np.zeros(len(detections), bool), None
@@ -143,6 +190,17 @@ class FrontEnd:
             environment,
         )
         learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
+        held_association = self.maintenance.held_association
+        if self.plots.active:
+            origin, place = self._poses.middle[:2], detections["position"]
+            further = further_plots(self.maintenance.held, place, self.plots.extent, origin)
+            held_density = held_density + further
+            rows = np.flatnonzero(further)
+            share = further[rows] / (further[rows] + before[rows])
+            held_association = HeldAssociation(
+                np.append(held_association.row, rows),
+                np.append(held_association.probability, share),
+            )
         if with_features:
             learned.features.observe(
                 self.scan_index, detections["index"], detections["features"], held_density < before
@@ -160,7 +218,7 @@ class FrontEnd:
             clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
-            held_association=self.maintenance.held_association,
+            held_association=held_association,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
             sensor_position=self._poses.middle[:2],
@@ -189,6 +247,29 @@ class FrontEnd:
                 f"range has {len(scan)} detections, more than max_detections = "
                 f"{self.common.max_detections}"
             )
+
+    def _covered(self, scan: Scan) -> tuple[Scan, IntArray]:
+        """The detections in the coverage, as a scan and as rows of all."""
+        covered = inside(scan, self.sensor)
+        rows = np.flatnonzero(covered)
+        return scan if covered.all() else plots.chosen(scan, rows), rows
+
+    def _detections(self, scan: Scan) -> NDArray[np.void]:
+        """The detections in the coverage in the fixed frame, or their plots."""
+        found, rows = self._covered(scan)
+        self.inside_coverage, self.outside_coverage = len(rows), len(scan) - len(rows)
+        made = self.plots.plots_of(found)
+        if made is None:
+            self._polar = found.range, found.azimuth
+            detections = convert(found, self.sensor, self.scan_index)
+            detections["index"] = rows
+            return detections
+        self._polar = made.scan.range, made.scan.azimuth
+        detections = convert(made.scan, self.sensor, self.scan_index)
+        detections["index"] = rows[made.strongest]
+        if scan.range_std is None:
+            detections["range_std"][~made.own_range_std] = np.nan
+        return detections
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""

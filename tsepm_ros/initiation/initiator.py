@@ -12,7 +12,8 @@ import numpy as np
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.front_end import FrontEnd
 from tsepm_ros.initiation.method import Method
-from tsepm_ros.initiation.observation import Observation, Step
+from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
@@ -83,23 +84,46 @@ class Initiator:
             If the stamp is not later than the last one, or the scan has more than
             `max_detections` detections. The scan is then not taken and nothing has changed.
         """
-        observed = self.front_end.observe(scan, TimeLimit(self.max_scan_time))
-        step = self.method.step(observed)
-        return self._finish(observed, step)
+        limit = TimeLimit(self.max_scan_time)
+        again = self.front_end.begin(scan, self.method.options.window)
+        if not again:
+            new, statistics = self._read(scan, limit)
+        else:
+            new, statistics = self._read_again(again, scan, limit)
+        self.statistics = dataclasses.replace(
+            statistics,
+            detections=self.front_end.inside_coverage,
+            plots=statistics.detections,
+            outside_coverage=self.front_end.outside_coverage,
+        )
+        self.totals = self.totals + self.statistics
+        return new
 
-    def _finish(self, observed: Observation, step: Step) -> TrackArrays:
-        """Give the new tracks their ids, hold them, and count the scan."""
+    def _read(self, scan: Scan, limit: TimeLimit) -> tuple[TrackArrays, ScanStatistics]:
+        """Observe a scan, let the method step on it, and hold the new tracks, with their ids."""
+        observed = self.front_end.observe(scan, limit)
+        step = self.method.step(observed)
         existence = step.existence
         if existence is None:
             existence = np.full(len(step.tracks), NEW_TRACK_EXISTENCE)
         ids = self._take_track_ids(len(step.tracks))
         self.front_end.finish(step, existence, ids)
         self._observed = observed
-        self.statistics = dataclasses.replace(
-            step.statistics, outside_coverage=self.front_end.outside_coverage
-        )
-        self.totals = self.totals + self.statistics
-        return step.tracks.numbered(ids)
+        return step.tracks.numbered(ids), step.statistics
+
+    def _read_again(
+        self, again: list[Scan], scan: Scan, limit: TimeLimit
+    ) -> tuple[TrackArrays, ScanStatistics]:
+        """Start over with scans that were read before; new tracks are those held in the end."""
+        self.method.forget()
+        ids = []
+        for one in again:
+            ids.append(self._read(one, limit)[0].track_id)
+            self.maintenance.keep_ended()
+        new, statistics = self._read(scan, limit)
+        current = self.maintenance.current
+        new = current.where(np.isin(current.track_id, np.concatenate([*ids, new.track_id])))
+        return new, dataclasses.replace(statistics, confirmed=len(new))
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""
@@ -139,6 +163,7 @@ class Initiator:
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not the tracks held, what was learned, nor counts."""
         self._observed = None
+        self.front_end.forget_recent()
         self.method.forget()
 
     def configure(self, method: Method) -> bool:
@@ -203,6 +228,11 @@ class Initiator:
     def scan_index(self) -> int:
         """Number of the last scan, from 0; -1 before the first."""
         return self.front_end.scan_index
+
+    @property
+    def plots(self) -> PlotExtraction:
+        """What makes plots of the detections."""
+        return self.front_end.plots
 
     @property
     def detection_probability(self) -> float:

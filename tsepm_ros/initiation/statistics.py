@@ -39,6 +39,9 @@ class ScanStatistics:
         come of the potential tracks cut in this and in earlier scans.
     outside_coverage : int
         Detections received outside the coverage; they are not used.
+    plots : int
+        Plots made of the detections in the coverage: fewer where several detections of one target
+        became one plot.
     """
 
     scans: int = 0
@@ -54,6 +57,7 @@ class ScanStatistics:
     cut_potential_tracks: int = 0
     cut_confirmations: int = 0
     outside_coverage: int = 0
+    plots: int = 0
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
         """Sum of the counts; of the tracks held the larger."""

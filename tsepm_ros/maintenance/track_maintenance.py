@@ -15,13 +15,21 @@ from numpy.typing import NDArray
 
 from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance import gated_detections, held_features, held_update, ipda, repetition
+from tsepm_ros.maintenance import (
+    extended_targets,
+    gated_detections,
+    held_features,
+    held_update,
+    ipda,
+    repetition,
+)
 from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, GatedDetections, Neighbours
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.held_update import CoveredTracks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
+from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
 MIN_EXISTENCE = 0.01
@@ -222,6 +230,20 @@ class TrackMaintenance:
         """Ids of the tracks that ended since the last step; the next will not name them."""
         cleared, self._cleared = self._cleared, []
         return cleared
+
+    def keep_ended(self) -> None:
+        """Name the ids of the tracks that ended at the last step again at the next."""
+        self._cleared = self._ended + self._cleared
+
+    def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
+        """End tracks that may be of an older one's target, if it has an extent.
+
+        See `extended_targets.may_repeat_older`.
+        """
+        repeats = extended_targets.may_repeat_older(self.current, extent, sensor_position)
+        kept = ~repeats | self._tracker.keeps(self._held.unlisted_since)
+        self._cleared += self.current.track_id[~kept].tolist()
+        self._held = self._held.where(kept)
 
     def _begin(self, stamp: float) -> None:
         """Begin a step: forget the last one's, and end the tracks that are over their time."""

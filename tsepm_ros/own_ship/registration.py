@@ -152,6 +152,7 @@ def _with_horizontal(sensor_scan: SensorScan, range: FloatArray, azimuth: FloatA
         azimuth_std=select(scan.azimuth_std),
         time_offset=select(scan.time_offset),
         features={name: values[usable] for name, values in features.items()},
+        group=None if scan.group is None else scan.group[usable],
     )
     return dataclasses.replace(
         sensor_scan,

@@ -45,7 +45,12 @@ from tsepm_ros.stages.splitting import Gated, gate_within
 
 RULE = (5, 8)
 TARGET = np.array([COORDINATE, COORDINATE])
-SHARED_OPTIONS = {"min_hits": RULE[0], "window": RULE[1], "gate_probability": GATE_PROBABILITY}
+SHARED_OPTIONS = {
+    "min_hits": RULE[0],
+    "window": RULE[1],
+    "gate_probability": GATE_PROBABILITY,
+    "plots": "off",
+}
 STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
 """alpha times the range error at a range of 5000 m, m."""
 KENNEDY = {"evaluation": "clutter_statistic"}
@@ -160,7 +165,9 @@ def _table_1_counts(
         pruning_reading=reading,
     )
     method_class = FixedMargin if fixed_margin else Tsepm
-    method = method_class(scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED), options)
+    method = method_class(
+        scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED, plots="off"), options
+    )
     initiator = Initiator(method)
     started = Started.on(scene, initiator, window)
     found, wrong = started.counts()
@@ -264,7 +271,7 @@ def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
     results: Result = {}
     for name, method_class in (("split", SplitOnly), ("merged", SplitMerge)):
-        initiator = Initiator(method_class(scenario.sensor, CommonOptions(), options))
+        initiator = Initiator(method_class(scenario.sensor, CommonOptions(plots="off"), options))
         started = Started.on(scene, initiator, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = np.zeros(len(started.tracks), bool)

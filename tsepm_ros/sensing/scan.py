@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 MAX_MAGNITUDE = {
     "range": 1e8,  # m
@@ -60,6 +60,9 @@ class Scan:
     sensor_velocity : (2,) or (n, 2) array_like, optional
         Velocity of the sensor in the fixed frame, m/s, at the time of the scan, or of each
         detection's position: range rates are measured against it. Zero if not given.
+    group : (n,) array_like of int, optional
+        Detections of the same number, from 0, are neighbours of one object (rays of a fan), and
+        become one plot where plots are not off; below 0: alone.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class Scan:
     sensor_pose: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0)
     sensor_pose_covariance: FloatArray | None = None
     sensor_velocity: FloatArray | tuple[float, float] = (0.0, 0.0)
+    group: IntArray | None = None
 
     def __post_init__(self) -> None:
         number = _numbers("range", self.range).size
@@ -143,6 +147,8 @@ def _checked(name: str, value: Any, n: int) -> Any:
         return None
     if name == "sensor_pose_covariance":
         return checked_covariance(name, value)
+    if name == "group":
+        return _finite(name, value, (n,)).astype(np.int64)
     return _bounded(name, value, (n,)) if name == "time_offset" else _positive(name, value, n)
 
 

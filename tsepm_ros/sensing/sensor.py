@@ -77,6 +77,21 @@ class SensorModel:
         minimum=-2 * math.pi,
         maximum=2 * math.pi,
     )
+    range_resolution: float = parameter(
+        0.0,
+        "Difference in range up to which echoes are not told apart, to make plots; 0: unknown",
+        unit="m",
+        minimum=0.0,
+        maximum=1e4,
+    )
+    azimuth_resolution: float = parameter(
+        0.0,
+        "Difference in azimuth up to which echoes are not told apart (the beam's width), to make "
+        "plots; 0: unknown",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.0,
+    )
     detection_probability: float = parameter(
         0.9, "Probability that a target inside the coverage is detected", positive=True, maximum=1.0
     )

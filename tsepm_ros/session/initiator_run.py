@@ -92,7 +92,7 @@ class InitiatorRun:
             raise
         return new, time.perf_counter() - begin
 
-    def remarks(self, scan: Scan, tracker_before: Tracker) -> list[Remark]:
+    def remarks(self, scan: Scan, tracker_before: Tracker, several_before: bool) -> list[Remark]:
         """Return notices and refusals after a processed scan.
 
         Parameters
@@ -100,6 +100,8 @@ class InitiatorRun:
         scan : Scan
         tracker_before : Tracker
             State of the downstream tracker before the scan.
+        several_before : bool
+            Whether targets were seen before the scan to have several detections a ping.
         """
         remarks: list[Remark] = []
         change = tracker_before, self.initiator.maintenance.tracker
@@ -114,6 +116,8 @@ class InitiatorRun:
             )
         elif change == (Tracker.SILENT, Tracker.ALIVE):
             remarks.append(Notice("tracker_back", "the downstream tracker reports again"))
+        if self.initiator.plots.seen and not several_before:
+            remarks.append(Notice("plots", self.initiator.plots.sentence))
         statistics = self.initiator.statistics
         outside = statistics.outside_coverage
         if outside:

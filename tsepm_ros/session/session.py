@@ -49,8 +49,9 @@ class Session:
         Method, options, sensor and frames.
     report : callable, optional
         Called as ``report(reason, sentence)`` for every scan, detection, own-ship sample or tracked
-        target that is dropped, and counted in `dropped`; for every restart; and when the
-        downstream tracker falls silent or reports again.
+        target that is dropped, and counted in `dropped`; for every restart; when the
+        downstream tracker falls silent or reports again; and when targets are seen to have several
+        detections a ping.
     live : bool, optional
         Whether `max_scan_time` is applied.
     queue_length : int, optional
@@ -337,9 +338,9 @@ class Session:
 
     def _run_on(self, scan: Scan, first: Waiting) -> ScanResult:
         """Run the initiator on a registered scan."""
-        tracker = self.initiator.maintenance.tracker
+        tracker, seen = self.initiator.maintenance.tracker, self.initiator.plots.seen
         new, seconds = self._run.process(scan, self._report_at(scan.stamp))
-        self._report_all(*self._run.remarks(scan, tracker))
+        self._report_all(*self._run.remarks(scan, tracker, seen))
         return ScanResult(
             stamp=scan.stamp,
             stamp_ns=first.scan.stamp_ns,

@@ -119,7 +119,7 @@ def test_a_start_waits_until_it_is_clear_which_detections_are_its_targets():
 def test_a_target_of_several_detections_a_ping_is_started_by_hits_of_one_path(wish):
     # Which of them are its own is never clear: it waits for eight hits, not for ever.
     sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
-    initiator = score(sensor, false_tracks_per_hour=wish)
+    initiator = score(sensor, false_tracks_per_hour=wish, plots="off")
     started = []
     for index in range(12):
         y = 41.0 * index

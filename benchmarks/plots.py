@@ -1,0 +1,242 @@
+"""Plots, measured: what `plots` auto does to targets of several echoes, and to the paper's box.
+
+- swimmers: starts, when, and NEES, for 3 and for 3 to 5 echoes, spread over 1 m and 3 m, with
+  errors common to a ping and independent ones, beside one echo; 95 % intervals;
+- two: two swimmers apart;
+- box: the largest likelihood ratio over the pings of the paper's box, uniform and lumpy, and
+  whether the tracks of the first `--tracked` pings are those of `plots` off to the bit;
+- time: of the grouping, by the number of detections.
+
+    python benchmarks/plots.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
+    python benchmarks/plots.py box [--pings 100000] [--tracked 2000]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import time
+from dataclasses import dataclass, replace
+
+os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import numpy as np
+from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Swimmers, box
+
+from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros.environment.detection_spacing import DetectionSpacing
+from tsepm_ros.initiation.plot_extraction import LIKELIHOOD_RATIO
+from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, grouped, plots_of
+from tsepm_ros.sensing.scan import Scan
+
+MAX_SPEED = 5.0
+KINDS = ("uniform", "smooth", "rough", "blocks")
+
+
+@dataclass(frozen=True)
+class Start:
+    """A start: its ping (from 1), its target (-1: none), and its NEES."""
+
+    ping: int
+    target: int
+    nees: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run: the ping from which on plots are made, the starts, and the tracks held at its end."""
+
+    on: float
+    starts: list[Start]
+    held: int
+
+    def after_on(self) -> list[Start]:
+        """Starts from then on."""
+        return [start for start in self.starts if start.ping >= self.on]
+
+
+def run(scene: Swimmers, seed: int, density: str = "given", **options: object) -> Run:
+    """Run the default method on a scene."""
+    sensor = scene.sensor
+    if density == "estimated":
+        sensor = replace(sensor, clutter_density=1e-6)
+    initiator = make_initiator(
+        "score", sensor=sensor, max_speed=MAX_SPEED, clutter_density=density, **options
+    )
+    on, starts, origins = math.inf, [], []
+    for number, ping in enumerate(scene.draw(seed), 1):
+        origins.append(ping.origin)
+        for track in initiator.process(ping.scan):
+            own = [origins[scan][row] for scan, row in track.hits]
+            target = max(range(len(ping.truth)), key=own.count)
+            if 2 * own.count(target) <= len(own):
+                starts.append(Start(number, -1, math.nan))
+                continue
+            error = track.state - ping.truth[target]
+            nees = float(error @ np.linalg.solve(track.covariance, error))
+            starts.append(Start(number, target, nees))
+        if initiator.plots.active:
+            on = min(on, number)
+    return Run(on, starts, len(initiator.current))
+
+
+def mean_nees(runs: list[Run]) -> str:
+    """Mean NEES of the targets' first starts, those from when plots are on, with its interval."""
+    values = [
+        start.nees for one in runs for start in one.after_on()[:1] if math.isfinite(start.nees)
+    ]
+    if len(values) < 2:
+        return "-"
+    half = 1.96 * np.std(values, ddof=1) / math.sqrt(len(values))
+    return f"{np.mean(values):.2f} +- {half:.2f} ({len(values)})"
+
+
+def first(one: Run, target: int = 0) -> float:
+    """Ping of the first start of a target."""
+    return min((start.ping for start in one.starts if start.target == target), default=math.inf)
+
+
+def lateness(one: Run, single: Run) -> float:
+    """Pings by which a target is started later than with one echo, and than plots are on."""
+    return first(one) - max(first(single), one.on)
+
+
+def swimmers(options: argparse.Namespace) -> None:
+    """Print the table of swimmers."""
+    plain = Swimmers(echoes=(1, 1), pings=options.pings, false=options.false)
+    seeds = range(options.seed, options.seed + options.runs)
+    single = [run(plain, seed, options.density, plots="off") for seed in seeds]
+    # Pings with one echo: as if plots were on from the start.
+    known = [replace(one, on=0.0) for one in single]
+    print(
+        f"{options.runs} runs of {options.pings} pings, {options.false:g} false detections a ping"
+    )
+    print(
+        "| echoes | spread | errors | on (median, last) | starts | after on | false | late | NEES |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    row("1", "-", "-", single, known, single)
+    for echoes in ((3, 3), (3, 5)):
+        for spread in (1.0, 3.0):
+            for common in (True, False):
+                scene = replace(plain, echoes=echoes, spread=spread, common=common)
+                runs = [run(scene, seed, options.density, plots=options.plots) for seed in seeds]
+                name = "-".join(map(str, sorted(set(echoes))))
+                kind = "common" if common else "independent"
+                row(name, f"{spread:g} m", kind, runs, runs, single)
+
+
+def row(
+    echoes: str, spread: str, errors: str, runs: list[Run], judged: list[Run], single: list[Run]
+) -> None:
+    """Print a row of the table of swimmers."""
+    on = [one.on for one in runs]
+    starts = [sum(start.target == 0 for start in one.starts) for one in runs]
+    after = [sum(start.target == 0 for start in one.after_on()) for one in judged]
+    false = sum(start.target < 0 for one in runs for start in one.starts)
+    late = [lateness(one, alone) for one, alone in zip(judged, single, strict=True)]
+    print(
+        f"| {echoes} | {spread} | {errors} | {np.median(on):g}, {max(on):g} "
+        f"| {np.mean(starts):.2f}, at most {max(starts)} | {np.mean(after):.2f}, at most "
+        f"{max(after)} | {false} | {np.mean(late):.2f}, at most {max(late):g} "
+        f"| {mean_nees(judged)} |",
+        flush=True,
+    )
+
+
+def two(options: argparse.Namespace) -> None:
+    """Print how many of two swimmers are held, by how far they are apart."""
+    print("| apart | spread | errors | both started | held at the end |\n|---|---|---|---|---|")
+    for apart in (10.0, 20.0, 40.0):
+        for spread, common in ((1.0, True), (3.0, True), (3.0, False)):
+            scene = Swimmers(spread=spread, common=common, apart=(apart, 0.0), pings=options.pings)
+            seeds = range(options.seed, options.seed + options.runs)
+            runs = [run(scene, seed, options.density) for seed in seeds]
+            both = np.mean([math.isfinite(max(first(one, 0), first(one, 1))) for one in runs])
+            held = sorted(one.held for one in runs)
+            kind = "common" if common else "independent"
+            print(f"| {apart:g} m | {spread:g} m | {kind} | {both:.2f} | {held} |", flush=True)
+
+
+def paper_box(options: argparse.Namespace) -> None:
+    """Print the largest likelihood ratios, and whether tracks are the same to the bit."""
+    for kind in options.kinds:
+        spacing, largest, spent = DetectionSpacing(SensorModel()), -math.inf, 0.0
+        for scan in box(kind, options.pings, options.seed):
+            begin = time.perf_counter()
+            spacing.observe(scan.range, scan.azimuth)
+            spent += time.perf_counter() - begin
+            largest = max(largest, spacing.log_ratio)
+        print(
+            f"{kind}: {options.pings} pings, largest log likelihood ratio {largest:.2f}, that of "
+            f"plots {math.log(LIKELIHOOD_RATIO):.2f}; {1e3 * spent / options.pings:.2f} ms a ping",
+            flush=True,
+        )
+        off, auto = (
+            make_initiator("score", sensor=SensorModel(), clutter_density="estimated", plots=mode)
+            for mode in ("off", "auto")
+        )
+        same, tracks = True, 0
+        for scan in box(kind, options.tracked, options.seed + 1):
+            one, other = off.process(scan), auto.process(scan)
+            tracks += len(one)
+            same &= one.hits == other.hits and one.state.tobytes() == other.state.tobytes()
+            same &= off.current.covariance.tobytes() == auto.current.covariance.tobytes()
+            same &= off.statistics == auto.statistics
+        print(
+            f"{kind}: {options.tracked} pings, {tracks} tracks, auto is off to the bit: {same}",
+            flush=True,
+        )
+
+
+def times(options: argparse.Namespace) -> None:
+    """Print the time of grouping detections and making plots of them, on the swimmers' sector."""
+    rng = np.random.default_rng(options.seed)
+    sensor = Swimmers().sensor
+    for number, size, extent in (
+        (100, 4, PlotExtent(4.0, 4.0, 0.06, 32.0)),
+        (1000, 4, PlotExtent(2.0, 2.0)),
+        (1000, 4, PlotExtent(4.0, 4.0, 0.06, 32.0)),
+        (1000, 1, PlotExtent(2.0, 2.0)),
+    ):
+        centres = number // size
+        range_ = np.repeat(MAX_RANGE * np.sqrt(rng.random(centres)) + 1.0, size)
+        azimuth = np.repeat(rng.uniform(-HALF_SECTOR, HALF_SECTOR, centres), size)
+        range_ = range_ + rng.uniform(-0.5, 0.5, len(range_))
+        scan = Scan(0.0, range_, azimuth + rng.uniform(-0.5, 0.5, len(range_)) / range_)
+        spent = []
+        for _ in range(200):
+            begin = time.perf_counter()
+            label = grouped(scan.range, scan.azimuth, extent)
+            middle = time.perf_counter()
+            made = plots_of(scan, label, EchoErrors(), sensor)
+            spent.append((middle - begin, time.perf_counter() - middle))
+        grouping, making = 1e3 * np.median(spent, axis=0)
+        print(
+            f"{len(scan)} detections within {extent}: {len(made.scan)} plots; grouping "
+            f"{grouping:.2f} ms, making {making:.2f} ms ({len(scan) / AREA:.2g} a m^2)"
+        )
+
+
+def main() -> None:
+    """Print what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    jobs = {"swimmers": swimmers, "two": two, "box": paper_box, "time": times}
+    parser.add_argument("job", choices=jobs)
+    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--density", choices=("given", "estimated"), default="given")
+    parser.add_argument("--plots", choices=("auto", "on", "off"), default="auto")
+    parser.add_argument("--false", type=float, default=20.0)
+    parser.add_argument("--pings", type=int)
+    parser.add_argument("--tracked", type=int, default=2000)
+    parser.add_argument("--kinds", nargs="+", default=KINDS)
+    options = parser.parse_args()
+    options.pings = options.pings or (100_000 if options.job == "box" else 40)
+    jobs[options.job](options)
+
+
+if __name__ == "__main__":
+    main()

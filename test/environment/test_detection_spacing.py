@@ -1,0 +1,113 @@
+"""The spacing of detections: silent in clutter, quick where targets have several echoes."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+
+from plots_scenes import Swimmers, box
+
+from tsepm_ros import SensorModel
+from tsepm_ros.environment.detection_spacing import INSIDE, DetectionSpacing
+from tsepm_ros.environment.echo_scatter import EchoScatter
+from tsepm_ros.sensing.plots import PlotExtent, grouped
+from tsepm_ros.sensing.scan import Scan
+
+LIMIT = math.log(1e6)
+
+
+def largest(sensor: SensorModel, scans) -> float:
+    spacing, found = DetectionSpacing(sensor), -math.inf
+    for scan in scans:
+        spacing.observe(scan.range, scan.azimuth)
+        found = max(found, spacing.log_ratio)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["uniform", "smooth", "rough", "blocks"])
+def test_clutter_of_the_box_looks_like_clutter(kind):
+    assert largest(SensorModel(), box(kind, 600, seed=1, redrawn=100)) < LIMIT
+
+
+@pytest.mark.parametrize("kind", ["uniform", "smooth", "rough", "blocks"])
+@pytest.mark.statistical
+def test_clutter_of_the_box_looks_like_clutter_for_long(kind):
+    assert largest(SensorModel(), box(kind, 10_000, seed=2)) < LIMIT
+
+
+@pytest.mark.parametrize("false", [5.0, 50.0, 500.0])
+def test_clutter_alone_exceeds_what_one_in_ten_may_at_most_in_one_run_of_ten(false):
+    # Ville: the ratio ever exceeds 10 with a probability of 0.1 at most. Of 60 runs 14 or more
+    # would have a probability below 0.002. Narrow sector: most boxes are cut to the coverage.
+    sensor = SensorModel(max_range=300.0, azimuth_min=-0.2, azimuth_max=0.2)
+    above = 0
+    for seed in range(60):
+        rng = np.random.default_rng([seed, 5])
+        scans = []
+        for stamp in range(10):
+            n = rng.poisson(false / 5.0)
+            azimuth = rng.uniform(-0.2, 0.2, n)
+            scans.append(Scan(float(stamp), 300.0 * np.sqrt(rng.random(n)) + 1e-3, azimuth))
+        above += largest(sensor, scans) > math.log(10.0)
+    assert above < 14
+
+
+@pytest.mark.parametrize("common", [True, False])
+def test_several_echoes_are_seen_within_pings(common):
+    scene = Swimmers(common=common, pings=25)
+    for seed in range(4):
+        spacing = DetectionSpacing(scene.sensor)
+        found = []
+        for ping in scene.draw(seed):
+            spacing.observe(ping.scan.range, ping.scan.azimuth)
+            found.append(spacing.log_ratio)
+        assert max(found[:12]) >= LIMIT
+        assert spacing.extent.along <= 4.0
+
+
+def test_what_lies_beyond_the_coverage_does_not_count():
+    sensor = SensorModel(max_range=300.0)
+    spacing = DetectionSpacing(sensor)
+    for _ in range(50):
+        spacing.observe(np.array([301.0, 302.0, 303.0]), np.zeros(3))
+    assert spacing.log_ratio < 0.0
+
+
+def test_one_echo_is_never_several():
+    scene = Swimmers(echoes=(1, 1), pings=300)
+    assert largest(scene.sensor, (ping.scan for ping in scene.draw(1))) < LIMIT
+
+
+def test_the_given_extent_and_resolution_are_tried_alone():
+    sensor = SensorModel(range_resolution=0.5, azimuth_resolution=0.02)
+    assert DetectionSpacing(sensor, 7.0).extent == PlotExtent(7.5, 7.0, 0.02)
+
+
+def test_several_odds_are_tried():
+    assert (np.diff(INSIDE) > 0.0).all()
+    assert INSIDE[0] > 1.0
+
+
+@pytest.mark.parametrize("common", [True, False])
+@pytest.mark.parametrize("spread", [1.0, 3.0])
+def test_the_scatter_tells_errors_from_extent(common, spread):
+    scene = Swimmers(common=common, spread=spread, false=0.0, pings=150)
+    # Clutter of no density is no sensor's.
+    sensor, scatter = replace(scene, false=1.0).sensor, EchoScatter.nothing()
+    extent = PlotExtent(8.0, 8.0, 0.1)
+    for ping in scene.draw(3):
+        label = grouped(ping.scan.range, ping.scan.azimuth, extent)
+        scatter = scatter.after(ping.scan, label, sensor)
+    errors = scatter.errors(extent)
+    assert errors.independent == pytest.approx(0.0 if common else 1.0, abs=0.25)
+    assert errors.extent_variance == pytest.approx(
+        spread**2 / 16.0, abs=0.15 + 0.3 * spread**2 / 16
+    )
+    assert scatter.mean_size == pytest.approx(4.0, abs=0.4)

@@ -1,0 +1,214 @@
+"""Plots before every method: one start for a target of several echoes, and off is as without."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+
+import plots as benchmark
+from plots_scenes import Swimmers, box
+
+from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros.methods.registry import make_method
+from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.settings import Settings
+
+MANY = [
+    pytest.param(spread, common, id=f"{spread:g}m-{'common' if common else 'independent'}")
+    for spread in (1.0, 3.0)
+    for common in (True, False)
+]
+
+
+def initiator_of(scene: Swimmers, method: str = "score", **options):
+    return make_initiator(method, sensor=scene.sensor, max_speed=5.0, **options)
+
+
+def check(runs: list[benchmark.Run]) -> None:
+    """At most one start of the target once plots are on, and one track in the end."""
+    for run in runs:
+        assert run.on < math.inf
+        assert sum(start.target == 0 for start in run.after_on()) <= 1
+        assert benchmark.first(run) < math.inf
+        false = sum(start.target < 0 for start in run.starts)
+        assert run.held <= 1 + false
+
+
+@pytest.mark.parametrize(("spread", "common"), MANY)
+def test_a_swimmer_of_several_echoes_is_one(spread, common):
+    scene = Swimmers(spread=spread, common=common, pings=25)
+    check([benchmark.run(scene, seed) for seed in range(2)])
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("density", ["given", "estimated"])
+@pytest.mark.parametrize(("spread", "common"), MANY)
+@pytest.mark.timeout(600)
+def test_twenty_swimmers_of_several_echoes_are_one_each(spread, common, density):
+    scene = Swimmers(spread=spread, common=common, pings=40)
+    runs = [benchmark.run(scene, seed, density) for seed in range(20)]
+    check(runs)
+    single = replace(scene, echoes=(1, 1))
+    alone = [benchmark.run(single, seed, density, plots="off") for seed in range(20)]
+    late = [benchmark.lateness(one, other) for one, other in zip(runs, alone, strict=True)]
+    # Other places of the echoes are other errors: a run may be later, and more are sooner.
+    assert np.mean(late) <= 0.0
+    assert sorted(late)[16] <= 1.0
+
+
+def test_known_from_the_start_they_are_started_as_one_echo_is():
+    scene = Swimmers(pings=14)
+    single = replace(scene, echoes=(1, 1))
+    for seed in range(4):
+        run = benchmark.run(scene, seed, plots="on", target_extent=6.0)
+        alone = benchmark.run(single, seed, plots="off")
+        assert [start.target for start in run.starts] == [0]
+        assert benchmark.first(run) <= benchmark.first(alone) + 1
+
+
+def test_two_swimmers_farther_apart_than_their_extent_stay_two():
+    for common in (True, False):
+        scene = Swimmers(spread=1.0, common=common, apart=(40.0, 0.0), pings=25)
+        run = benchmark.run(scene, 1)
+        assert run.held == 2
+        assert {start.target for start in run.starts} == {0, 1}
+
+
+@pytest.mark.parametrize("method", ["score", "tsepm"])
+@pytest.mark.parametrize("kind", ["uniform", "rough"])
+def test_auto_changes_nothing_in_the_box(method, kind):
+    off, auto = (
+        make_initiator(method, sensor=SensorModel(), clutter_density="estimated", plots=mode)
+        for mode in ("off", "auto")
+    )
+    for scan in box(kind, 40, seed=3):
+        one, other = off.process(scan), auto.process(scan)
+        assert one.hits == other.hits
+        assert one.state.tobytes() == other.state.tobytes()
+        assert off.current.state.tobytes() == auto.current.state.tobytes()
+        assert off.statistics == auto.statistics
+    assert not auto.plots.active
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_every_method_sees_plots(method):
+    scene = Swimmers(pings=12, false=2.0)
+    initiator = initiator_of(scene, method, plots="on", target_extent=3.0)
+    for ping in scene.draw(4):
+        for track in initiator.process(ping.scan):
+            assert all(0 <= row < 10_000 for _, row in track.hits)
+        statistics = initiator.statistics
+        assert statistics.detections == len(ping.scan) - statistics.outside_coverage
+        assert statistics.plots <= statistics.detections
+        if (ping.origin == 0).any():
+            assert statistics.plots <= (ping.origin < 0).sum() + 2
+
+
+def test_a_hit_is_the_plots_strongest_detection():
+    sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
+    initiator = make_initiator("score", sensor=sensor, plots="on", target_extent=3.0)
+    tracks = []
+    for stamp in range(8):
+        place = 100.0 + stamp
+        scan = Scan(
+            float(stamp),
+            [50.0, place, place + 1.0, 400.0, place + 0.5],
+            [2.0 * math.cos(stamp), 0.0, 0.0, 0.0, 0.0],
+            features={"intensity": [1.0, 2.0, 7.0, 9.0, 3.0]},
+        )
+        tracks += initiator.process(scan)
+    assert [row for _, row in tracks[0].hits] == [2] * len(tracks[0].hits)
+    assert initiator.statistics.detections == 4
+    assert initiator.statistics.plots == 2
+    assert initiator.statistics.outside_coverage == 1
+
+
+def test_what_turns_on_reads_the_window_again_and_merges():
+    scene = Swimmers(spread=3.0, common=False, echoes=(3, 3), pings=40)
+    scans = [ping.scan for ping in scene.draw(1)]
+    initiator = initiator_of(scene)
+    ended, before = [], []
+    for number, scan in enumerate(scans):
+        active = initiator.plots.active
+        before = initiator.current.track_id.tolist() if not active else before
+        initiator.process(scan)
+        assert initiator.scan_index == number
+        assert initiator.totals.scans == number + 1
+        if not active and initiator.plots.active:
+            ended = initiator.maintenance.ended
+            break
+    assert initiator.plots.active
+    left = initiator.current.track_id.tolist()
+    assert set(before) <= set(left) | set(ended), "what ends is named"
+    assert len(left) <= 1
+
+
+def test_a_reset_and_other_options_start_over():
+    scene = Swimmers(pings=12)
+    initiator = initiator_of(scene)
+    for ping in scene.draw(3):
+        initiator.process(ping.scan)
+    assert initiator.plots.active
+    same = make_method("score", sensor=scene.sensor, max_speed=6.0)
+    initiator.rehearse(make_method("score", sensor=scene.sensor, plots="off"))
+    assert initiator.configure(same)
+    assert initiator.plots.active
+    initiator.configure(make_method("score", sensor=scene.sensor, plots="off"))
+    assert not initiator.plots.active
+    initiator.configure(same)
+    assert not initiator.plots.active
+    for ping in scene.draw(4):
+        initiator.process(replace(ping.scan, stamp=ping.scan.stamp + 100.0))
+    assert initiator.plots.active
+    initiator.reset()
+    assert not initiator.plots.active
+
+
+def test_a_scan_that_is_refused_changes_nothing():
+    scene = Swimmers(pings=3)
+    initiator = initiator_of(scene, max_detections=60)
+    scans = [ping.scan for ping in scene.draw(3)]
+    initiator.process(scans[0])
+    ratio = initiator.plots.log_ratio
+    with pytest.raises(ValueError, match="stamp"):
+        initiator.process(scans[0])
+    with pytest.raises(ValueError, match="max_detections"):
+        initiator.process(Scan(5.0, np.full(61, 9.0), np.zeros(61)))
+    assert initiator.plots.log_ratio == ratio
+
+
+def test_the_session_says_so_once():
+    scene = Swimmers(pings=15)
+    said = []
+    session = Session(Settings(sensor=scene.sensor), lambda *what: said.append(what))
+    for ping in scene.draw(3):
+        session.add_scan(SensorScan(scan=ping.scan, frame_id="sonar"), ping.scan.stamp)
+        list(session.process())
+    sentences = [sentence for reason, sentence in said if reason == "plots"]
+    assert len(sentences) == 1
+    assert "several detections a ping" in sentences[0]
+
+
+def test_neighbouring_rays_are_one_plot_at_once():
+    sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
+    azimuth = np.array([-0.01, 0.0, 0.01, 1.0, 2.0, 2.5])
+    group = np.array([0, 0, 0, 1, 1, -1])
+    for mode, plots in (("auto", 4), ("on", 4), ("off", 6)):
+        initiator = make_initiator("score", sensor=sensor, plots=mode)
+        for stamp in range(8):
+            place = 100.0 + stamp
+            range_ = [place + 0.1, place, place + 0.1, 50.0, 50.0, 50.0]
+            initiator.process(Scan(float(stamp), range_, azimuth, group=group))
+            assert initiator.statistics.detections == 6
+            # The second run is 50 m long, a shore: cut in pieces.
+            assert initiator.statistics.plots == plots
+        newest = {track.hits[-1][1] for track in initiator.current}
+        assert mode == "off" or 1 in newest <= {1, 3, 4, 5}

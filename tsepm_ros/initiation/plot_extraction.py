@@ -1,0 +1,141 @@
+"""Whether and how the detections of a scan become plots."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+
+from tsepm_ros.environment.detection_spacing import DetectionSpacing
+from tsepm_ros.environment.echo_scatter import EchoScatter
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.sensing import plots
+from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, Plots
+from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
+
+LIKELIHOOD_RATIO = 1e6
+"""Likelihood ratio of several detections a target at which plots are made: a choice."""
+LONGEST_RUN = 30.0
+"""Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
+WHOLE = 2.0
+"""Extent of a plot over the half width of the boxes in which its detections were seen."""
+
+
+class PlotExtraction:
+    """Makes plots, where that is asked for, or where the detections ask for it.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+    common : CommonOptions
+
+    Attributes
+    ----------
+    seen : bool
+        Whether the spacing of the detections has shown that targets have several a ping.
+    scatter : EchoScatter
+        Of the detections about their plots.
+    """
+
+    def __init__(self, sensor: SensorModel, common: CommonOptions) -> None:
+        self.sensor = sensor
+        self.common = common
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        self.seen = False
+        self.scatter = EchoScatter.nothing()
+        self._spacing = DetectionSpacing(self.sensor, self.common.target_extent)
+
+    def under(self, sensor: SensorModel, common: CommonOptions) -> PlotExtraction:
+        """The same under other options; it starts over where they concern it."""
+        changed = copy.copy(self)
+        changed.sensor, changed.common = sensor, common
+        if _concerning(sensor, common) != _concerning(self.sensor, self.common):
+            changed.reset()
+        else:
+            changed._spacing = copy.deepcopy(self._spacing)
+        return changed
+
+    @property
+    def active(self) -> bool:
+        """Whether plots are made."""
+        return self.common.plots == "on" or (self.seen and self.common.plots == "auto")
+
+    @property
+    def log_ratio(self) -> float:
+        """Logarithm of the likelihood ratio of several detections a target against clutter."""
+        return self._spacing.log_ratio
+
+    @property
+    def extent(self) -> PlotExtent:
+        """Within which detections become one: as given, or as seen."""
+        sensor, given = self.sensor, self.common.target_extent
+        if given or not self.seen:
+            cell, beam = sensor.range_resolution, sensor.azimuth_resolution
+            return PlotExtent(given + cell, given, beam)
+        return self._spacing.extent.scaled(WHOLE)
+
+    def learn(self, scan: Scan) -> bool:
+        """Learn from a scan's detections; returns whether plots look different from now on."""
+        if self.common.plots == "off":
+            return False
+        scan = self._without_runs(scan)
+        self._spacing.observe(scan.range, scan.azimuth)
+        before = self.seen
+        self.seen = before or self.log_ratio >= math.log(LIKELIHOOD_RATIO)
+        if before and self.active:
+            self.observe(scan)
+        grouped_already = self.common.plots == "on" and self.common.target_extent > 0.0
+        return self.seen and not before and not grouped_already
+
+    def observe(self, scan: Scan) -> None:
+        """Learn from a scan how detections scatter about their plots."""
+        scan = self._without_runs(scan)
+        label = plots.grouped(scan.range, scan.azimuth, self.extent)
+        self.scatter = self.scatter.after(scan, label, self.sensor)
+
+    def plots_of(self, scan: Scan) -> Plots | None:
+        """The plots of a scan's detections; None where none has more than one, or is asked for."""
+        runs = self._runs(scan)
+        if not self.active or not len(scan):
+            return runs
+        scan = scan if runs is None else runs.scan
+        extent = self.extent
+        label = plots.grouped(scan.range, scan.azimuth, extent)
+        found = plots.plots_of(scan, label, self.scatter.errors(extent), self.sensor)
+        return found if runs is None else found.of(runs)
+
+    def _runs(self, scan: Scan) -> Plots | None:
+        """Plots of the groups that a scan comes with; None where it has none, or plots are off."""
+        if scan.group is None or self.common.plots == "off":
+            return None
+        longest = self.common.target_extent or LONGEST_RUN
+        label = plots.runs(scan, PlotExtent(longest, longest))
+        return plots.plots_of(scan, label, EchoErrors(), self.sensor)
+
+    def _without_runs(self, scan: Scan) -> Scan:
+        """The scan with its groups as one detection each."""
+        runs = self._runs(scan)
+        return scan if runs is None else runs.scan
+
+    @property
+    def sentence(self) -> str:
+        """What was seen, for the user."""
+        extent = self.extent
+        beam = f" (and {np.degrees(extent.beam):.2g} degrees)" if extent.beam else ""
+        return (
+            "targets have several detections a ping: those within "
+            f"{extent.along:.3g} m{beam} of each other are one plot from now on, "
+            f"{self.scatter.mean_size:.2g} on average"
+        )
+
+
+def _concerning(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...]:
+    """Options that a change of starts over for."""
+    coverage = sensor.min_range, sensor.max_range, sensor.azimuth_min, sensor.azimuth_max
+    resolution = sensor.range_resolution, sensor.azimuth_resolution
+    return coverage, resolution, common.plots, common.target_extent
