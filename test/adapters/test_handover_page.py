@@ -54,7 +54,7 @@ def test_a_detection_updates_as_the_package_s_own_filter_does(make_track, over_t
 def test_the_page_gives_every_field_of_placed_detections_with_its_offset():
     features = {name: np.zeros(0) for name in FEATURES}
     placed = PlacedDetections(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0), features)
-    section = PAGE.read_text(encoding="utf-8").partition("## What to go on with")[2]
+    section = PAGE.read_text(encoding="utf-8").partition("## Detections for the tracker")[2]
     rows = [line.split("|")[1:4] for line in section.splitlines() if line.startswith("| `")]
     told = {
         name.strip(" `"): (kind.strip(), offset.strip().removesuffix(" on"))

@@ -88,7 +88,7 @@ def test_no_more_children_than_allowed_and_the_best():
 
 def test_the_time_that_a_scan_may_take_is_passed_on():
     # More than one block of pairs: 230 hypotheses by 230 detections in one place.
-    initiator = score()
+    initiator = score(plots="off")
     initiator.max_scan_time = 1e-9
     for k in range(2):
         initiator.process(Scan(12.0 * k, np.full(230, 1000.0), np.zeros(230)))
