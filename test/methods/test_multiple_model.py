@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.methods.multiple_model import cells
+from tsepm_ros.methods.multiple_model import MAX_FILTERS, cells
 from tsepm_ros.sensing.conversion import convert
 
 
@@ -106,3 +106,13 @@ def test_other_cells_start_over():
     assert not reconfigured(made, made.sensor, made.common, other)
     made.process(scan_at(12.0, [(3000.0, 0.0)]))
     assert made.statistics.started == 1
+
+
+def test_filters_are_bounded_and_the_tracks_beyond_are_counted():
+    made = make_initiator(
+        "multiple_model", sensor=FIXED_RANGE_ERROR, speeds=20, headings=72, plots="off"
+    )
+    most = MAX_FILTERS // (20 * 72)
+    made.process(scan_at(0.0, [(2000.0 + 15.0 * k, 0.0) for k in range(most + 5)]))
+    assert made.statistics.potential_tracks == made.statistics.started == most
+    assert made.statistics.cut_potential_tracks == 5

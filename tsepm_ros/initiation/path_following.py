@@ -94,8 +94,8 @@ class PathFollower(HitCounter):
         free = ~np.isin(ids, confirmation.hits)
         if not self.every_detection_starts:
             free[extending.row] = False
-        beyond = max(int(np.count_nonzero(free)) - self._max_tracks, 0)
-        started = self.started(ids[free][: self._max_tracks], detections[free][: self._max_tracks])
+        beyond = max(int(np.count_nonzero(free)) - self.max_tracks, 0)
+        started = self.started(ids[free][: self.max_tracks], detections[free][: self.max_tracks])
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
         self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
@@ -152,7 +152,7 @@ class PathFollower(HitCounter):
         return going_on, len(growing) + len(missed) - len(going_on)
 
     @property
-    def _max_tracks(self) -> int:
+    def max_tracks(self) -> int:
         """Potential tracks held at most."""
         return self.common.max_potential_tracks
 
@@ -238,7 +238,7 @@ class PathFollower(HitCounter):
         complete = self.potential.hit_count[pairs.parent] == self.options.min_hits - 1
         kept = []
         for part, limit in (
-            (pairs[~complete], self._max_tracks),
+            (pairs[~complete], self.max_tracks),
             (pairs[complete], self.common.max_raw_confirmations),
         ):
             kept.append(part[keep_best(part.cost, limit)])
@@ -248,5 +248,5 @@ class PathFollower(HitCounter):
 
     def _limit(self, tracks: Paths) -> tuple[Paths, int]:
         """Keep the potential tracks of the most hits; returns them and the number cut."""
-        kept = keep_best(-tracks.hit_count.astype(float), self._max_tracks)
+        kept = keep_best(-tracks.hit_count.astype(float), self.max_tracks)
         return tracks[kept], len(tracks) - len(kept)

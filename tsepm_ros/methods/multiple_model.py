@@ -240,7 +240,7 @@ class MultipleModel(PathFollower):
         return Estimates(state, covariance, figure)
 
     @property
-    def _most(self) -> int:
+    def max_tracks(self) -> int:
         """Potential tracks held at most: no more filters than `MAX_FILTERS`."""
         most = max(MAX_FILTERS // (self.options.speeds * self.options.headings), 1)
         return min(self.common.max_potential_tracks, most)
