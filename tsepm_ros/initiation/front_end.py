@@ -134,7 +134,7 @@ class FrontEnd:
         """
         self._check(scan)
         recent, self._recent = self._recent, [*self._recent, scan][-window:]
-        if not self.plots.learn(self._covered(scan)[0]):
+        if self.common.plots == "off" or not self.plots.learn(self._covered(scan)[0]):
             return []
         again = recent[max(len(recent) - window + 1, 0) :]
         for one in [*again, scan]:
