@@ -134,7 +134,7 @@ def private_names_of(kind: ast.ClassDef) -> set[str]:
     return {name for name in names if name.startswith("_") and not name.startswith("__")}
 
 
-def test_no_class_reads_a_private_name_of_its_base():
+def test_no_class_reads_or_overrides_a_private_name_of_its_base():
     known = classes()
     for kind in known.values():
         for base in kind.bases:
@@ -144,3 +144,5 @@ def test_no_class_reads_a_private_name_of_its_base():
             foreign = private_names_of(above)
             read = {node.attr for node in ast.walk(kind) if isinstance(node, ast.Attribute)}
             assert not read & foreign, f"{kind.name} reads {read & foreign} of {above.name}"
+            hidden = private_names_of(kind) & foreign
+            assert not hidden, f"{kind.name} overrides {hidden}, which {above.name} keeps private"
