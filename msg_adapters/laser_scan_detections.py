@@ -19,6 +19,8 @@ from msg_adapters.ping import Ping, good_detections
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.sensing.arcs import Arc
+from tsepm_ros.sensing.ray_runs import goes_on
 from tsepm_ros.sensing.scan import Scan
 
 if TYPE_CHECKING:
@@ -35,10 +37,6 @@ RAYS_AT_ONCE = (
     "valid range / sound speed later"
 )
 
-GRAZING_ANGLE = math.radians(20.0)
-"""Least angle between a ray and a surface that is one object."""
-COARSEST_FAN = math.radians(3.0)
-"""Angle between rays from which on neighbours are of different objects."""
 RAYS = 36_000
 """Number of rays of a written all-round scan, much finer than the bearings of a sonar."""
 
@@ -86,16 +84,21 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
             "range_above_max": range > scan.range_max,
         },
         assumptions=assumptions,
+        beams=_fan(scan.angle_min, scan.angle_increment, len(range)),
     )
 
 
-def runs_of_rays(range: FloatArray, increment: float) -> IntArray:
-    """Which rays see one object: neighbours whose ranges do not jump.
+def _fan(first: float, increment: float, rays: int) -> Arc | None:
+    """The azimuths of all rays; None where they are not known."""
+    turn = (rays - 1) * increment
+    if not rays or not math.isfinite(first + turn):
+        return None
+    start = math.remainder(first + min(turn, 0.0), 2 * math.pi)
+    return Arc(start, min(abs(turn), 2 * math.pi), whole=True)
 
-    The jump is that of a surface which is hit at `GRAZING_ANGLE`, as in the adaptive breakpoints of
-    Borges, Aldon, "Line extraction in 2D range images for mobile robotics", J. Intell. Robot. Syst.
-    40(3), 2004: ``|r_i - r_(i-1)| <= r sin(increment) / sin(angle - increment)``. In a coarse fan
-    every ray is a run.
+
+def runs_of_rays(range: FloatArray, increment: float) -> IntArray:
+    """Which rays see one object: neighbours whose ranges do not jump, see `ray_runs.goes_on`.
 
     Parameters
     ----------
@@ -109,14 +112,7 @@ def runs_of_rays(range: FloatArray, increment: float) -> IntArray:
     (n,) ndarray of int
         Number of each ray's run.
     """
-    before, after = range[:-1], range[1:]
-    if not abs(increment) <= COARSEST_FAN:  # nan, too
-        return np.arange(len(range))
-    slope = math.sin(abs(increment)) / math.sin(GRAZING_ANGLE - abs(increment))
-    seen = np.isfinite(range) & (range > 0.0)
-    with np.errstate(invalid="ignore"):
-        goes_on = np.abs(after - before) <= slope * np.minimum(before, after)
-    ends = ~(goes_on & seen[:-1] & seen[1:])
+    ends = ~goes_on(range[:-1], range[1:], increment)
     return np.concatenate([[0], np.cumsum(ends)])[: len(range)]
 
 

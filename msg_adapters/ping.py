@@ -13,6 +13,7 @@ from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import ns_to_seconds
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.sensing.arcs import Arc, arc_of
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 
 
@@ -67,6 +68,7 @@ def good_detections(
     faults: Mapping[str, BoolArray] | None = None,
     nothing: BoolArray | None = None,
     assumptions: tuple[str, ...] = (),
+    beams: Arc | None = None,
 ) -> Ping:
     """Leave out the bad detections of a message and count them; the last step of every adapter.
 
@@ -112,6 +114,8 @@ def good_detections(
         Elements of the message without a detection: left out without a count.
     assumptions : tuple of str, optional
         As in :class:`Ping`.
+    beams : Arc, optional
+        The azimuths of all beams; by default those of the elements of the message, good or bad.
 
     Returns
     -------
@@ -158,6 +162,7 @@ def good_detections(
         transmit_offset=selected_or_none(transmit_offset),
         height=selected_or_none(height),
         axes=axes,
+        beams=beams or arc_of(azimuth),
     )
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
 

@@ -37,6 +37,8 @@ class Parameter:
         The number must be larger than zero.
     choices : tuple of str
         Allowed values of a string; empty: any.
+    numeric : bool
+        The text may be given as a number, or as what YAML takes for a truth value (on, off).
     read_only : bool
         The value cannot change while a node runs.
     """
@@ -49,6 +51,7 @@ class Parameter:
     maximum: float = math.inf
     positive: bool = False
     choices: tuple[str, ...] = ()
+    numeric: bool = False
     read_only: bool = False
 
     @property
@@ -86,6 +89,7 @@ class Parameter:
             If the type or the value is not allowed; the message names the parameter.
         """
         name = name or self.name
+        value = self.spelled(value)
         typed: Value = self._typed(value, name)
         if self.choices and typed not in self.choices:
             raise ValueError(f"{name} must be {self.bounds}; got {value!r}")
@@ -94,6 +98,12 @@ class Parameter:
             if not inside:
                 raise ValueError(f"{name} must be {self.bounds or 'a number'}; got {value!r}")
         return typed
+
+    def spelled(self, value: Any) -> Any:
+        """Return a number or truth value as a text, if this parameter is `numeric`."""
+        if not self.numeric or not isinstance(value, bool | int | float):
+            return value
+        return ("on" if value else "off") if isinstance(value, bool) else f"{value!r}"
 
     def _typed(self, value: Any, name: str) -> Any:
         if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:

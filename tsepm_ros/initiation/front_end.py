@@ -18,7 +18,7 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
 from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.sensing.coverage import PosesByRange, inside
+from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, echo_poses_of, inside, swept
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -68,7 +68,8 @@ class FrontEnd:
         self.plots = PlotExtraction(self.sensor, self.common)
         self._recent: list[Scan] = []
         self.learned = Learned.initial(self.sensor)
-        self._poses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
+        self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
+        self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
         self._polar = np.zeros(0), np.zeros(0)
         self._clutter_weight = np.zeros(0)
 
@@ -166,7 +167,8 @@ class FrontEnd:
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
         self.stamp = scan.stamp
         self.scan_index += 1
-        self._poses = PosesByRange.of(scan) or self._poses
+        self._poses = echo_poses_of(scan) or self._poses
+        self._scan = scan
         detections = self._detections(scan)
 
         learned, with_features = self.learned, self.common.plot_features
@@ -273,7 +275,8 @@ class FrontEnd:
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
-        covered = self.sensor.covers(*self._poses.polar(positions))
+        range_, azimuth = self._poses.polar(positions)
+        covered = self.sensor.covers(range_, azimuth) & swept(self._scan, azimuth)
         return np.where(covered, self.detection_probability, 0.0)
 
     def _local_density(self, number: int) -> FloatArray:

@@ -112,11 +112,16 @@ class NodeParameters:
 
     def _declare(self, row: Parameter) -> None:
         given: Any = row.default
+        spelled: Any = given
         if self._node.has_parameter(row.name):
             given = self._node.get_parameter(row.name).value
+            spelled = row.spelled(given)
             self._node.undeclare_parameter(row.name)
         try:
-            self._node.declare_parameter(row.name, row.default, _descriptor(row))
+            if spelled == given:
+                self._node.declare_parameter(row.name, row.default, _descriptor(row))
+            else:
+                self._node.declare_parameter(row.name, spelled, _descriptor(row), True)
         except InvalidParameterTypeException:
             allowed = _TYPE_HINTS[row.type]
             raise ParameterError(f"{row.name} must be {allowed}; got {given!r}") from None

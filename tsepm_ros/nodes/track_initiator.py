@@ -89,8 +89,9 @@ class TrackInitiator(Node):
         entered = time.perf_counter()
         now = self._now()
         self._health.heard(DETECTIONS, now)
+        before = self._session.arrivals
         self._input.take_detections(message, now)
-        if self._session.arrived_stamp is not None:
+        if self._session.arrived_stamp is not None and self._session.arrivals > before:
             self._health.arrived(self._session.arrived_stamp, now)
         self._process(entered)
 
@@ -106,13 +107,14 @@ class TrackInitiator(Node):
                 "own_ship_source is none: the sensor is assumed fixed, tracks are in the frame "
                 f"{frame}"
             )
-            return
-        if self._session.source == "tf":
+        elif self._session.source == "tf":
             self._session.look_up = TfOwnShip(self, self._session).look_up
         else:
             self._own_ship = OfferedSubscription(
                 self, Odometry, OWN_SHIP_TOPIC, OWN_SHIP_DEPTH, self._take_own_ship, qos
             )
+        if self._session.source == "none" and self._session.settings.session.sweep == "off":
+            return  # nothing waits
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WAIT_PERIOD, lambda: self._process(time.perf_counter()), clock=steady)
 

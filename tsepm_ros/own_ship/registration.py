@@ -15,6 +15,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
 from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
+from tsepm_ros.sensing.arcs import Arc
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 
 
@@ -40,6 +41,8 @@ class SensorScan:
         Height of each detection above the sensor's x-y plane, m; None: 0.
     axes : str
         Convention of the sensor frame's axes, a key of `attitude.AXES`.
+    beams : Arc or None
+        The azimuths that the message looked at, as far as it shows; None where it has none.
     """
 
     scan: Scan
@@ -49,6 +52,7 @@ class SensorScan:
     transmit_offset: FloatArray | None = None
     height: FloatArray | None = None
     axes: str = "body"
+    beams: Arc | None = None
 
 
 def at_rest(sensor_scan: SensorScan) -> Scan:
@@ -153,6 +157,7 @@ def _with_horizontal(sensor_scan: SensorScan, range: FloatArray, azimuth: FloatA
         time_offset=select(scan.time_offset),
         features={name: values[usable] for name, values in features.items()},
         group=None if scan.group is None else scan.group[usable],
+        swept=scan.swept,
     )
     return dataclasses.replace(
         sensor_scan,
@@ -176,7 +181,8 @@ def _by_the_sensor(
     times = np.array([scan.stamp]) if common_pose else arrival_times
     yaw = _sensor_poses(times, poses, mounting)[:, 2]
     pose[..., 2] = yaw[0] if common_pose else yaw
-    return scan.replaced(azimuth=scan.azimuth - yaw, sensor_pose=pose)
+    # The arc that was looked at is known by north only.
+    return scan.replaced(azimuth=scan.azimuth - yaw, sensor_pose=pose, swept=None)
 
 
 def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:

@@ -96,8 +96,7 @@ def bag_results(
     roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED) if role in topics}
     for message in bag.messages(roles):
         now = 1e-9 * message.log_ns
-        if session.waiting:  # scans whose wait ended before this message arrived
-            yield from session.process(now)
+        yield from session.process(now)  # what was due before this message arrived
         try:
             content = bag.read(message)
         except MessageError as error:

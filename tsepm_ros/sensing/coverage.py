@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
 EDGE_DEVIATIONS = 3.0
 """Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
+TURNS = 3
+"""Rounds of `PosesByAzimuth.polar`: each divides the error by the ratio of the two rates."""
 
 
 def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
@@ -27,7 +29,6 @@ def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
     return sensor.covers(
         scan.range, scan.azimuth, EDGE_DEVIATIONS * range_std, EDGE_DEVIATIONS * azimuth_std
     )
-
 
 @dataclass(frozen=True)
 class PosesByRange:
@@ -72,6 +73,80 @@ class PosesByRange:
         if len(self.pose) > 1:
             distance = np.hypot(*(positions - pose[:2]).T)
             pose = np.stack([np.interp(distance, self.range, values) for values in self.pose.T])
-        x, y, yaw = pose
-        east, north = positions[:, 0] - x, positions[:, 1] - y
-        return np.hypot(east, north), np.arctan2(north, east) - yaw
+        return _polar(positions, pose)
+
+
+@dataclass(frozen=True)
+class PosesByAzimuth:
+    """Poses of the sensor as a function of the azimuth of the echoes: a beam that turns.
+
+    Attributes
+    ----------
+    azimuth : (k,) ndarray
+        Ascending over less than a turn from the sweep's seam, rad.
+    pose : (k, 3) ndarray
+        x, y, yaw; the yaw is unwrapped.
+    """
+
+    azimuth: FloatArray
+    pose: FloatArray
+
+    @property
+    def middle(self) -> FloatArray:
+        """The pose of the echo of median azimuth, (3,)."""
+        return self.pose[len(self.pose) // 2]
+
+    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame.
+
+        The azimuth determines the pose, and the pose the azimuth: `TURNS` rounds from the middle
+        pose solve for both, since the beam turns much faster than the sensor.
+        """
+        pose = self.middle
+        for _ in range(TURNS):
+            from_seam = np.mod(_polar(positions, pose)[1] - self.azimuth[0], 2 * np.pi)
+            beam = self.azimuth - self.azimuth[0]
+            # Beyond the last echo begins the seam, which the first follows.
+            pose = np.stack([np.interp(from_seam, beam, values) for values in self.pose.T])
+        return _polar(positions, pose)
+
+
+EchoPoses = PosesByRange | PosesByAzimuth
+"""Poses of the sensor at the echoes of a scan."""
+
+
+def echo_poses_of(scan: Scan) -> EchoPoses | None:
+    """The poses of a scan, as a function of what determines the time of its echoes.
+
+    That is the range in a ping, and the azimuth in a sweep, by which the times in order vary less
+    (`PosesByRange.of`; None as there).
+    """
+    pose, time = np.asarray(scan.sensor_pose), scan.time_offset
+    if pose.ndim == 1 or len(pose) < 3 or time is None:
+        return PosesByRange.of(scan)
+    along = np.lexsort((*pose.T, scan.range))
+    around = np.argsort(scan.azimuth, kind="stable")
+    jumps = np.abs(np.diff(time[around], append=time[around[0]]))
+    around = np.roll(around, -1 - int(np.argmax(jumps)))
+    if np.abs(np.diff(time[along])).sum() <= np.abs(np.diff(time[around])).sum():
+        return PosesByRange.of(scan)
+    azimuth = scan.azimuth[around]
+    azimuth = azimuth[0] + np.mod(azimuth - azimuth[0], 2 * np.pi)
+    pose = pose[around]
+    pose[:, 2] = np.unwrap(pose[:, 2])
+    return PosesByAzimuth(azimuth, pose)
+
+
+def swept(scan: Scan, azimuth: FloatArray) -> BoolArray:
+    """Whether azimuths (n,) in the sensor frame, rad, are of the arc that a scan looked at."""
+    if scan.swept is None:
+        return np.ones(len(azimuth), bool)
+    start, width = scan.swept
+    return np.asarray(np.mod(azimuth - start, 2 * np.pi) <= width)
+
+
+def _polar(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Range and azimuth of positions (n, 2) from a pose (3,) or poses (3, n)."""
+    x, y, yaw = pose
+    east, north = positions[:, 0] - x, positions[:, 1] - y
+    return np.hypot(east, north), np.arctan2(north, east) - yaw

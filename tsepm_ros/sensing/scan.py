@@ -63,6 +63,9 @@ class Scan:
     group : (n,) array_like of int, optional
         Detections of the same number, from 0, are neighbours of one object (rays of a fan), and
         become one plot where plots are not off; below 0: alone.
+    swept : (2,) array_like, optional
+        Start and width of the arc of azimuths that the scan looked at, rad, from -2 pi to 2 pi and
+        from 0 to 2 pi, where that is not all of the sensor's coverage: a part of a sweep.
 
     Raises
     ------
@@ -81,6 +84,7 @@ class Scan:
     sensor_pose_covariance: FloatArray | None = None
     sensor_velocity: FloatArray | tuple[float, float] = (0.0, 0.0)
     group: IntArray | None = None
+    swept: FloatArray | None = None
 
     def __post_init__(self) -> None:
         number = _numbers("range", self.range).size
@@ -147,6 +151,8 @@ def _checked(name: str, value: Any, n: int) -> Any:
         return None
     if name == "sensor_pose_covariance":
         return checked_covariance(name, value)
+    if name == "swept":
+        return _swept(value)
     if name == "group":
         return _finite(name, value, (n,)).astype(np.int64)
     return _bounded(name, value, (n,)) if name == "time_offset" else _positive(name, value, n)
@@ -159,6 +165,13 @@ def _features(value: Any, n: int) -> dict[str, FloatArray]:
     if unknown:
         raise ValueError(f"features: unknown name {unknown[0]!r}; known are {FEATURES}")
     return {name: _array(f"features[{name!r}]", values, (n,)) for name, values in value.items()}
+
+
+def _swept(value: Any) -> FloatArray:
+    array = _finite("swept", value, (2,))
+    if abs(array[0]) > 2 * math.pi or not 0.0 <= array[1] <= 2 * math.pi:
+        raise ValueError(f"swept must be a start and a width within 2 pi; got {array.tolist()}")
+    return array
 
 
 def _stamp(value: float) -> float:

@@ -3,6 +3,7 @@
 A session takes own-ship poses, scans and a downstream tracker's reports as they arrive. Each scan
 passes the same steps::
 
+    messages -> put together, where they are parts of a sweep -> queue
     first of the queue -> classified by its stamp -> waits for own-ship data
         -> registered in the fixed frame -> processed by the initiator -> result
 
@@ -33,6 +34,7 @@ from tsepm_ros.session.scan_order import Arrival, ScanOrder
 from tsepm_ros.session.scan_queue import QUEUE_LENGTH, ScanQueue, Waiting
 from tsepm_ros.session.scan_registration import register
 from tsepm_ros.session.snapshot import SessionSnapshot
+from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 
 
@@ -62,7 +64,9 @@ class Session:
     dropped : Counter
         Drops by reason since the start or the last reset.
     arrived_stamp : float or None
-        Stamp of the scan that arrived last, dropped or not, s.
+        Stamp of the scan that arrived last, dropped or not, s; of a sweep, once it is complete.
+    arrivals : int
+        Number of scans that arrived, dropped or not.
     """
 
     def __init__(
@@ -79,11 +83,13 @@ class Session:
         self._run = InitiatorRun(settings, live=live)
         self._order = ScanOrder(settings.window, options.restart_jump, options.max_gap)
         self._queue = ScanQueue(self._order, queue_length)
+        self._sweep = Sweep(settings)
         self._own_ship = OwnShipInput(options)
         self._frames = Frames(options, moves=self._own_ship.moves)
         self._downstream = DownstreamInput()
         self.dropped: Counter[str] = Counter()
         self.arrived_stamp: float | None = None
+        self.arrivals = 0
 
     @property
     def settings(self) -> Settings:
@@ -149,6 +155,7 @@ class Session:
         self._order.max_gap = options.max_gap
         self._own_ship.configure(options)
         self._frames.options = options
+        self._sweep.configure(settings)
         return kept
 
     def rehearse(self, settings: Settings) -> None:
@@ -161,6 +168,7 @@ class Session:
         self.arrived_stamp = None
         self._order.reset()
         self._queue.clear()
+        self._sweep.reset()
         self._own_ship.reset()
         self._frames.reset()
         self._downstream.clear()
@@ -189,13 +197,31 @@ class Session:
             self._report_all(self._own_ship.restart_if_late_for_long(sample.stamp))
 
     def add_scan(self, arrived: SensorScan, now: Now) -> None:
-        """Take a scan that arrived at the time `now`."""
-        self.arrived_stamp = arrived.scan.stamp
+        """Take a scan, or a part of a sweep, that arrived at the time `now`."""
+        of_a_sweep = self._sweep.active
+        if not of_a_sweep:
+            self._note_arrival(arrived)
         arrived = self._frames.named(arrived)
         if self._refused(self._frames.refuse_scan(arrived) or self._refuse_size(arrived.scan)):
             return
         self._frames.take_scan(arrived)
-        self._report_all(self._queue.add(arrived, now))
+        scans, remarks, changed = self._sweep.take(arrived, now)
+        if changed:
+            self._order.reset()
+            self._queue.clear()
+            self._run.start_over()
+        self._report_all(*remarks)
+        self._put_in_queue(scans, now, of_a_sweep)
+
+    def _note_arrival(self, scan: SensorScan) -> None:
+        self.arrived_stamp = scan.scan.stamp
+        self.arrivals += 1
+
+    def _put_in_queue(self, scans: list[SensorScan], now: Now, of_a_sweep: bool = True) -> None:
+        for scan in scans:
+            if of_a_sweep:
+                self._note_arrival(scan)
+            self._report_all(self._queue.add(scan, now))
 
     def add_tracked(self, report: TrackerReport) -> None:
         """Take a downstream tracker's report; the next scan uses the newest report.
@@ -220,12 +246,15 @@ class Session:
             counts. Scans that waited too long for own-ship data are dropped; by default, no scan
             waits any longer.
         last : bool, optional
-            Whether no further scan follows.
+            Whether no further scan follows; what there is of a sweep is processed then.
 
         Yields
         ------
         ScanResult
         """
+        scans, remarks, _ = self._sweep.close() if last else (self._sweep.overdue(now), [], False)
+        self._report_all(*remarks)
+        self._put_in_queue(scans, -math.inf if now == math.inf else now)
         while (first := self._queue.first(now, last=last)) is not None:
             result = None
             try:
@@ -259,6 +288,8 @@ class Session:
             own_ship_stamp=self.own_ship_stamp,
             scan_stamp=newest,
             tracker=initiator.maintenance.tracker.value,
+            sweep=self._sweep.state,
+            sweep_latency=self._sweep.latency,
         )
 
     @property

@@ -37,6 +37,10 @@ class SessionSnapshot:
         Newest stamps, s.
     tracker : str
         State of the downstream tracker: a value of `Tracker`.
+    sweep : str
+        How scans are made of messages, in words.
+    sweep_latency : float
+        Time from the first message of the last scan to its completion, s.
     """
 
     totals: ScanStatistics
@@ -53,3 +57,5 @@ class SessionSnapshot:
     own_ship_stamp: float | None
     scan_stamp: float | None
     tracker: str
+    sweep: str = "a message is a scan"
+    sweep_latency: float = 0.0

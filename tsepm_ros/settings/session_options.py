@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
@@ -9,6 +10,8 @@ from tsepm_ros.parameters import check_group, parameter
 
 OWN_SHIP_SOURCES = ("none", "odometry", "tf")
 """Sources of the sensor's pose."""
+MAX_SWEEP = 600.0
+"""Longest time of a turn, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,5 +82,29 @@ class SessionOptions:
         maximum=3600.0,
     )
 
+    sweep: str = parameter(
+        "off",
+        "Whether messages are parts of a sweep (a beam or a sector each) that are put together: off, "
+        "auto (learned from their azimuths), or the seconds of a turn or of a pass over a sector",
+        numeric=True,
+        read_only=True,
+    )
+
     def __post_init__(self) -> None:
         check_group(self)
+        if self.sweep not in ("off", "auto") and not 0.0 < self._seconds() <= MAX_SWEEP:
+            raise ValueError(
+                f"sweep must be off, auto, or a number of seconds above 0 and at most "
+                f"{MAX_SWEEP:g}; got {self.sweep!r}"
+            )
+
+    @property
+    def sweep_seconds(self) -> float:
+        """The time of a turn where it is given, s; else 0."""
+        return 0.0 if self.sweep in ("off", "auto") else self._seconds()
+
+    def _seconds(self) -> float:
+        try:
+            return float(self.sweep)
+        except ValueError:
+            return math.nan
