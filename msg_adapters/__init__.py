@@ -19,6 +19,7 @@ from msg_adapters.detection_types import (
 from msg_adapters.diagnostics import diagnostics
 from msg_adapters.errors import MessageError
 from msg_adapters.ground_truth import truth_markers, truth_tracks
+from msg_adapters.land_grid import read_land
 from msg_adapters.own_ship_odometry import odometry_message, read_own_ship
 from msg_adapters.ping import Ping
 from msg_adapters.placed_detections import (
@@ -57,6 +58,7 @@ __all__ = [
     "potential_track_markers",
     "read_detections",
     "read_fields",
+    "read_land",
     "read_own_ship",
     "read_placed_detections",
     "read_track_cloud",

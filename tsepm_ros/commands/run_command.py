@@ -17,7 +17,16 @@ from tsepm_ros.commands.arguments import add_values, scenario_names
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
 from tsepm_ros.pictures.run_scene import RunScene, ScanView, truth_paths
-from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
+from tsepm_ros.replay.bag import (
+    DETECTIONS,
+    LAND,
+    OWN_SHIP,
+    TRACKED,
+    TRUTH,
+    Bag,
+    find_topics,
+    is_bag,
+)
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.replay.recording import read_recording
@@ -35,6 +44,7 @@ TOPIC_OPTIONS = {
     OWN_SHIP: "odometry",
     TRACKED: "tracked",
     TRUTH: "ground-truth",
+    LAND: "land",
 }
 """Names of the topic options of a bag, by role."""
 

@@ -16,7 +16,7 @@ from tsepm_ros.diagnostics.rules import (
     findings_of,
 )
 from tsepm_ros.diagnostics.status import Status, status_of
-from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRACKER
+from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
 
 
 @dataclass(frozen=True)
@@ -141,6 +141,19 @@ def _tracker_values(figures: HealthFigures) -> Mapping[str, object]:
     return {"tracker": figures.snapshot.tracker, **figures.dropped_of(TRACKER)}
 
 
+def _land(figures: HealthFigures) -> str:
+    area = figures.snapshot.land_area
+    return f"detections on {area:.3g} m^2 are left out" if area else "no land is charted"
+
+
+def _land_values(figures: HealthFigures) -> Mapping[str, object]:
+    return {
+        "land_area_m2": figures.snapshot.land_area,
+        "on_land": figures.snapshot.totals.on_land,
+        **figures.dropped_of(LAND),
+    }
+
+
 ENTRIES = {
     INITIATION: Entry(_initiation, _initiation_values),
     DETECTIONS: Entry(_detections, _detections_values),
@@ -151,5 +164,6 @@ ENTRIES = {
         lambda _: "all connections are compatible", _quality_of_service_values
     ),
     TRACKER: Entry(_tracker, _tracker_values),
+    LAND: Entry(_land, _land_values),
 }
 """Every entry by its task, in the order of publication."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from tsepm_ros.diagnostics.health_figures import HealthFigures
 from tsepm_ros.diagnostics.status import Finding, Level
-from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, OWN_SHIP, TRACKER
+from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
 
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
 """Entries without drops."""
@@ -348,6 +348,7 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             ),
         ),
     ),
+    LAND: ((Rule(Level.WARN, drops_of(LAND), _SEE_REASONS),),),
 }
 """Rules by entry; of the rules in one tuple, only the first that applies counts."""
 

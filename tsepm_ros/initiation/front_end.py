@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.environment.land import LandMask, afloat
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
@@ -43,6 +44,10 @@ class FrontEnd:
         Number of the last scan, from 0; -1 before the first.
     inside_coverage, outside_coverage : int
         Detections of the last scan that are used, and that are not.
+    on_land : int
+        Detections of the last scan in the coverage that are on land; they are not used either.
+    land : LandMask or None
+        Stays through resets.
     plots : PlotExtraction
         Makes plots of the detections.
     """
@@ -58,13 +63,14 @@ class FrontEnd:
         self.common = common
         self.maintenance = maintenance
         self.clutter_excludes_held = clutter_excludes_held
+        self.land: LandMask | None = None
         self.reset()
 
     def reset(self) -> None:
         """Forget the scans so far and what was learned from them."""
         self.stamp: float | None = None
         self.scan_index = -1
-        self.inside_coverage = self.outside_coverage = 0
+        self.inside_coverage = self.outside_coverage = self.on_land = 0
         self.plots = PlotExtraction(self.sensor, self.common)
         self._recent: list[Scan] = []
         self.learned = Learned.initial(self.sensor)
@@ -251,15 +257,19 @@ class FrontEnd:
             )
 
     def _covered(self, scan: Scan) -> tuple[Scan, IntArray]:
-        """The detections in the coverage, as a scan and as rows of all."""
+        """The detections in the coverage and not on land, as a scan and as rows of all."""
         covered = inside(scan, self.sensor)
+        in_coverage = int(covered.sum())
+        covered &= afloat(scan, self.land)
+        self.on_land = in_coverage - int(covered.sum())
         rows = np.flatnonzero(covered)
         return scan if covered.all() else plots.chosen(scan, rows), rows
 
     def _detections(self, scan: Scan) -> NDArray[np.void]:
         """The detections in the coverage in the fixed frame, or their plots."""
         found, rows = self._covered(scan)
-        self.inside_coverage, self.outside_coverage = len(rows), len(scan) - len(rows)
+        self.inside_coverage = len(rows)
+        self.outside_coverage = len(scan) - len(rows) - self.on_land
         made = self.plots.plots_of(found)
         if made is None:
             self._polar = found.range, found.azimuth

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tsepm_ros.environment.land import LandMask
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.front_end import FrontEnd
 from tsepm_ros.initiation.method import Method
@@ -95,6 +96,7 @@ class Initiator:
             detections=self.front_end.inside_coverage,
             plots=statistics.detections,
             outside_coverage=self.front_end.outside_coverage,
+            on_land=self.front_end.on_land,
         )
         self.totals = self.totals + self.statistics
         return new
@@ -228,6 +230,15 @@ class Initiator:
     def scan_index(self) -> int:
         """Number of the last scan, from 0; -1 before the first."""
         return self.front_end.scan_index
+
+    @property
+    def land(self) -> LandMask | None:
+        """Land of the fixed frame: detections on it are left out, from the next scan on."""
+        return self.front_end.land
+
+    @land.setter
+    def land(self, land: LandMask | None) -> None:
+        self.front_end.land = land
 
     @property
     def plots(self) -> PlotExtraction:

@@ -42,6 +42,8 @@ class ScanStatistics:
     plots : int
         Plots made of the detections in the coverage: fewer where several detections of one target
         became one plot.
+    on_land : int
+        Detections in the coverage that are on land; they are not used.
     """
 
     scans: int = 0
@@ -58,6 +60,7 @@ class ScanStatistics:
     cut_confirmations: int = 0
     outside_coverage: int = 0
     plots: int = 0
+    on_land: int = 0
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
         """Sum of the counts; of the tracks held the larger."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from tsepm_ros.environment.land import LandMask
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.initiation.method import Method
@@ -67,7 +68,9 @@ def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
     )
 
 
-def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initiator:
+def make_initiator(
+    method: str, *, sensor: SensorModel, land: LandMask | None = None, **options: Any
+) -> Initiator:
     """Make a track initiator.
 
     Parameters
@@ -76,6 +79,8 @@ def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initi
         One of `available_methods()`.
     sensor : SensorModel
         The sensor's errors and coverage.
+    land : LandMask, optional
+        Land of the fixed frame: detections on it are left out.
     **options
         Options common to all methods (`max_speed` and the limits, see
         `common_options.CommonOptions`) and the method's own (its class's `Options`).
@@ -92,4 +97,6 @@ def make_initiator(method: str, *, sensor: SensorModel, **options: Any) -> Initi
     TypeError
         If `sensor` is not a SensorModel.
     """
-    return Initiator(make_method(method, sensor=sensor, **options))
+    initiator = Initiator(make_method(method, sensor=sensor, **options))
+    initiator.land = land
+    return initiator

@@ -14,9 +14,19 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from msg_adapters import MessageError
 from tsepm_ros.nodes.node_parameters import ParameterError, refusing
 from tsepm_ros.nodes.playback import LOG_PERIOD, PUBLISHER_DEPTH, Event, check_start_offset
-from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, BagMessage, find_topics
+from tsepm_ros.replay.bag import (
+    DETECTIONS,
+    LAND,
+    OWN_SHIP,
+    TRACKED,
+    TRUTH,
+    Bag,
+    BagMessage,
+    find_topics,
+)
 from tsepm_ros.settings.node_options import PlayerNodeOptions
 
+LATCHED = "TRANSIENT_LOCAL"
 TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
 
 
@@ -24,7 +34,8 @@ class PlayedBag:
     """Publishes the topics of a bag that the track initiator reads.
 
     The messages are published byte for byte. Corrupt messages are skipped, counted and logged. If
-    tf2_msgs is installed, /tf and /tf_static are published too, the latter from the bag's start.
+    tf2_msgs is installed, /tf and /tf_static are published too; /tf_static and land from the bag's
+    start, and latched.
 
     Parameters
     ----------
@@ -66,12 +77,17 @@ class PlayedBag:
             OWN_SHIP: options.odometry_topic,
             TRACKED: options.tracked_topic,
             TRUTH: options.ground_truth_topic,
+            LAND: options.land_topic,
         }
         with refusing("recording"):
             topics = find_topics(self._bag.topics, given)
         check_start_offset(options.start_offset, self._bag.duration, "bag")
         self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
-        self._publishers = {topic: self._publisher(topic, role) for role, topic in topics.items()}
+        self._publishers = {
+            topic: self._publisher(topic, role, LATCHED if role == LAND else "VOLATILE")
+            for role, topic in topics.items()
+        }
+        self._latched = {TF_STATIC, topics.get(LAND, TF_STATIC)}
         self.detections = self._publishers[topics[DETECTIONS]]
         self._add_tf()
         self.publishers = list(self._publishers.values())
@@ -84,7 +100,7 @@ class PlayedBag:
 
     def events(self) -> Iterator[Event]:
         """Iterate over the messages in order of reception, up to a damaged place of the bag."""
-        static = [topic for topic in self._publishers if topic == TF_STATIC]
+        static = [topic for topic in self._publishers if topic in self._latched]
         before = (
             message for message in self._bag.messages(static) if message.log_ns < self._from_ns
         )
@@ -123,7 +139,7 @@ class PlayedBag:
         return message_class
 
     def _add_tf(self) -> None:
-        for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, "TRANSIENT_LOCAL")):
+        for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, LATCHED)):
             if self._bag.topics.get(topic) == TF_TYPE:
                 try:
                     self._publishers[topic] = self._publisher(topic, topic, durability)

@@ -17,6 +17,7 @@ from tsepm_ros.diagnostics.health import Health
 from tsepm_ros.diagnostics.health_figures import Latency
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.diagnostics_publisher import DiagnosticsPublisher
+from tsepm_ros.nodes.land_subscription import LandSubscription
 from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
@@ -59,6 +60,7 @@ class TrackInitiator(Node):
         self._tracked = OfferedSubscription(
             self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, qos
         )
+        self._land = LandSubscription(self, self._input.take_land, qos)
         detections = DetectionsSubscription(
             self,
             options.detections_type,

@@ -11,11 +11,13 @@ from typing import Any
 from msg_adapters import MessageError, supported_types
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
+LAND = "land"
 """Roles of a bag's topics, named after the topics of the nodes."""
 
-ROLES = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH)
+ROLES = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH, LAND)
 
 POINTS, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
+GRID = "nav_msgs/msg/OccupancyGrid"
 _OUTPUTS = (TRACKED, TRUTH, "tracks", "tracks/current", "tracks/odometry", "potential_tracks")
 """Topics that are never taken for the topic of a driver."""
 
@@ -190,7 +192,8 @@ def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str
 
 
 def _find(topics: Mapping[str, str], role: str, given: str) -> str:
-    types = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,)}.get(role, (POINTS,))
+    others = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,), LAND: (GRID,)}
+    types = others.get(role, (POINTS,))
     if given:
         topic = given if given in topics else f"/{given}"
         if topic not in topics:

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from msg_adapters import MessageError, read_detections, read_own_ship, tracker_report
+from msg_adapters import (
+    MessageError,
+    read_detections,
+    read_land,
+    read_own_ship,
+    tracker_report,
+)
 from tsepm_ros.session.clocks import Now
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
@@ -77,3 +83,10 @@ class MessageInput:
             self._session.add_tracked(tracker_report(message))
         except MessageError as error:
             self._session.drop(f"tracked_{error.reason}", f"tracked targets dropped: {error}")
+
+    def take_land(self, message: Any) -> None:
+        """Take a nav_msgs/OccupancyGrid."""
+        try:
+            self._session.add_land(read_land(message), message.header.frame_id)
+        except MessageError as error:
+            self._session.drop("land_invalid", f"land dropped: {error}")

@@ -11,7 +11,7 @@ from msg_adapters import MessageError, read_track_cloud, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
-from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag
+from tsepm_ros.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.recorded_scan import read_recorded_scan
 from tsepm_ros.replay.recording import RecordedMotion, Recording
@@ -93,7 +93,7 @@ def bag_results(
     ValueError
         If the bag is damaged.
     """
-    roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED) if role in topics}
+    roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED, LAND) if role in topics}
     for message in bag.messages(roles):
         now = 1e-9 * message.log_ns
         yield from session.process(now)  # what was due before this message arrived
@@ -107,6 +107,8 @@ def bag_results(
             given.take_detections(content, now)
         elif role == OWN_SHIP:
             given.take_own_ship(content)
+        elif role == LAND:
+            given.take_land(content)
         else:
             given.take_tracked(content)
         yield from session.process(now)

@@ -45,7 +45,7 @@ from tsepm_ros.stages.splitting import Gated, gate_within
 
 RULE = (5, 8)
 TARGET = np.array([COORDINATE, COORDINATE])
-SHARED_OPTIONS = {
+SHARED_OPTIONS: dict[str, Any] = {
     "min_hits": RULE[0],
     "window": RULE[1],
     "gate_probability": GATE_PROBABILITY,

@@ -30,6 +30,7 @@ def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
         scan.range, scan.azimuth, EDGE_DEVIATIONS * range_std, EDGE_DEVIATIONS * azimuth_std
     )
 
+
 @dataclass(frozen=True)
 class PosesByRange:
     """Poses of the sensor as a function of the range of the echoes.

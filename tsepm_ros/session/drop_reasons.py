@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 DETECTIONS, OWN_SHIP = "detections", "own ship"
 TRACKER, INITIATION = "downstream tracker", "track initiation"
+LAND = "land"
 
 
 @dataclass(frozen=True)
@@ -17,9 +18,9 @@ class DropReason:
     ----------
     task : str
         Entry on ``/diagnostics`` that counts the drops.
-    lost : {"detection", "scan", "pose", "target", "report"}
+    lost : {"detection", "scan", "pose", "target", "report", "chart"}
         What one drop loses: one detection, one scan, one sample of own-ship data, one tracked
-        target, or one message of the downstream tracker.
+        target, one message of the downstream tracker, or one message of `land`.
     meaning, remedy : str
     """
 
@@ -255,6 +256,21 @@ _SINGLE = {
     "tracked_duplicate_id": DropReason(
         TRACKER, "target", "the `track_id` occurs earlier in the report", _TRACKER
     ),
+    "on_land": DropReason(
+        LAND, "detection", "the detection is on an occupied cell of `land`", _EXPECTED
+    ),
+    "land_frame": DropReason(
+        LAND,
+        "chart",
+        "`land` is not in the fixed frame",
+        "Publish the grid in the frame of `tracks`, or set `fixed_frame`",
+    ),
+    "land_invalid": DropReason(
+        LAND,
+        "chart",
+        "the grid's size, resolution or origin is not usable; the warning names it",
+        "Fix the publisher of `land`",
+    ),
     "internal_error": DropReason(
         INITIATION,
         "scan",
@@ -280,7 +296,7 @@ def reason_of(name: str) -> DropReason:
 
 def as_markdown() -> str:
     """A table of all reasons for the documentation, in the order of the entries."""
-    tasks = (DETECTIONS, OWN_SHIP, TRACKER, INITIATION)
+    tasks = (DETECTIONS, LAND, OWN_SHIP, TRACKER, INITIATION)
     lines = ["| reason | lost | cause | remedy |", "|---|---|---|---|"]
     lines += [
         f"| `{name}` | {reason.lost} | {reason.meaning} | {reason.remedy} |"

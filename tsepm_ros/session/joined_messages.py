@@ -127,7 +127,7 @@ def _feature(name: str, scan: Scan) -> FloatArray:
 
 
 def _groups(messages: Sequence[SensorScan]) -> IntArray | None:
-    """Groups of all detections: runs of rays go on from a message's last to the next one's first."""
+    """Groups of all detections; runs of rays go on from one message to the next."""
     if all(message.scan.group is None for message in messages):
         return None
     groups, following = [], 0

@@ -17,6 +17,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 
+from tsepm_ros.environment.land import LandMask
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport
@@ -27,6 +28,7 @@ from tsepm_ros.session.clocks import Now
 from tsepm_ros.session.downstream_input import DownstreamInput
 from tsepm_ros.session.frames import Frames
 from tsepm_ros.session.initiator_run import InitiatorRun
+from tsepm_ros.session.land_input import LandInput
 from tsepm_ros.session.own_ship_input import LookUp, OwnShipInput
 from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark
 from tsepm_ros.session.result import ScanResult
@@ -87,6 +89,7 @@ class Session:
         self._own_ship = OwnShipInput(options)
         self._frames = Frames(options, moves=self._own_ship.moves)
         self._downstream = DownstreamInput()
+        self._land = LandInput()
         self.dropped: Counter[str] = Counter()
         self.arrived_stamp: float | None = None
         self.arrivals = 0
@@ -172,6 +175,7 @@ class Session:
         self._own_ship.reset()
         self._frames.reset()
         self._downstream.clear()
+        self._land.reset()
         return self._run.reset()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
@@ -217,9 +221,9 @@ class Session:
         self.arrived_stamp = scan.scan.stamp
         self.arrivals += 1
 
-    def _put_in_queue(self, scans: list[SensorScan], now: Now, of_a_sweep: bool = True) -> None:
+    def _put_in_queue(self, scans: list[SensorScan], now: Now, note: bool = True) -> None:
         for scan in scans:
-            if of_a_sweep:
+            if note:
                 self._note_arrival(scan)
             self._report_all(self._queue.add(scan, now))
 
@@ -232,6 +236,10 @@ class Session:
         refusal = self._frames.refuse_report(report)
         if not self._refused(refusal or self._downstream.refuse(report, restart_jump)):
             self._report_all(*self._downstream.add(report))
+
+    def add_land(self, mask: LandMask | None, frame_id: str) -> None:
+        """Take a chart, for the scans to come, in place of the last; None removes it."""
+        self._land.add(mask, frame_id)
 
     def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
         """Process the scans that are ready, in order.
@@ -288,6 +296,7 @@ class Session:
             own_ship_stamp=self.own_ship_stamp,
             scan_stamp=newest,
             tracker=initiator.maintenance.tracker.value,
+            land_area=0.0 if self._land.mask is None else self._land.mask.area,
             sweep=self._sweep.state,
             sweep_latency=self._sweep.latency,
         )
@@ -369,9 +378,13 @@ class Session:
 
     def _run_on(self, scan: Scan, first: Waiting) -> ScanResult:
         """Run the initiator on a registered scan."""
+        self._report_all(self._land.settle(self.fixed_frame))
+        if self._land.mask is not self.initiator.land:
+            self.initiator.land = self._land.mask
         tracker, seen = self.initiator.maintenance.tracker, self.initiator.plots.seen
         new, seconds = self._run.process(scan, self._report_at(scan.stamp))
         self._report_all(*self._run.remarks(scan, tracker, seen))
+        self.dropped += Counter(on_land=self.initiator.statistics.on_land)  # expected: not said
         return ScanResult(
             stamp=scan.stamp,
             stamp_ns=first.scan.stamp_ns,

@@ -37,6 +37,8 @@ class SessionSnapshot:
         Newest stamps, s.
     tracker : str
         State of the downstream tracker: a value of `Tracker`.
+    land_area : float
+        Area of the land whose detections are left out, m^2.
     sweep : str
         How scans are made of messages, in words.
     sweep_latency : float
@@ -57,5 +59,6 @@ class SessionSnapshot:
     own_ship_stamp: float | None
     scan_stamp: float | None
     tracker: str
+    land_area: float = 0.0
     sweep: str = "a message is a scan"
     sweep_latency: float = 0.0

@@ -161,6 +161,9 @@ class PlayerNodeOptions:
     ground_truth_topic: str = parameter(
         "", "Topic of a bag to play as ground_truth; empty: found by name", read_only=True
     )
+    land_topic: str = parameter(
+        "", "Topic of a bag to play as land; empty: found by name", read_only=True
+    )
 
     def __post_init__(self) -> None:
         check_group(self)

@@ -84,8 +84,9 @@ class SessionOptions:
 
     sweep: str = parameter(
         "off",
-        "Whether messages are parts of a sweep (a beam or a sector each) that are put together: off, "
-        "auto (learned from their azimuths), or the seconds of a turn or of a pass over a sector",
+        "Whether messages are parts of a sweep, a beam or a sector each, that are put together: "
+        "off; auto, learned from their azimuths; or the seconds of a turn, or of a pass over a "
+        "sector",
         numeric=True,
         read_only=True,
     )
