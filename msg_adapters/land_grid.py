@@ -35,12 +35,12 @@ def read_land(message: OccupancyGrid) -> LandMask | None:
     Raises
     ------
     MessageError
-        If the grid is malformed: ``invalid``.
+        If the grid is malformed: ``land_invalid``.
     """
     info = message.info
     width, height, number = int(info.width), int(info.height), len(message.data)
     if width * height != number:
-        raise MessageError("invalid", f"data has {number} cells, not {width} x {height}")
+        raise MessageError("land_invalid", f"data has {number} cells, not {width} x {height}")
     if not number:
         return None
     place, q = info.origin.position, info.origin.orientation
@@ -49,9 +49,9 @@ def read_land(message: OccupancyGrid) -> LandMask | None:
         if not max(abs(pitch), abs(roll)) <= MAX_TILT:
             raise ValueError("must be level")
     except ValueError as error:
-        raise MessageError("invalid", f"info.origin.orientation {error}") from None
+        raise MessageError("land_invalid", f"info.origin.orientation {error}") from None
     occupied = np.asarray(message.data, np.int8).reshape(height, width) >= OCCUPIED
     try:
         return LandMask(occupied, float(info.resolution), (place.x, place.y, yaw))
     except ValueError as error:
-        raise MessageError("invalid", f"info: {error}") from None
+        raise MessageError("land_invalid", f"info: {error}") from None

@@ -60,7 +60,9 @@ class PlayedScenario:
         """Own-ship poses at their rate; each scan after its last echo."""
         interval = 1.0 / self._options.own_ship_rate
         samples = 0
-        for index, scan in enumerate(Simulator(self._scenario, self._options.seed, self._start)):
+        simulator = Simulator(self._scenario, self._options.seed, self._start)
+        number = self._options.messages_per_scan
+        for index, scan in enumerate(simulator if number == 1 else simulator.parts(number)):
             while self._start + (samples - 1) * interval < scan.complete:
                 stamp = self._start + samples * interval
                 yield stamp, partial(self._publish_own_ship, stamp)
@@ -78,11 +80,14 @@ class PlayedScenario:
 
     def _publish_scan(self, simulated: SimulatedScan, index: int) -> None:
         scan = simulated.scan
-        self._topics.publish_truth(scan.stamp, simulated.truth)
+        number, rest = divmod(index - 1, self._options.messages_per_scan)
+        if rest == 0:
+            self._topics.publish_truth(scan.stamp, simulated.truth)
         self.detections.publish(self._message(self._topics.sensor_header(scan.stamp), scan))
-        self._node.get_logger().info(
-            f"scan {index} of {self._scenario.scans}: {len(scan)} detections"
-        )
+        if rest == 0:
+            self._node.get_logger().info(
+                f"scan {number + 1} of {self._scenario.scans}: {len(scan)} detections"
+            )
 
     def _message(self, header: Header, scan: Scan) -> Any:
         return write_detections(

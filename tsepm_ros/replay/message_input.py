@@ -89,4 +89,4 @@ class MessageInput:
         try:
             self._session.add_land(read_land(message), message.header.frame_id)
         except MessageError as error:
-            self._session.drop("land_invalid", f"land dropped: {error}")
+            self._session.drop(error.reason, f"land dropped: {error}")

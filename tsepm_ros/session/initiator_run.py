@@ -129,6 +129,8 @@ class InitiatorRun:
                     outside,
                 )
             )
+        if statistics.on_land:
+            remarks.append(Refusal("on_land", "", statistics.on_land))
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
             remarks.append(Notice("limit", f"a limit cut {cut} hypotheses at {scan.stamp:.3f} s"))

@@ -16,7 +16,7 @@ class Refusal(NamedTuple):
     reason : str
         A name of `drop_reasons.DROP_REASONS`.
     sentence : str
-        Message for the log.
+        Message for the log; empty where drops are expected, and only counted.
     number : int
         Number of drops.
     """

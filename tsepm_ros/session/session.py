@@ -179,9 +179,10 @@ class Session:
         return self._run.reset()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
-        """Count and report a drop."""
+        """Count a drop, and report it, unless it has no sentence."""
         self.dropped[reason] += number
-        self._report(reason, sentence)
+        if sentence:
+            self._report(reason, sentence)
 
     def add_own_ship(self, sample: PoseSample) -> None:
         """Take a pose of the sensor, or of a vessel whose frame is its `child_frame_id`.
@@ -384,7 +385,6 @@ class Session:
         tracker, seen = self.initiator.maintenance.tracker, self.initiator.plots.seen
         new, seconds = self._run.process(scan, self._report_at(scan.stamp))
         self._report_all(*self._run.remarks(scan, tracker, seen))
-        self.dropped += Counter(on_land=self.initiator.statistics.on_land)  # expected: not said
         return ScanResult(
             stamp=scan.stamp,
             stamp_ns=first.scan.stamp_ns,

@@ -96,6 +96,13 @@ class SimulatorNodeOptions:
         "sensor_msgs/msg/PointCloud2", "Message type of the detections", read_only=True
     )
     seed: int = parameter(1, "Random seed; equal seeds give equal scans", minimum=0, read_only=True)
+    messages_per_scan: int = parameter(
+        1,
+        "Messages per scan; more than 1: sectors of a sweep that takes the scan's period",
+        minimum=1,
+        maximum=10_000,
+        read_only=True,
+    )
     start_stamp: float = parameter(
         0.0,
         "Stamp of the start; negative: the current time",

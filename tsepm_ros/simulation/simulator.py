@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.plot_features import NAMES
 from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation.scenario import Scenario
 
 CLUTTER = -1
@@ -76,19 +77,37 @@ class Simulator:
         for index in range(self.scenario.scans):
             yield self._scan(index * self.scenario.period)
 
+    def parts(self, number: int) -> Iterator[SimulatedScan]:
+        """Draw the scans as sweeps of a number of messages each, one by one.
+
+        Each message looks at a sector of the coverage, counter-clockwise from its start, at its own
+        time: the sweep takes the scan's period.
+        """
+        sensor = self.scenario.sensor
+        width = sensor.sector_width / number
+        for index in range(self.scenario.scans * number):
+            start = sensor.azimuth_min + index % number * width
+            sector = replace(sensor, azimuth_min=start, azimuth_max=start + width)
+            yield self._scan(index * self.scenario.period / number, sector)
+
     def truth(self, time: float) -> FloatArray:
         """States of the k targets at a time after the start (s), (k, 4)."""
         states = np.array(self.targets).reshape(-1, 4)
         states[:, 0::2] += states[:, 1::2] * time
         return states
 
-    def _scan(self, time: float) -> SimulatedScan:
+    def _scan(self, time: float, sector: SensorModel | None = None) -> SimulatedScan:
+        """Draw a scan of the whole coverage, or of a sector of it."""
+        seen_by = sector or self.scenario.sensor
         echoes = [
             echo
             for index, state in enumerate(self.targets)
-            if (echo := self._detect(index, state, time)) is not None
+            if (echo := self._detect(index, state, time, seen_by)) is not None
         ]
         clutter = self._clutter(time)
+        if sector is not None:
+            kept = sector.covers(*clutter)
+            clutter = clutter[0][kept], clutter[1][kept]
         ranges = np.array([echo[0] for echo in echoes] + clutter[0].tolist())
         azimuths = np.array([echo[1] for echo in echoes] + clutter[1].tolist())
         origin = np.array([echo[2] for echo in echoes] + [CLUTTER] * len(clutter[0]), np.int64)
@@ -121,10 +140,9 @@ class Simulator:
         )
 
     def _detect(
-        self, index: int, state: FloatArray, time: float
+        self, index: int, state: FloatArray, time: float, sensor: SensorModel
     ) -> tuple[float, float, int] | None:
-        """Measure one target; None if it is missed or outside the coverage."""
-        sensor = self.scenario.sensor
+        """Measure one target; None if it is missed or outside the coverage of the sensor."""
         distance, azimuth = self._echo(state, time)
         # The number of draws does not depend on the outcome: targets stay independent.
         missed = self._rng.random() >= sensor.detection_probability
