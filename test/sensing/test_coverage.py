@@ -14,7 +14,7 @@ from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.coverage import PosesByRange, inside
+from tsepm_ros.sensing.coverage import PosesByAzimuth, PosesByRange, echo_poses_of, inside
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -157,6 +157,70 @@ def test_a_position_is_judged_by_the_pose_that_an_echo_from_there_would_have():
     found = poses.polar(here[:, None] * np.stack([np.cos(sight), np.sin(sight)], axis=1))
     np.testing.assert_allclose(found[0], here)
     np.testing.assert_allclose(np.remainder(found[1], 2 * np.pi), 0.2, atol=1e-12)
+
+
+def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
+    """Azimuths, times and poses of a beam that turns once in 2.5 s above a ship."""
+    time = np.arange(number) * 2.5 / number
+    azimuth = np.remainder(seam + time * 2 * np.pi / 2.5 + np.pi, 2 * np.pi) - np.pi
+    yaw = 3.0 + turn_rate * time
+    pose = np.stack([8.0 * time, 2.0 * time, np.remainder(yaw + np.pi, 2 * np.pi) - np.pi], axis=1)
+    return azimuth, time, pose
+
+
+@pytest.mark.parametrize("seam", [-3.1, 0.0, 2.0])
+@pytest.mark.parametrize("turn_rate", [0.0, 0.2, -0.2])
+def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn_rate, seam):
+    rng = np.random.default_rng(3)
+    azimuth, time, pose = sweep(120, turn_rate, seam)
+    range_ = rng.uniform(50.0, 900.0, 120)
+    order = rng.permutation(120)
+    scan = Scan(
+        0.0,
+        range_[order],
+        azimuth[order],
+        time_offset=(time + range_ / 1500.0)[order],
+        sensor_pose=pose[order],
+    )
+    poses = echo_poses_of(scan)
+    assert isinstance(poses, PosesByAzimuth)
+    # Places where the beam looks once, and when it does.
+    when = rng.uniform(0.3, 2.2, 50)
+    beam, far = seam + when * 2 * np.pi / 2.5, rng.uniform(100.0, 900.0, 50)
+    sight = beam + 3.0 + turn_rate * when
+    place = np.stack([8.0 * when, 2.0 * when], axis=1)
+    place = place + far[:, None] * np.stack([np.cos(sight), np.sin(sight)], axis=1)
+    found = poses.polar(place)
+    np.testing.assert_allclose(found[0], far, atol=0.05)
+    np.testing.assert_allclose(np.cos(found[1] - beam), 1.0, atol=1e-6)
+
+
+def test_a_ping_is_judged_by_range_as_before():
+    rng = np.random.default_rng(4)
+    for number in (1, 2, 3, 10, 100):
+        range_, azimuth = rng.uniform(1.0, 9000.0, number), rng.uniform(-3.0, 3.0, number)
+        pose = rng.normal(size=(number, 3))
+        scan = Scan(0.0, range_, azimuth, time_offset=range_ / 1500.0, sensor_pose=pose)
+        one, other = echo_poses_of(scan), PosesByRange.of(scan)
+        assert isinstance(one, PosesByRange)
+        assert np.array_equal(one.range, other.range)
+        assert np.array_equal(one.pose, other.pose)
+
+
+def test_a_part_of_a_sweep_sees_its_arc_only():
+    initiator = make_initiator("score", sensor=SensorModel(max_range=1000.0))
+    initiator.process(Scan(0.0, [500.0], [3.1], swept=[3.0, 1.0]))
+    angle = np.array([2.9, 3.01, 3.9, -2.4, -2.2, 0.0])
+    seen = initiator.front_end.detection_probability_at(
+        500.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    )
+    assert (seen > 0.0).tolist() == [False, True, True, True, False, False]
+
+
+@pytest.mark.parametrize("swept", [[1.0], [7.0, 1.0], [0.0, -0.1], [0.0, 7.0], [np.nan, 1.0]])
+def test_an_arc_that_is_none_is_refused(swept):
+    with pytest.raises(ValueError, match="^swept must"):
+        Scan(0.0, [1.0], [0.0], swept=swept)
 
 
 def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():

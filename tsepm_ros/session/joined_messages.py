@@ -95,7 +95,7 @@ def joined(
         azimuth_std=of_scans(lambda scan: _azimuth_std(scan, sensor)) if own_azimuth else None,
         time_offset=time + of_scans(lambda scan: scan.time_offset),
         features={name: of_scans(partial(_feature, name)) for name in names},
-        group=_groups([message for message, _ in full]),
+        group=_groups(messages),
         swept=swept,
     )
     heights = any(message.height is not None for message, _ in full)
@@ -130,34 +130,33 @@ def _groups(messages: Sequence[SensorScan]) -> IntArray | None:
     """Groups of all detections; runs of rays go on from one message to the next."""
     if all(message.scan.group is None for message in messages):
         return None
-    groups, following = [], 0
+    groups, following = [np.zeros(0, np.int64)], 0
     for before, message in zip([None, *messages[:-1]], messages, strict=True):
         group = message.scan.group
-        if group is None:
+        if group is None or not len(group):
             groups.append(np.full(len(message.scan), -1))
             continue
-        known = group >= 0
-        group = np.where(known, group - group.min(initial=0), -1)
-        if known.all() and before is not None and before.scan.group is not None:
-            own, next_to = group - group[0], _continues(before, message)
-            group = following - 1 + own if next_to else following + own
-        else:
-            group = np.where(known, following + group, -1)
-        groups.append(group)
-        following = max(following, int(group.max(initial=-1)) + 1)
-    return np.concatenate(groups).astype(np.int64)
+        own = np.where(group < 0, -1, group - group.min() + following)
+        if before is not None and group.min() >= 0 and _continues(before, message):
+            own = own - 1 + (following - own[0])
+        groups.append(own)
+        following = int(own.max(initial=following - 1)) + 1
+    return np.concatenate(groups)
 
 
 def _continues(before: SensorScan, after: SensorScan) -> bool:
     """Whether the last ray of a message and the first of the next see one object."""
-    if before.beams is None or after.beams is None:
+    one, two = before.beams, after.beams
+    if one is None or two is None or before.scan.group is None or not len(before.scan):
         return False
-    ends = [before.beams.start, before.beams.start + before.beams.width]
-    begins = [after.beams.start, after.beams.start + after.beams.width]
+    # Of the first and last beams of both, the two that are next to each other.
+    edges = [
+        (end, begin)
+        for end in (one.start, one.start + one.width)
+        for begin in (two.start, two.start + two.width)
+    ]
+    end, begin = min(edges, key=lambda pair: abs(turned(pair[1] - pair[0])))
     last, first = float(before.scan.azimuth[-1]), float(after.scan.azimuth[0])
-    at_end = min(abs(turned(last - end)) for end in ends) <= SAME_RAY
-    at_begin = min(abs(turned(first - begin)) for begin in begins) <= SAME_RAY
-    increment = turned(first - last)
-    if not (at_end and at_begin):
+    if max(abs(turned(last - end)), abs(turned(first - begin))) > SAME_RAY:
         return False
-    return bool(goes_on(before.scan.range[-1:], after.scan.range[:1], increment)[0])
+    return bool(goes_on(before.scan.range[-1:], after.scan.range[:1], turned(first - last))[0])

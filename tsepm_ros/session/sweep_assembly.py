@@ -136,6 +136,7 @@ class SweepAssembly:
         self._stamp = -math.inf  # of the newest message
         self._beam = 0.0  # its azimuth since the seam
         self._known: tuple[float, float, float] | None = None  # stamp, azimuth, beam
+        self._unknown = 0  # messages since that show no azimuth
 
     @property
     def seconds(self) -> float:
@@ -155,12 +156,11 @@ class SweepAssembly:
         held, self._far_back = self._far_back, None
         if held is not None:
             if held.scan.stamp < stamp < min(self._stamp, held.scan.stamp + MAX_INTERVAL):
-                scans += self.close()
-                self._begin(held)
+                scans += self.close() + self._begin(held)
             else:
                 refusals.append(refused_far_back(held))
         if self._open is None:
-            self._begin(message)
+            scans += self._begin(message)
         elif stamp > self._stamp or self._is_next_of_batch(message):
             scans += self._take_next(message)
         elif self._stamp - stamp > self.restart_jump:
@@ -196,14 +196,15 @@ class SweepAssembly:
         """Largest step back that is not a reversal, rad."""
         return max(0.5 * self._step, 0.5 * max(self._widths, default=0.0))
 
-    def _begin(self, message: SensorScan) -> None:
-        """Begin the first scan with a message, whose azimuth is the seam."""
+    def _begin(self, message: SensorScan) -> list[SensorScan]:
+        """Begin anew with a message, whose azimuth is the seam; return it if it is a scan."""
         self._forget()
         self._open = OpenScan()
         self._stamp = message.scan.stamp
         if message.beams is not None:
             self._known = self._stamp, message.beams.middle, 0.0
         self._add(message)
+        return self.close(complete=True) if _alone(message) else []
 
     def _add(self, message: SensorScan) -> None:
         assert self._open is not None
@@ -219,13 +220,10 @@ class SweepAssembly:
     def _take_next(self, message: SensorScan) -> list[SensorScan]:
         """Take a message that is newer than the others."""
         assert self._open is not None
-        first, arc = self._open.first, message.beams
-        alone = arc is not None and arc.whole and arc.width >= WHOLE_VIEW
+        first = self._open.first
         gap = message.scan.stamp - self._stamp > GAP * self.seconds
-        if alone or gap or not _fit(first, message):
-            scans = self.close()
-            self._begin(message)
-            return scans + (self.close(complete=True) if alone else [])
+        if gap or _alone(message) or not _fit(first, message):
+            return self.close() + self._begin(message)
         forward = self._forward(message)
         if forward is not None and forward < -self._noise:
             return self._turn_back(message)
@@ -237,15 +235,14 @@ class SweepAssembly:
         too_many = self._open.detections + len(message.scan) > self.max_detections
         if duration > limit or too_many:
             self.cut += not too_many
-            scans = self.close()
-            self._begin(message)
-            return scans
+            return self.close() + self._begin(message)
         return self._over_the_seam(message)
 
     def _forward(self, message: SensorScan) -> float | None:
         """Step of the beam since the last known azimuth, along the turn, rad; None if unknown.
 
-        Of the steps that differ by turns, the one that the time suggests.
+        Of the steps that differ by turns, the one that the time suggests; and of both directions
+        while that is unknown.
         """
         arc = message.beams
         if arc is None or self._known is None:
@@ -253,26 +250,28 @@ class SweepAssembly:
         stamp, azimuth, _ = self._known
         raw = turned(arc.middle - azimuth)
         expected = TURN / self.seconds * (message.scan.stamp - stamp)
-        if self._direction == 0.0:
-            return abs(raw)
-        forward = raw * self._direction
-        return forward + TURN * round((expected - forward) / TURN)
+        steps = [raw * sign for sign in ([self._direction] if self._direction else [1.0, -1.0])]
+        steps = [step + TURN * round((expected - step) / TURN) for step in steps]
+        forward = min(steps, key=lambda step: abs(step - expected))
+        if self._direction == 0.0 and forward >= MIN_STEP:
+            self._direction = 1.0 if forward == steps[0] else -1.0
+        return forward
 
     def _advance(self, message: SensorScan, forward: float | None) -> None:
         """Move the beam to a message."""
         stamp, arc = message.scan.stamp, message.beams
         if forward is None or self._known is None or arc is None:
             self._beam += TURN / self.seconds * (stamp - self._stamp)
+            self._unknown += 1
             if arc is not None:
                 self._known = stamp, arc.middle, self._beam
         else:
-            _, azimuth, beam = self._known
-            if self._direction == 0.0 and forward >= MIN_STEP:
-                self._direction = math.copysign(1.0, turned(arc.middle - azimuth))
+            _, _, beam = self._known
+            self._unknown, unknown = 0, self._unknown
             self._beam = beam + max(forward, 0.0)
             self._known = stamp, arc.middle, beam + forward
             if forward > 0.0:
-                self._steps.append(forward)
+                self._steps.append(forward / (1 + unknown))
             if not arc.whole:
                 self._widths.append(arc.width)
         self._stamp = stamp
@@ -285,8 +284,7 @@ class SweepAssembly:
         scans.append(self._whole(self._open, complete=False, until=message))
         self.cut = 0
         self._direction = 0.0
-        self._begin(message)
-        return scans
+        return scans + self._begin(message)
 
     def _next_turn(self, message: SensorScan) -> list[SensorScan]:
         """End the turn, except for what lies across the seam, and begin the next."""
@@ -369,9 +367,7 @@ class SweepAssembly:
         if stamp - self._late_since <= MAX_LATE_TIME * self.seconds:
             return [], [Refusal("scan_late", f"the message at {stamp:.3f} s is late")]
         self._late_since = math.nan  # the clock was set back
-        scans = self.close()
-        self._begin(message)
-        return scans, []
+        return self.close() + self._begin(message), []
 
     def _lies_between(self, message: SensorScan, before: Part, after: Part) -> bool:
         """Whether a late message has an azimuth between its neighbours in time."""
@@ -389,6 +385,12 @@ def refused_far_back(message: SensorScan) -> Refusal:
     stamp = message.scan.stamp
     reason = "stamp_not_set" if stamp == 0.0 else "scan_far_back"
     return Refusal(reason, f"the message at {stamp:.3f} s is far back")
+
+
+def _alone(message: SensorScan) -> bool:
+    """Whether a message looks at nearly all azimuths."""
+    arc = message.beams
+    return arc is not None and arc.whole and arc.width >= WHOLE_VIEW
 
 
 def _fit(first: SensorScan, message: SensorScan) -> bool:

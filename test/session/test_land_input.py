@@ -1,0 +1,91 @@
+"""Charts that arrive at a session."""
+
+from __future__ import annotations
+
+import numpy as np
+from support.sessions import arrived, moving, play, sail, session
+
+from tsepm_ros import LandMask, Scan
+from tsepm_ros.session.land_input import LandInput
+
+AHEAD = LandMask(np.ones((10, 10)), 10.0, (2950.0, -50.0, 0.0))
+"""Land where `ping` has its target."""
+ASTERN = LandMask(np.ones((10, 10)), 10.0, (-2950.0, -50.0, 0.0))
+
+
+def test_a_chart_that_comes_before_the_frame_is_known_is_used_from_the_first_scan():
+    one = session()
+    one.add_land(AHEAD, "sonar")
+    results = play(one, [0, 12, 24, 36])
+    assert [result.statistics.on_land for result in results] == [1] * 4
+    assert sum(len(result.new) for result in results) == 0
+    assert one.dropped == {"on_land": 4}
+    assert one.heard == ["land"]  # that there is a chart; what is left out is expected
+    assert one.figures().land_area == AHEAD.area
+
+
+def test_a_later_chart_replaces_the_former_and_an_empty_one_removes_it():
+    one = session()
+    counts = []
+    for chart in (AHEAD, ASTERN, AHEAD, None, None):
+        one.add_land(chart, "sonar")
+        (result,) = play(one, [12.0 * len(counts)])
+        counts.append(result.statistics.on_land)
+    assert counts == [1, 0, 1, 0, 0]
+    assert one.heard == ["land"] * 4
+    assert one.figures().land_area == 0.0
+
+
+def test_a_chart_in_another_frame_is_refused_and_the_former_stays():
+    one = session()
+    one.add_land(AHEAD, "sonar")
+    play(one, [0])
+    for frame in ("map", ""):
+        one.add_land(ASTERN, frame)
+        (result,) = play(one, [12.0 if frame else 24.0])
+        assert result.statistics.on_land == 1
+    assert one.dropped["land_frame"] == 2
+    assert one.heard == ["land", "land_frame", "land_frame"]
+
+
+def test_a_chart_is_of_the_fixed_frame_not_the_sensor_s():
+    one = moving()
+    sail(one, 0.0, 60.0)
+    one.add_land(LandMask([[True]], 20.0, (990.0, 0.0, 0.0)), "odom")
+    distance = np.hypot(1000.0, 0.0)
+    one.add_scan(arrived(Scan(0.0, [distance], [-0.5])), 0.0)
+    (result,) = one.process(0.0)
+    assert result.statistics.on_land == 1
+
+
+def test_a_reset_keeps_the_chart_for_its_frame():
+    one = session()
+    one.add_land(AHEAD, "sonar")
+    play(one, [0])
+    one.reset()
+    (result,) = play(one, [0])
+    assert result.statistics.on_land == 1
+    one.reset()
+    one.add_scan(arrived(Scan(0.0, [3000.0], [0.0]), "other"), 0.0)
+    (result,) = one.process()
+    assert result.statistics.on_land == 0
+    assert one.dropped == {"land_frame": 1}
+
+
+def test_a_restart_and_a_change_of_method_keep_the_chart():
+    one = session()
+    one.add_land(AHEAD, "sonar")
+    results = play(one, [1000, 1012, 0, 12])
+    assert [result.statistics.on_land for result in results] == [1] * 4
+    one.configure(session(method="score").settings)
+    (result,) = play(one, [24])
+    assert result.statistics.on_land == 1
+
+
+def test_nothing_settles_before_the_frame_is_known():
+    land = LandInput()
+    land.add(AHEAD, "odom")
+    assert land.settle("") is None
+    assert land.mask is None
+    assert land.settle("odom").subject == "land"
+    assert land.mask is AHEAD
