@@ -85,9 +85,10 @@ class PlayedScenario:
             self._topics.publish_truth(scan.stamp, simulated.truth)
         self.detections.publish(self._message(self._topics.sensor_header(scan.stamp), scan))
         if rest == 0:
-            self._node.get_logger().info(
-                f"scan {number + 1} of {self._scenario.scans}: {len(scan)} detections"
-            )
+            content = f"{len(scan)} detections"
+            if self._options.messages_per_scan > 1:
+                content = f"{self._options.messages_per_scan} messages"
+            self._node.get_logger().info(f"scan {number + 1} of {self._scenario.scans}: {content}")
 
     def _message(self, header: Header, scan: Scan) -> Any:
         return write_detections(
