@@ -22,6 +22,7 @@ TASKS = [
     "clutter",
     "quality of service",
     "downstream tracker",
+    "land",
 ]
 """Of the diagnostics, in their order."""
 SECOND = 10**9

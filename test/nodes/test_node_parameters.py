@@ -133,6 +133,7 @@ def test_topics_frames_and_types_are_read_only_the_rest_is_live(world):
         "detections_reliability",
         "detections_depth",
         "bearing_reference",
+        "sweep",
     }
 
 
