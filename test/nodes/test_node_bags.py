@@ -9,12 +9,14 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from support import foreign_messages
 from support.bag_files import (
+    GRID,
     ODOMETRY,
     PARAMETERS,
     POINTS,
     STORAGES,
     STORE,
     Entry,
+    grid,
     serialized,
     simulated,
     write_bag,
@@ -182,3 +184,18 @@ def test_a_type_whose_package_is_not_here_is_refused_with_its_topic(world, tmp_p
     path = write_bag(tmp_path / "bag", [Entry(1.0, "/radar", name, b"")], store=store)
     with pytest.raises(ParameterError, match=f"/radar is of type {name}, whose package is not"):
         world.make(ScanPlayer, {**FAST, "recording": str(path)})
+
+
+def test_a_chart_is_played_latched_and_from_the_start(world, tmp_path):
+    occupied = np.ones((100, 100), bool)
+    message = grid(999.0, "odom", occupied, 100.0, -5000.0, -5000.0)
+    entries = [Entry(999.0, "/land", GRID, message), *simulated()]
+    path = write_bag(tmp_path / "bag", entries)
+    values = {**parse_values(PARAMETERS), "method": "score", "own_ship_source": "odometry"}
+    world.make(TrackInitiator, named(values))
+    tracks = world.listen(PointCloud2, "tracks")
+    play(world, path, start_offset=5.0)
+    world.until(lambda: len(tracks) >= 8, "the scans")
+    assert sum(one.width for one in tracks) == 0
+    assert int(world.figures()["on_land"]) > 0
+    assert world.dropped()["on_land"] == int(world.figures()["on_land"])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from support.boat import Boat
 from support.ros_world import ERROR, WARN
@@ -79,10 +79,16 @@ def test_a_chart_may_be_replaced_and_removed_and_a_reset_keeps_it(world):
     ):
         chart.publish(message)
         # Different topics have no order: until the chart has come, a scan may be before it.
-        world.until(lambda: ping_more(boat, next(sent)) == expected, f"a chart of {expected} m^2")
+        until_area(boat, sent, expected)
     world.call(Trigger, "/track_initiator/reset", Trigger.Request())
     assert ping_more(boat, 1000) == 1e6
     assert on_land(world) == 1
+
+
+def until_area(boat: Boat, numbers: Iterator[int], expected: float) -> None:
+    boat.world.until(
+        lambda: ping_more(boat, next(numbers)) == expected, f"a chart of {expected} m^2"
+    )
 
 
 def ping_more(boat: Boat, number: int) -> float:

@@ -140,7 +140,9 @@ def test_a_bag_of_parts_gives_the_same_tracks_through_the_node_and_offline(world
     for one in Simulator(scenario, 5, 1000.0).parts(12):
         scan = one.scan
         values = {"range": scan.range, "azimuth": scan.azimuth, "time_offset": scan.time_offset}
-        entries.append(Entry(scan.stamp, "/detections", POINTS, cloud(scan.stamp, "sonar", **values)))
+        entries.append(
+            Entry(scan.stamp, "/detections", POINTS, cloud(scan.stamp, "sonar", **values))
+        )
     path = write_bag(tmp_path / "bag", entries)
     given = (*PARAMETERS, "sweep:=1.0")
     arguments = [part for one in given for part in ("-p", one)]

@@ -283,3 +283,40 @@ def test_no_echo_is_lost_or_doubled_in_any_disorder():
         found = np.concatenate(contents(scans))
         assert len(found) == len(np.unique(found))
         assert len(found) + len(reasons) == len(order)
+
+
+def test_hostile_stamps_and_azimuths_lose_no_echo_uncounted():
+    """Every message is in one scan, or counted; what waits is bounded by the limit."""
+    rng = np.random.default_rng(8)
+    for _ in range(40):
+        one = assembly(max_detections=50)
+        stamps = np.cumsum(rng.choice([0.0, 0.1, 0.1, 0.1, -0.1, -50.0, 1e3, -1e4, 1e9], 300))
+        azimuths = rng.choice([*rng.uniform(-9.0, 9.0, 300), math.pi, -math.pi], 300)
+        messages = [
+            beam(float(stamp), None if rng.random() < 0.2 else float(azimuth), 10.0 * (1 + n))
+            for n, (stamp, azimuth) in enumerate(zip(stamps, azimuths, strict=True))
+        ]
+        scans, reasons = fed(one, messages)
+        reasons += [refusal.reason for refusal in one.refuse_held()]
+        found = np.concatenate(contents(scans))
+        assert len(found) == len(np.unique(found)) == 300 - len(reasons)
+        assert max(len(scan.scan) for scan in scans) <= 60
+        for scan in scans:
+            assert np.isfinite(scan.scan.time_offset if len(scan.scan) > 1 else 0.0).all()
+
+
+@pytest.mark.parametrize("messages_per_turn", [8, 36])
+def test_after_a_beam_that_trembled_turns_are_whole_again(messages_per_turn):
+    step, rng = 2 * math.pi / messages_per_turn, np.random.default_rng(3)
+    trembling = [beam(0.001 * n, rng.uniform(-1.0, 1.0), 10.0 * (1 + n)) for n in range(50)]
+    turning = [
+        beam(
+            1.0 + n * TURN / messages_per_turn,
+            math.remainder(n * step, 2 * math.pi),
+            5000.0 + 10.0 * n,
+        )
+        for n in range(12 * messages_per_turn)
+    ]
+    scans, reasons = fed(assembly(), [*trembling, *turning])
+    assert reasons == []
+    assert [len(scan.scan) for scan in scans[-4:-1]] == [messages_per_turn] * 3

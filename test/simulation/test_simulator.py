@@ -378,3 +378,30 @@ def test_a_patch_adds_clutter_of_its_density_where_the_sensor_sees():
         reach = x + np.sqrt(10_000.0**2 - (rows - y) ** 2) - box[0]
         expected += 1e-5 * 1000.0 * reach.mean()
     assert number == pytest.approx(expected, abs=3.3 * math.sqrt(expected))
+
+
+def test_a_scan_in_parts_sees_each_target_in_the_sector_of_its_time():
+    still = np.array([3000.0, 0.0, 4000.0, 0.0])
+    moving = np.array([-2000.0, 7.0, -300.0, -3.0])
+    one = scenario(targets=(still, moving), sensor=EXACT, scans=6, sound_speed=0.0)
+    parts = list(Simulator(one, 1).parts(10))
+    assert len(parts) == 60
+    assert [part.scan.stamp for part in parts] == pytest.approx(np.arange(60) * 0.5)
+    for place, part in enumerate(parts):
+        time, start = 0.5 * place, -math.pi + place % 10 * 0.2 * math.pi
+        expected = []
+        for x, vx, y, vy in (still, moving):
+            angle = math.atan2(y + vy * time, x + vx * time)
+            if start <= angle < start + 0.2 * math.pi:
+                expected.append(math.hypot(x + vx * time, y + vy * time))
+        assert sorted(part.scan.range) == pytest.approx(sorted(expected), abs=1e-3)
+        assert (part.scan.azimuth >= start - 1e-6).all()
+        assert (part.scan.azimuth <= start + 0.2 * math.pi + 1e-6).all()
+
+
+def test_parts_have_the_clutter_of_the_scan():
+    sensor = SensorModel(detection_probability=0.5, clutter_density=4e-7)
+    one = scenario(sensor=sensor, scans=40)
+    number = sum(len(part.scan) for part in Simulator(one, 3).parts(8))
+    expected = 40 * 4e-7 * sensor.coverage_area
+    assert abs(number - expected) < 4.0 * math.sqrt(expected)

@@ -151,3 +151,28 @@ def storage_file(folder: Path) -> Path:
     """The file with the messages of a bag."""
     [path] = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
     return path
+
+
+GRID = "nav_msgs/msg/OccupancyGrid"
+
+
+def grid(stamp: float, frame_id: str, occupied: np.ndarray, resolution: float, x: float, y: float):
+    """A chart, (rows, columns) of bool."""
+
+    def make(name: str, **values: Any) -> Any:
+        return STORE.types[f"geometry_msgs/msg/{name}"](**values)
+
+    level = make("Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+    head = header(stamp, frame_id)
+    height, width = occupied.shape
+    return STORE.types[GRID](
+        header=head,
+        info=STORE.types["nav_msgs/msg/MapMetaData"](
+            map_load_time=head.stamp,
+            resolution=resolution,
+            width=width,
+            height=height,
+            origin=make("Pose", position=make("Point", x=x, y=y, z=0.0), orientation=level),
+        ),
+        data=np.where(occupied, 100, -1).astype(np.int8).ravel(),
+    )

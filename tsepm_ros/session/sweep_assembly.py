@@ -21,8 +21,11 @@ from tsepm_ros.session.scan_order import MAX_INTERVAL
 from tsepm_ros.session.seam import SeamEchoes
 
 TURN = 2 * math.pi
-GAP = 0.5
-"""Part of a turn's time without a message that ends a scan: the azimuth is lost."""
+GAP, GAP_INTERVALS = 0.5, 3.0
+"""Part of a turn's time without a message that ends a scan, since the azimuth is lost; and least
+number of the messages' usual intervals."""
+FASTEST = 0.1
+"""Shortest time of a turn, as a part of that given or learned."""
 PATIENCE = 1.5
 """Turns' times that a scan lasts at most; more by this factor after each that was cut."""
 MOST_PATIENCE = 20.0
@@ -116,6 +119,8 @@ class SweepAssembly:
         restart_jump: float,
     ) -> None:
         self._durations = deque([seconds], maxlen=TURNS)
+        self._shortest = FASTEST * seconds
+        self._intervals: deque[float] = deque(maxlen=STEPS)
         self.sensor = sensor
         self.target_extent = target_extent
         self.max_detections = max_detections
@@ -221,8 +226,10 @@ class SweepAssembly:
         """Take a message that is newer than the others."""
         assert self._open is not None
         first = self._open.first
-        gap = message.scan.stamp - self._stamp > GAP * self.seconds
-        if gap or _alone(message) or not _fit(first, message):
+        interval = message.scan.stamp - self._stamp
+        self._intervals.append(interval)
+        usual = GAP_INTERVALS * statistics.median(self._intervals)
+        if interval > max(GAP * self.seconds, usual) or _alone(message) or not _fit(first, message):
             return self.close() + self._begin(message)
         forward = self._forward(message)
         if forward is not None and forward < -self._noise:
@@ -279,7 +286,7 @@ class SweepAssembly:
     def _turn_back(self, message: SensorScan) -> list[SensorScan]:
         """End the pass over a sector, and begin the next with a message."""
         assert self._open is not None
-        self._durations.append(delay(self._open.first, message))
+        self._durations.append(max(delay(self._open.first, message), self._shortest))
         scans = self._end_waiting()
         scans.append(self._whole(self._open, complete=False, until=message))
         self.cut = 0
@@ -293,9 +300,8 @@ class SweepAssembly:
         seam = SeamEchoes(self.sensor, self.target_extent, self._step)
         for part in self._open.parts:
             seam.add(part.beam - TURN, part.message)
-        duration = delay(self._open.first, message)
-        if self._known is not None and duration > 0.0:
-            self._durations.append(duration)
+        if self._known is not None:
+            self._durations.append(max(delay(self._open.first, message), self._shortest))
         self.cut = 0
         self._ending, self._open = (self._open, seam), OpenScan()
         self._beam -= TURN
