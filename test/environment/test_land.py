@@ -74,7 +74,7 @@ def test_a_chart_that_is_none_is_refused(values, named):
 
 def test_a_chart_is_bounded():
     wide = np.broadcast_to(np.array(False), (20_000, 20_000))  # takes no memory
-    with pytest.raises(ValueError, match="^occupied must have two axes and at most"):
+    with pytest.raises(ValueError, match=r"^occupied must have two axes and at most"):
         LandMask(wide, 1.0)
     assert module.MAX_CELLS <= 1e8
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import LaserScan, PointCloud2
@@ -191,7 +193,7 @@ def test_the_simulator_plays_sweeps(world):
     )
     world.until(lambda: len(clouds) == 16 * 24 and len(truth) == 16, "all sectors")
     stamps = [stamp_ns(one) for one in clouds]
-    assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {500_000_000}
+    assert {b - a for a, b in pairwise(stamps)} == {500_000_000}
     for place, one in enumerate(clouds[:48]):
         for point in points(one):
             sector = (point["azimuth"] + 3.1415927) / (2 * 3.1415927) * 24

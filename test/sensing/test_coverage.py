@@ -219,7 +219,7 @@ def test_a_part_of_a_sweep_sees_its_arc_only():
 
 @pytest.mark.parametrize("swept", [[1.0], [7.0, 1.0], [0.0, -0.1], [0.0, 7.0], [np.nan, 1.0]])
 def test_an_arc_that_is_none_is_refused(swept):
-    with pytest.raises(ValueError, match="^swept must"):
+    with pytest.raises(ValueError, match=r"^swept must"):
         Scan(0.0, [1.0], [0.0], swept=swept)
 
 

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import math
 import statistics
-from bisect import bisect_left, insort
+from bisect import bisect_left
 from collections import deque
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
-import numpy as np
-
-from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.arcs import turned
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session.joined_messages import delay, joined, part_of
+from tsepm_ros.session.open_scan import TURN, OpenScan, Part, looked_at
 from tsepm_ros.session.refusal import Refusal
 from tsepm_ros.session.scan_order import MAX_INTERVAL
 from tsepm_ros.session.seam import SeamEchoes
 
-TURN = 2 * math.pi
 GAP, GAP_INTERVALS = 0.5, 3.0
 """Part of a turn's time without a message that ends a scan, since the azimuth is lost; and least
 number of the messages' usual intervals."""
@@ -36,48 +31,12 @@ STEPS = 64
 """Steps and widths of messages that are remembered."""
 MIN_STEP = 1e-4
 """Smallest step of a beam that is told from noise, rad."""
+MIN_PARTS = 4
+"""Least messages of a turn, or a pass, whose time counts."""
 TURNS = 3
 """Turns of which the longest gives the time of a turn: a part of one does not."""
 MAX_LATE_TIME = 0.5
 """Part of a turn's time over which late messages that rise are a clock that was set back."""
-
-
-class Part(NamedTuple):
-    """A message of the open scan, sorted by stamp.
-
-    Attributes
-    ----------
-    stamp : float
-        s.
-    number : int
-        Number of the message.
-    beam : float
-        Azimuth since the seam, along the turn, rad.
-    message : SensorScan
-    """
-
-    stamp: float
-    number: int
-    beam: float
-    message: SensorScan
-
-
-@dataclass
-class OpenScan:
-    """The messages of a scan that is not complete."""
-
-    parts: list[Part] = field(default_factory=list)
-    detections: int = 0
-
-    def add(self, part: Part) -> None:
-        """Add a message in its place."""
-        insort(self.parts, part, key=lambda each: each[:2])
-        self.detections += len(part.message.scan)
-
-    @property
-    def first(self) -> SensorScan:
-        """The first message."""
-        return self.parts[0].message
 
 
 class SweepAssembly:
@@ -286,12 +245,18 @@ class SweepAssembly:
     def _turn_back(self, message: SensorScan) -> list[SensorScan]:
         """End the pass over a sector, and begin the next with a message."""
         assert self._open is not None
-        self._durations.append(max(delay(self._open.first, message), self._shortest))
+        self._learn_time(message)
         scans = self._end_waiting()
         scans.append(self._whole(self._open, complete=False, until=message))
         self.cut = 0
         self._direction = 0.0
         return scans + self._begin(message)
+
+    def _learn_time(self, message: SensorScan) -> None:
+        """Learn the time of a turn from the open scan, which ends before a message."""
+        assert self._open is not None
+        if len(self._open.parts) >= MIN_PARTS:  # fewer are a beam that trembles
+            self._durations.append(max(delay(self._open.first, message), self._shortest))
 
     def _next_turn(self, message: SensorScan) -> list[SensorScan]:
         """End the turn, except for what lies across the seam, and begin the next."""
@@ -301,7 +266,7 @@ class SweepAssembly:
         for part in self._open.parts:
             seam.add(part.beam - TURN, part.message)
         if self._known is not None:
-            self._durations.append(max(delay(self._open.first, message), self._shortest))
+            self._learn_time(message)
         self.cut = 0
         self._ending, self._open = (self._open, seam), OpenScan()
         self._beam -= TURN
@@ -339,20 +304,8 @@ class SweepAssembly:
         self.waited = max(self._stamp if until is None else until.scan.stamp, self._stamp)
         self.waited -= scan.first.scan.stamp
         messages = [part.message for part in scan.parts]
-        swept = None if complete else self._looked_at(messages)
+        swept = None if complete else looked_at(messages, self._step)
         return joined(messages, self.sensor, swept)
-
-    def _looked_at(self, messages: list[SensorScan]) -> FloatArray | None:
-        """The arc that messages are known to have looked at; None for a whole turn."""
-        arcs = [message.beams for message in messages if message.beams is not None]
-        if not arcs:
-            return np.zeros(2)
-        middle = np.unwrap([arc.middle for arc in arcs])
-        half = np.array([0.5 * arc.width for arc in arcs]) + 0.5 * self._step
-        low, high = float((middle - half).min()), float((middle + half).max())
-        if high - low >= TURN:
-            return None
-        return np.array([turned(low), high - low])
 
     def _take_late(self, message: SensorScan) -> tuple[list[SensorScan], list[Refusal]]:
         """Put a late message in its place in the open scan, or refuse it."""
