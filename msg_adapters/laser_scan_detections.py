@@ -84,7 +84,7 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
             "range_above_max": range > scan.range_max,
         },
         assumptions=assumptions,
-        beams=_fan(scan.angle_min, scan.angle_increment, len(range)),
+        beams=_fan(float(scan.angle_min), float(scan.angle_increment), len(range)),
     )
 
 

@@ -12,11 +12,14 @@ from support.sessions import arrived
 from support.sweeps import (
     BEAM_NS,
     BEAMS,
+    FIRST,
     START_NS,
+    STEP,
     TARGETS,
     TURN,
     beam,
     circling,
+    fan,
     in_parts,
     played,
     read,
@@ -195,3 +198,13 @@ def test_times_are_those_of_the_nanoseconds():
     offsets = results[0].scan.time_offset / (BEAM_NS * 1e-9)
     assert np.array_equal(offsets, np.round(offsets))
     assert math.isclose(results[0].stamp, START_NS * 1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 6])
+def test_a_fan_shows_the_azimuths_of_all_its_rays(size):
+    for place in (0, BEAMS // 2, BEAMS - size):
+        empty = read(fan(START_NS, FIRST + place * STEP, np.full(size, np.inf)))
+        assert len(empty.scan) == 0
+        assert empty.beams.start == pytest.approx(FIRST + place * STEP)
+        assert empty.beams.width == pytest.approx((size - 1) * STEP)
+        assert empty.beams.whole
