@@ -38,17 +38,19 @@ score: {false_tracks_per_hour: [0.1, 1.0, 30.0], miss_probability: [0.005, 0.05]
 sequential: {rule: *rules, gate_sigmas: &sigmas [0.0, 2.0], gate_error: [range, major_axis],
   matching: [oldest, nearest, shared], process_noise: &noises [0.0, 0.001],
   estimator: [least_squares, linear_fitting, kalman_filter]}
-heuristic: {rule: *rules, min_speed: &slow [0.0, 0.5], max_acceleration: [0.3, 1.0],
+heuristic: {rule: *rules, min_step_speed: &slow [0.0, 0.5], max_acceleration: [0.3, 1.0],
   max_turn: [1.5, 3.0], gate_sigmas: *sigmas}
 logic: {rule: *rules, gate_probability: *gates, degree: [1, 2, 3], missed: [waits, ends]}
 hough: {rule: [[4, 5], [5, 8], [6, 8]], angles: [20, 45], cell: [150.0, 300.0]}
-modified_hough: {rule: *rules, max_turn: [0.5, 1.5], min_speed: *slow, gate_sigmas: *sigmas}
+modified_hough: {rule: *rules, max_turn: [0.5, 1.5], min_step_speed: *slow, gate_sigmas: *sigmas}
 clutter_test: {rule: *rules, gate_probability: *gates, clutter_test_size: *sizes, estimator: *fits}
 split_merge: {rule: *rules, gate_probability: *gates, merging_probability: *merging}
 multiple_model: {rule: *rules, speeds: [1, 2], headings: [4, 8], gate_probability: *gates,
   process_noise: *noises}
 """)
 """Values from which each method's options are drawn; a rule is (min_hits, window)."""
+RENAMED = {"min_step_speed": "min_speed"}
+"""Names that options had in earlier commits."""
 
 
 def draw_options(method: str, *seed: int) -> dict[str, Any]:
@@ -57,7 +59,8 @@ def draw_options(method: str, *seed: int) -> dict[str, Any]:
     drawn = {name: values[rng.integers(len(values))] for name, values in OPTIONS[method].items()}
     if "rule" in drawn:
         drawn["min_hits"], drawn["window"] = drawn.pop("rule")
-    return drawn
+    known = {field.name for field in dataclasses.fields(locate("METHODS")[method].Options)}
+    return {RENAMED.get(name, name) if name not in known else name: drawn[name] for name in drawn}
 
 
 def draw_scene(seed: int, **fixed: bool) -> dict[str, Any]:

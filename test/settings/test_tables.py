@@ -10,6 +10,7 @@ import yaml
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
+from tsepm_ros.parameters import table
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.rendering import as_markdown, as_yaml
 from tsepm_ros.settings.tables import NODES, TRACK_INITIATOR, full_table, make_groups, settings_from
@@ -136,3 +137,11 @@ def test_settings_have_every_group():
     initiator = settings.make_initiator()
     assert initiator.options.window == 9
     assert initiator.sensor == settings.sensor
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_method_has_an_option_of_a_common_ones_name(method):
+    common, own = (
+        {row.name for row in table(group)} for group in (CommonOptions, METHODS[method].Options)
+    )
+    assert not common & own

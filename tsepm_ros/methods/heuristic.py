@@ -48,7 +48,7 @@ class HeuristicOptions(MnOptions):
 
     min_hits: int = hits_option(3, minimum=3)
     window: int = window_option(3, minimum=3)
-    min_speed: float = parameter(
+    min_step_speed: float = parameter(
         0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
     )
     max_acceleration: float = parameter(
@@ -100,7 +100,7 @@ class Heuristic(PathFollower):
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
         acceleration = np.where(first, 0.0, displacements.acceleration)
-        kept = displacements.faster_than(options.min_speed)
+        kept = displacements.faster_than(options.min_step_speed)
         kept &= first | (acceleration <= options.max_acceleration)
         kept &= first | (displacements.turn <= options.max_turn)
         return Pairs(parent[kept], row[kept], acceleration[kept]), cut

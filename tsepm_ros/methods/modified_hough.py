@@ -55,7 +55,7 @@ class ModifiedHoughOptions(MnOptions):
         positive=True,
         maximum=math.pi / 2,
     )
-    min_speed: float = parameter(
+    min_step_speed: float = parameter(
         0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
     )
     gate_sigmas: float = parameter(
@@ -96,7 +96,7 @@ class ModifiedHough(PathFollower):
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
-        kept = displacements.faster_than(options.min_speed)
+        kept = displacements.faster_than(options.min_step_speed)
         turn = np.where(first, 0.0, displacements.turn)
         kept &= turn <= options.max_turn
         return Pairs(parent[kept], row[kept], turn[kept]), cut
