@@ -18,6 +18,7 @@ from msg_adapters.detection_types import (
 )
 from msg_adapters.diagnostics import diagnostics
 from msg_adapters.errors import MessageError
+from msg_adapters.fixed_echo_markers import fixed_echo_markers
 from msg_adapters.ground_truth import truth_markers, truth_tracks
 from msg_adapters.land_grid import read_land
 from msg_adapters.own_ship_odometry import odometry_message, read_own_ship
@@ -49,6 +50,7 @@ __all__ = [
     "clear_markers",
     "detections_cloud",
     "diagnostics",
+    "fixed_echo_markers",
     "make_header",
     "message_class",
     "ns_to_seconds",

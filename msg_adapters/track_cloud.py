@@ -12,6 +12,7 @@ field                          datatype meaning
 ``evaluation``, ``score``      FLOAT64  figures of the method; nan if it has none
 ``hit_count``, ``scan_count``  UINT16   hits, and scans since the first; at most 65535
 ``age``                        FLOAT64  time since the first hit, s
+``stationary_probability``     FLOAT64  that the target stands still; nan where not known
 ============================== ======== =======================================================
 """
 
@@ -43,6 +44,7 @@ TRACK_DTYPE = np.dtype(
         *((name, "<f8") for name in (*STATE_FIELDS, *COVARIANCE_FIELDS, "evaluation", "score")),
         *((name, "<u2") for name in ("hit_count", "scan_count")),
         ("age", "<f8"),
+        ("stationary_probability", "<f8"),
     ],
     align=True,  # each float64 at a multiple of 8; the item size too
 )
@@ -55,10 +57,14 @@ _BLOCKS_DTYPE = np.dtype(
         ("numbers", "<f8", (22,)),
         ("counts", "<u2", (2,)),
         ("age", "<f8"),
+        ("stationary_probability", "<f8"),
     ],
     align=True,
 )
 """The same bytes with fields of equal type combined, for assignment of whole blocks."""
+
+OPTIONAL_FIELDS = ("stationary_probability",)
+"""Fields that clouds of earlier versions lack; nan then."""
 
 _MAX_COUNT = int(np.iinfo(np.uint16).max)
 _MAX_ID = int(np.iinfo(np.uint32).max)
@@ -98,7 +104,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     points : (n,) ndarray of TRACK_DTYPE
         With zero padding.
     is_dense : bool
-        Whether every number is finite.
+        Whether every number but the stationary probability is finite.
 
     Raises
     ------
@@ -120,6 +126,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     records["counts"][:, 0] = np.minimum(arrays.hit_count, _MAX_COUNT)
     records["counts"][:, 1] = np.minimum(arrays.scan_count, _MAX_COUNT)
     records["age"] = arrays.age
+    records["stationary_probability"] = arrays.stationary_probability
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
     return records.view(TRACK_DTYPE), is_dense
 
@@ -130,7 +137,8 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
     Parameters
     ----------
     cloud : sensor_msgs.msg.PointCloud2
-        With the fields of this layout, in any order, and perhaps others.
+        With the fields of this layout, in any order, and perhaps others; `OPTIONAL_FIELDS` may be
+        missing.
 
     Returns
     -------
@@ -142,7 +150,9 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
     MessageError
         If a field is missing or malformed, or a track_id is invalid.
     """
-    names = TRACK_DTYPE.names or ()
+    given = {field.name for field in cloud.fields}
+    absent = [name for name in OPTIONAL_FIELDS if name not in given]
+    names = [name for name in TRACK_DTYPE.names or () if name not in absent]
     integers = [name for name in names if TRACK_DTYPE[name].kind == "u"]
     values = read_fields(cloud, names, integers=integers)
     ids = values["track_id"]
@@ -152,6 +162,8 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
     with np.errstate(invalid="ignore", over="ignore"):  # counts may be nan
         for name in names:
             records[name] = values[name]
+    for name in absent:
+        records[name] = np.nan
     return records
 
 
@@ -188,6 +200,7 @@ def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
         score=records["score"].copy(),
         scan_count=records["scan_count"].astype(np.int64),
         age=records["age"].copy(),
+        stationary_probability=records["stationary_probability"].copy(),
     )
 
 

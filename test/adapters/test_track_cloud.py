@@ -18,6 +18,7 @@ from msg_adapters import (
     track_states,
     tracker_report,
 )
+from msg_adapters.track_cloud import track_arrays
 
 LAYOUT = [
     ("x", 0, "f"),
@@ -49,8 +50,9 @@ LAYOUT = [
     ("hit_count", 192, "H"),
     ("scan_count", 194, "H"),
     ("age", 200, "d"),
+    ("stationary_probability", 208, "d"),
 ]
-POINT_STEP = 208
+POINT_STEP = 216
 UNSYMMETRIC = np.arange(16.0).reshape(4, 4) + 0.125
 """No covariance, but it shows rows and columns that were exchanged."""
 
@@ -60,13 +62,21 @@ def test_fields_stand_in_the_order_and_at_the_offsets_of_the_contract(header, ma
     assert [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields] == [
         (name, offset, DATATYPES[code], 1) for name, offset, code in LAYOUT
     ]
-    assert (cloud.point_step, cloud.row_step, cloud.height, cloud.width) == (208, 208, 1, 1)
+    assert (cloud.point_step, cloud.row_step, cloud.height, cloud.width) == (
+        POINT_STEP,
+        POINT_STEP,
+        1,
+        1,
+    )
     assert not cloud.is_bigendian
     assert all(offset % struct.calcsize(code) == 0 for _, offset, code in LAYOUT)
 
 
 def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
-    tracks = [make_track(covariance=UNSYMMETRIC), make_track(track_id=2**32 - 1, score=math.nan)]
+    tracks = [
+        make_track(covariance=UNSYMMETRIC, stationary_probability=0.25),
+        make_track(track_id=2**32 - 1, score=math.nan),
+    ]
     data = bytes(over_the_wire(track_cloud(header, tracks)).data)
     assert len(data) == 2 * POINT_STEP
     for start, track in zip((0, POINT_STEP), tracks, strict=True):
@@ -75,7 +85,7 @@ def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
         ]
         expected = [track.state[0], track.state[2], 0.0, track.track_id, *track.state]
         expected += [track.covariance[row, column] for row in range(4) for column in range(4)]
-        expected += [track.evaluation, track.score, 5, 7, 72.0]
+        expected += [track.evaluation, track.score, 5, 7, 72.0, track.stationary_probability]
         np.testing.assert_array_equal(found, expected)
         assert data[start + 196 : start + 200] == bytes(4)
 
@@ -92,6 +102,7 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
             score=math.nan,
             scan_count=int(random.integers(65536)),
             age=random.uniform(0, 100),
+            stationary_probability=random.uniform(),
         )
         for _ in range(20)
     ]
@@ -100,7 +111,10 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
     np.testing.assert_array_equal(track_states(records), [track.state for track in tracks])
     np.testing.assert_array_equal(track_covariances(records), [t.covariance for t in tracks])
     np.testing.assert_array_equal(records["hit_count"], [len(track.hits) for track in tracks])
-    for name in ("track_id", "evaluation", "score", "scan_count", "age"):
+    for name in (
+        *("track_id", "evaluation", "score", "scan_count", "age"),
+        "stationary_probability",
+    ):
         np.testing.assert_array_equal(records[name], [getattr(track, name) for track in tracks])
     np.testing.assert_array_equal(records["x"], [np.float32(track.state[0]) for track in tracks])
     np.testing.assert_array_equal(records["y"], [np.float32(track.state[2]) for track in tracks])
@@ -113,6 +127,15 @@ def test_reading_takes_the_layout_from_the_message():
     records = read_track_cloud(cloud)
     for place, (name, _) in enumerate(names):
         assert records[name][0] == place, name
+
+
+def test_a_cloud_of_an_earlier_version_has_no_stationary_probability():
+    names = [(name, code) for name, _, code in LAYOUT if name != "stationary_probability"]
+    rows = [[float(value) if code in "fd" else value for _, code in names] for value in (1, 2)]
+    records = read_track_cloud(raw_cloud(names, rows))
+    assert records["age"].tolist() == [1.0, 2.0]
+    assert np.isnan(records["stationary_probability"]).all()
+    assert np.isnan(track_arrays(records, 0.0).stationary_probability).all()
 
 
 def test_without_tracks_the_cloud_is_empty_and_has_all_fields(header, over_the_wire):

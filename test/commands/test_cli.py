@@ -121,16 +121,20 @@ def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
         heard = {
             topic: [bag.read(message) for message in bag.messages([topic])] for topic in bag.topics
         }
-    assert set(heard) == {"/tracks", "/tracks/current"}
+    assert set(heard) == {"/tracks", "/tracks/current", "/fixed_echoes"}
     for clouds in heard.values():
         stamps = [time_to_ns(cloud.header.stamp) for cloud in clouds]
         assert stamps == [12 * 10**9 * k for k in range(8)]
     assert [cloud.width for cloud in heard["/tracks"]] == [0, 0, 1, 0, 0, 0, 0, 0]
     assert [cloud.width for cloud in heard["/tracks/current"]] == [0, 0, 1, 1, 1, 1, 1, 1]
+    assert [cloud.width for cloud in heard["/fixed_echoes"]] == [0] * 8
     with (tmp_path / "out" / "tracks.csv").open() as file:
         (row,) = csv.DictReader(file)
     (point,) = read_track_cloud(heard["/tracks"][2])
-    for name in ("state_x", "state_vy", "cov_01", "score", "age", "hit_count"):
+    for name in (
+        *("state_x", "state_vy", "cov_01", "score", "age", "hit_count"),
+        "stationary_probability",
+    ):
         assert float(row[name]) == point[name]
     assert not list(tmp_path.glob("out/tmp*"))
 

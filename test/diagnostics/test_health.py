@@ -19,6 +19,7 @@ from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 GOOD = SessionSnapshot(
     totals=ScanStatistics(),
     potential_tracks=0,
+    fixed_echoes=2,
     tracks=0,
     dropped={},
     waiting=0,

@@ -86,7 +86,7 @@ def test_a_bag_gives_the_same_tracks_through_the_node_and_offline(world, tmp_pat
     with Bag(tmp_path / "out" / "tracks.mcap") as bag:
         offline = {
             topic: [message.data for message in bag.messages([topic])]
-            for topic in ("/tracks", "/tracks/current")
+            for topic in ("/tracks", "/tracks/current", "/fixed_echoes")
         }
     live = {topic: listen_raw(world, PointCloud2, topic) for topic in offline}
     values = {**parse_values(PARAMETERS), "method": method, "own_ship_source": "odometry"}

@@ -98,7 +98,7 @@ def test_tracks_have_the_documented_layout(world):
     names = [field.name for field in message.fields]
     assert names == [
         *("x", "y", "z", "track_id", *STATE, *COVARIANCE),
-        *("evaluation", "score", "hit_count", "scan_count", "age"),
+        *("evaluation", "score", "hit_count", "scan_count", "age", "stationary_probability"),
     ]
     kinds = {field.name: field.datatype for field in message.fields}
     # RViz and PCL need these three as float32.

@@ -55,6 +55,7 @@ def _initiation_values(figures: HealthFigures) -> Mapping[str, object]:
         "potential_tracks": snapshot.potential_tracks,
         "potential_tracks_most": snapshot.totals.potential_tracks,
         "tracks": snapshot.tracks,
+        "fixed_echoes": snapshot.fixed_echoes,
         "detection_probability": snapshot.detection_probability,
         "detection_probability_estimated": snapshot.detection_probability_estimated,
         **figures.dropped_of(INITIATION),

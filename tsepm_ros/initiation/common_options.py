@@ -20,6 +20,15 @@ class CommonOptions:
     max_speed: float = parameter(
         10.0, "Maximum speed of a target", unit="m/s", positive=True, maximum=1e4
     )
+    min_speed: float = parameter(
+        0.0,
+        "Speed below which a target counts as standing still: it is published only once it moves "
+        "faster with a probability of 0.9, and is kept as a fixed echo until then; 0: all are "
+        "published",
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e4,
+    )
     max_detections: int = parameter(
         200_000, "Detections in a scan above which the scan is refused", minimum=1
     )
@@ -93,3 +102,7 @@ class CommonOptions:
 
     def __post_init__(self) -> None:
         check_group(self)
+        if self.min_speed >= self.max_speed:
+            raise ValueError(
+                f"min_speed must be below max_speed; got {self.min_speed} and {self.max_speed}"
+            )

@@ -12,6 +12,8 @@ from tsepm_ros.environment.learned import Learned
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.plot_extraction import PlotExtraction
+from tsepm_ros.initiation.recent_hits import RecentHits
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMaintenance
@@ -73,6 +75,7 @@ class FrontEnd:
         self.inside_coverage = self.outside_coverage = self.on_land = 0
         self.plots = PlotExtraction(self.sensor, self.common)
         self._recent: list[Scan] = []
+        self._hits, self._window = RecentHits(), 1
         self.learned = Learned.initial(self.sensor)
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -140,6 +143,7 @@ class FrontEnd:
             As `observe` does. Nothing has changed then.
         """
         self._check(scan)
+        self._window = window
         recent, self._recent = self._recent, [*self._recent, scan][-window:]
         if self.common.plots == "off" or not self.plots.learn(self._covered(scan)[0]):
             return []
@@ -149,6 +153,7 @@ class FrontEnd:
         before = recent[: len(recent) - len(again)]
         self.stamp = before[-1].stamp if before else None
         self.scan_index -= len(again)
+        self._hits = RecentHits()
         self.learned = Learned.initial(self.sensor)
         self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
         return again
@@ -218,6 +223,7 @@ class FrontEnd:
             self._clutter_weight = before / (before + held_density)
         learned.clutter_map.update(*self._polar, self._clutter_weight)
         detections["clutter_density"] = self._local_density(len(detections))
+        self._hits.append(self.scan_index, detections, self._window)
         return Observation(
             stamp=scan.stamp,
             scan_index=self.scan_index,
@@ -235,15 +241,18 @@ class FrontEnd:
             time_limit=time_limit,
         )
 
-    def finish(self, step: Step, existence: FloatArray, ids: IntArray) -> None:
-        """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter."""
+    def finish(self, step: Step, existence: FloatArray, ids: IntArray) -> TrackArrays:
+        """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
+
+        Those that are published at once are returned.
+        """
         tracks = step.tracks.numbered(ids)
         if step.target_probability is not None:
             self.learned.clutter_map.withdraw(
                 *self._polar, self._clutter_weight * step.target_probability
             )
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
-        self.maintenance.add(tracks, existence, histories)
+        return self.maintenance.add(tracks, existence, histories, self._hits.misfits(tracks))
 
     def _check(self, scan: Scan) -> None:
         if self.stamp is not None and scan.stamp <= self.stamp:

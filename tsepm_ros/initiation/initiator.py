@@ -17,6 +17,7 @@ from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.numerics.limits import TimeLimit
@@ -59,7 +60,9 @@ class Initiator:
         self.next_track_id = 0
         self._observed: Observation | None = None
         self.max_scan_time = math.inf
-        self.maintenance = TrackMaintenance(method.common.hold_time, method.common.tracked_timeout)
+        self.maintenance = TrackMaintenance(
+            method.common.hold_time, method.common.tracked_timeout, _speed_prior(method.common)
+        )
         self.front_end = FrontEnd(
             method.sensor, method.common, self.maintenance, method.clutter_excludes_held
         )
@@ -109,9 +112,14 @@ class Initiator:
         if existence is None:
             existence = np.full(len(step.tracks), NEW_TRACK_EXISTENCE)
         ids = self._take_track_ids(len(step.tracks))
-        self.front_end.finish(step, existence, ids)
+        new = self.front_end.finish(step, existence, ids)
+        if len(self.maintenance.released):
+            new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
         self._observed = observed
-        return step.tracks.numbered(ids), step.statistics
+        withheld = len(step.tracks) - len(new)
+        return new, dataclasses.replace(
+            step.statistics, confirmed=step.statistics.confirmed - withheld
+        )
 
     def _read_again(
         self, again: list[Scan], scan: Scan, limit: TimeLimit
@@ -129,7 +137,7 @@ class Initiator:
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""
-        in_use = self.maintenance.current.track_id
+        in_use = self.maintenance.held.tracks.track_id
         following = (self.next_track_id + np.arange(number + len(in_use))) % TRACK_IDS
         taken = following[~np.isin(following, in_use)][:number]
         if number:
@@ -138,8 +146,13 @@ class Initiator:
 
     @property
     def current(self) -> TrackArrays:
-        """Every track held, at the last scan's stamp."""
+        """Every published track held, at the last scan's stamp."""
         return self.maintenance.current
+
+    @property
+    def fixed_echoes(self) -> TrackArrays:
+        """What stands still, with `min_speed`: places, and `since` when."""
+        return self.maintenance.fixed_echoes
 
     def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits that may yet be confirmed, at the last scan's stamp.
@@ -188,6 +201,7 @@ class Initiator:
         self.method, self.front_end = changed, front_end
         self.maintenance.hold_time = method.common.hold_time
         self.maintenance.tracked_timeout = method.common.tracked_timeout
+        self.maintenance.speed_prior = _speed_prior(method.common)
         if not kept:
             self._observed = None
         return kept
@@ -264,3 +278,13 @@ class Initiator:
     def sensor_in_use(self) -> SensorModel:
         """The sensor with the detection probability in use."""
         return self.front_end.sensor_in_use
+
+
+def _speed_prior(common: CommonOptions) -> SpeedPrior:
+    return SpeedPrior(common.min_speed, common.max_speed)
+
+
+def _confirmed_at(scan_index: int, tracks: TrackArrays) -> TrackArrays:
+    """Tracks that were held back, with the scans that it took to confirm them."""
+    first = np.array([hits[0][0] for hits in tracks.hits], np.int64)
+    return dataclasses.replace(tracks, scan_count=scan_index + 1 - first)

@@ -62,4 +62,5 @@ def tracks_from_hits(
         score=np.full(len(hits), np.nan) if score is None else score,
         scan_count=scan_index + 1 - first["scan"].astype(np.int64),
         age=stamp - first["time"],
+        stationary_probability=np.full(len(hits), np.nan),
     )

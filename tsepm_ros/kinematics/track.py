@@ -38,6 +38,8 @@ class ConfirmedTrack:
         Scans since the first hit, inclusive, at confirmation (N_a).
     age : float
         Time since the first hit, s, at `stamp`.
+    stationary_probability : float
+        Probability that the target stands still; nan where it is not known.
     """
 
     track_id: int
@@ -49,6 +51,12 @@ class ConfirmedTrack:
     score: float = math.nan
     scan_count: int = 0
     age: float = 0.0
+    stationary_probability: float = math.nan
+
+    @property
+    def since(self) -> float:
+        """Time of the first hit, s."""
+        return self.stamp - self.age
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -76,7 +84,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     Attributes
     ----------
-    track_id, stamp, evaluation, score, scan_count, age : (n,) ndarray
+    track_id, stamp, evaluation, score, scan_count, age, stationary_probability : (n,) ndarray
         As in `ConfirmedTrack`.
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
@@ -96,6 +104,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     score: NDArray[np.float64]
     scan_count: NDArray[np.int64]
     age: NDArray[np.float64]
+    stationary_probability: NDArray[np.float64]
 
     @classmethod
     def of(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -113,6 +122,9 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             score=np.array([track.score for track in tracks], float),
             scan_count=np.array([track.scan_count for track in tracks], np.int64),
             age=np.array([track.age for track in tracks], float),
+            stationary_probability=np.array(
+                [track.stationary_probability for track in tracks], float
+            ),
         )
 
     def __len__(self) -> int:
@@ -137,6 +149,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             score=float(self.score[row]),
             scan_count=int(self.scan_count[row]),
             age=float(self.age[row]),
+            stationary_probability=float(self.stationary_probability[row]),
         )
 
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,11 @@ from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance import ipda
 from tsepm_ros.maintenance.downstream_tracker import LISTED
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.maintenance.stationary import StraightFits
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,8 @@ class HeldTracks:
         State and probability of each mode.
     histories : Histories
         Features of the plots so far.
+    fits : StraightFits
+        Fits of constant velocity, by which it is judged whether the target stands still.
     existence : (n,) ndarray
         Probability r that the target exists.
     visible : (n,) ndarray
@@ -41,17 +46,21 @@ class HeldTracks:
         Scans in a row in which the track agreed with an older track.
     unlisted_since : (n,) ndarray
         Time since which the downstream tracker has not listed the track, s; or `LISTED`.
+    published : (n,) ndarray of bool
+        Whether the track was published: not before its target is sure to move.
     """
 
     tracks: TrackArrays
     models: InteractingModels
     histories: Histories
+    fits: StraightFits
     existence: FloatArray
     visible: FloatArray
     covered_scans: FloatArray
     last_detected: FloatArray
     agreeing_scans: IntArray
     unlisted_since: FloatArray
+    published: BoolArray
 
     @classmethod
     def of(
@@ -59,22 +68,28 @@ class HeldTracks:
         tracks: TrackArrays,
         existence: float | FloatArray,
         histories: Histories | None = None,
+        misfit: float | FloatArray = 1.0,
     ) -> HeldTracks:
         """Rows of new tracks, whose targets exist with a probability, a number or (n,).
 
-        Without histories no feature of their hits is known.
+        Without histories no feature of their hits is known. The covariances are too small for the
+        hits by factors `misfit`, a number or (n,), which counts in the fits.
         """
         n = len(tracks)
         return cls(
             tracks=tracks,
             models=InteractingModels.of(tracks.state, tracks.covariance),
             histories=Histories.of(np.zeros((n, 0, 3))) if histories is None else histories,
+            fits=StraightFits.of(
+                tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
+            ),
             existence=np.array(np.broadcast_to(existence, n), float),
             visible=np.ones(n),
             covered_scans=np.zeros(n),
             last_detected=tracks.stamp,
             agreeing_scans=np.zeros(n, np.int64),
             unlisted_since=tracks.stamp,
+            published=np.ones(n, bool),
         )
 
     @classmethod
@@ -92,6 +107,7 @@ class HeldTracks:
             tracks=self.tracks.where(rows),
             models=self.models.where(rows),
             histories=self.histories[rows],
+            fits=self.fits[rows],
             **{name: getattr(self, name)[rows] for name in _COLUMNS},
         )
 
@@ -104,6 +120,7 @@ class HeldTracks:
             tracks=self.tracks.joined(other.tracks),
             models=self.models.joined(other.models),
             histories=Histories.joined(self.histories, other.histories),
+            fits=StraightFits.joined(self.fits, other.fits),
             **columns,
         )
 
@@ -125,6 +142,7 @@ class HeldTracks:
                 age=self.tracks.age + time_step,
             ),
             models=models,
+            fits=self.fits.predicted(time_step),
             existence=ipda.predicted_existence(self.existence, time_step),
             visible=ipda.predicted_visibility(self.visible, time_step),
         )
@@ -149,11 +167,13 @@ class HeldTracks:
             models=self.models.with_rows(
                 row, InteractingModels.of(reported.state, reported.covariance)
             ),
+            fits=self.fits.with_rows(row, StraightFits.of(reported.state, reported.covariance)),
             existence=_put(self.existence, row, existence),
             last_detected=_put(
                 self.last_detected, row, np.maximum(self.last_detected[row], reported.stamp)
             ),
             unlisted_since=_put(self.unlisted_since, row, LISTED),
+            published=_put(self.published, row, True),
         )
 
 
@@ -164,11 +184,12 @@ _COLUMNS = (
     "last_detected",
     "agreeing_scans",
     "unlisted_since",
+    "published",
 )
 """The fields of `HeldTracks` that are plain arrays."""
 
 
-def _put(array: FloatArray, row: IntArray, values: FloatArray | float) -> FloatArray:
+def _put(array: NDArray[T], row: IntArray, values: NDArray[T] | float) -> NDArray[T]:
     """A copy of an array with other values in some rows."""
     array = array.copy()
     array[row] = values

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment.feature_association import Environment
+from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance import (
     extended_targets,
@@ -21,12 +23,15 @@ from tsepm_ros.maintenance import (
     held_features,
     held_update,
     ipda,
+    publication,
     repetition,
+    stationary,
 )
 from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, GatedDetections, Neighbours
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.held_update import CoveredTracks
+from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.plots import PlotExtent
@@ -55,6 +60,7 @@ class HeldAssociation(NamedTuple):
 
 NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
+NO_TRACKS = TrackArrays.of([])
 
 
 class TrackMaintenance:
@@ -72,6 +78,9 @@ class TrackMaintenance:
     tracked_timeout : float, optional
         Time, s, after which a downstream tracker without a report is silent, and for which it may
         leave a track unlisted before that counts as declined.
+    speed_prior : SpeedPrior, optional
+        With a `min_speed` tracks are published once they are sure to move faster; until then they
+        are held all the same.
 
     Attributes
     ----------
@@ -80,11 +89,16 @@ class TrackMaintenance:
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
         them.
+    released : TrackArrays
+        Tracks that were published by the last step, after they had been held back.
     """
 
-    def __init__(self, hold_time: float, tracked_timeout: float = 60.0) -> None:
+    def __init__(
+        self, hold_time: float, tracked_timeout: float = 60.0, speed_prior: SpeedPrior | None = None
+    ) -> None:
         self.hold_time = hold_time
         self.tracked_timeout = tracked_timeout
+        self.speed_prior = speed_prior or SpeedPrior()
         self._ended: list[int] = []
         self._cleared: list[int] = []
         self._forget()
@@ -93,16 +107,23 @@ class TrackMaintenance:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
+        self.released = NO_TRACKS
 
     @property
     def held(self) -> HeldTracks:
-        """Every track held, with all that is known of it."""
+        """Every track held, published or not, with all that is known of it."""
         return self._held
 
     @property
     def current(self) -> TrackArrays:
-        """Every track held, at the last scan's stamp; between `follow` and `step` at their own."""
-        return self._held.tracks
+        """Published tracks, at the last scan's stamp; between `follow` and `step` at their own."""
+        published = self._held.published
+        return self._held.tracks if published.all() else self._held.tracks.where(published)
+
+    @property
+    def fixed_echoes(self) -> TrackArrays:
+        """Held tracks, not published, that exist and stand still with more than 0.5."""
+        return publication.fixed_echoes(self._held)
 
     @property
     def ended(self) -> list[int]:
@@ -169,9 +190,23 @@ class TrackMaintenance:
         held, plots = held_features.with_plots(
             held, near, association.probability, detections, environment
         )
+        fits = stationary.updated(
+            held.fits,
+            stamp=stamp,
+            detections=detections,
+            clutter=clutter,
+            sensor=sensor,
+            existence=held.existence,
+            empty=empty,
+            ratios=partial(_ratios_under, held, detections, clutter, sensor, environment),
+            of_filter=stationary.scan_ratios(
+                held.models.probability, association.ratio, near.track, empty
+            ),
+        )
         held, self.covered = held_update.updated(
             held, near, gated, association.ratio, empty, probability > 0.0
         )
+        held = publication.judged(replace(held, fits=fits), self.speed_prior)
         self.held_association = HeldAssociation(
             near.row, association.probability * held.existence[near.track]
         )
@@ -179,6 +214,7 @@ class TrackMaintenance:
         # End.
         plots = plots[self._end(held.existence >= MIN_EXISTENCE)]
         self._end(~self._repeated(plots))
+        self._held, self.released = publication.released(self._held, self.speed_prior)
         return association.held_density
 
     def add(
@@ -186,13 +222,20 @@ class TrackMaintenance:
         tracks: TrackArrays,
         existence: float | FloatArray,
         histories: Histories | None = None,
-    ) -> None:
+        misfit: float | FloatArray = 1.0,
+    ) -> TrackArrays:
         """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
 
-        Their hits have features as in `histories`, if these are known.
+        Their hits have features as in `histories`, if these are known; their covariances are too
+        small for the hits by factors `misfit`. Those that are published at once are returned.
         """
-        if len(tracks):
-            self._held = self._held.joined(HeldTracks.of(tracks, existence, histories))
+        if not len(tracks):
+            return tracks
+        new = HeldTracks.of(tracks, existence, histories, misfit)
+        new = publication.judged(new, self.speed_prior)
+        sure = self.speed_prior.sure_to_move(new.tracks.stationary_probability)
+        self._held = self._held.joined(replace(new, published=sure))
+        return new.tracks.where(sure)
 
     def follow(self, stamp: float, tracks: TrackArrays) -> None:
         """Take over what a downstream tracker reports, before the next step.
@@ -216,6 +259,7 @@ class TrackMaintenance:
         self._tracker = tracker.heard(stamp)
         ids = held.tracks.track_id
         over = declined(since, ids, tracks.track_id, stamp, self.tracked_timeout)
+        over &= held.published
         self._cleared += ids[over].tolist()
         self._held = replace(held, unlisted_since=since).where(~over)
         self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
@@ -240,15 +284,17 @@ class TrackMaintenance:
 
         See `extended_targets.may_repeat_older`.
         """
-        repeats = extended_targets.may_repeat_older(self.current, extent, sensor_position)
-        kept = ~repeats | self._tracker.keeps(self._held.unlisted_since)
-        self._cleared += self.current.track_id[~kept].tolist()
-        self._held = self._held.where(kept)
+        held = self._held
+        repeats = extended_targets.may_repeat_older(held.tracks, extent, sensor_position)
+        kept = ~repeats | self._tracker.keeps(held.unlisted_since)
+        self._cleared += held.tracks.track_id[held.published & ~kept].tolist()
+        self._held = held.where(kept)
 
     def _begin(self, stamp: float) -> None:
         """Begin a step: forget the last one's, and end the tracks that are over their time."""
         self._ended, self._cleared = self._cleared, []
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
+        self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)
 
@@ -267,8 +313,9 @@ class TrackMaintenance:
         """
         kept = kept | self._tracker.keeps(self._held.unlisted_since)
         if not kept.all():
-            self._ended = self._ended + self.current.track_id[~kept].tolist()
-            self._held = self._held.where(kept)
+            held = self._held
+            self._ended = self._ended + held.tracks.track_id[held.published & ~kept].tolist()
+            self._held = held.where(kept)
         return kept
 
 
@@ -291,3 +338,18 @@ def _likelihood_ratios(
         mean = ipda.mean_over_modes(held.models.probability, likelihood, near.track)
         scale = scale * held_features.likelihood_factors(environment, held, near, mean, detections)
     return likelihood * scale
+
+
+def _ratios_under(
+    held: HeldTracks,
+    detections: NDArray[np.void],
+    clutter: FloatArray,
+    sensor: SensorModel,
+    environment: Environment | None,
+    models: InteractingModels,
+    near: Neighbours,
+    gated: list[GatedDetections],
+) -> FloatArray:
+    """L_ijm of pairs as they are under other models of the held tracks' motion, (m, p)."""
+    held = replace(held, models=models)
+    return _likelihood_ratios(held, near, gated, detections, clutter, sensor, environment)

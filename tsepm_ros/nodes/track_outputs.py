@@ -18,6 +18,7 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters import (
     PlacedDetections,
     clear_markers,
+    fixed_echo_markers,
     make_header,
     placed_detections_cloud,
     potential_track_markers,
@@ -79,6 +80,8 @@ class TrackOutputs:
         self._markers = publisher(
             MarkerArray, "tracks/markers", _latched(10), self._on_viewer_change
         )
+        self._fixed_echoes = publisher(PointCloud2, "fixed_echoes", _latched(1))
+        self._fixed_echo_markers = publisher(MarkerArray, "fixed_echoes/markers", _latched(1))
         self._potential = publisher(PointCloud2, "potential_tracks", 10)
         self._potential_markers = publisher(MarkerArray, "potential_tracks/markers", _latched(1))
         self._placed = publisher(PointCloud2, "detections/placed", 100)
@@ -106,6 +109,7 @@ class TrackOutputs:
         if self._placed.get_subscription_count():  # first: trackers wait for it
             self._publish_placed(header, result.scan)
         self._current.publish(track_cloud(header, result.current))
+        self._fixed_echoes.publish(track_cloud(header, result.fixed_echoes))
         # Nested messages are slow to build in Python: only if there is a subscriber.
         if self._odometry.get_subscription_count():
             for track in result.new:
@@ -116,6 +120,8 @@ class TrackOutputs:
                 track_markers(header, result.current, result.ended, afresh=self._redraw)
             )
             self._redraw = False
+        if self._fixed_echo_markers.get_subscription_count():
+            self._fixed_echo_markers.publish(fixed_echo_markers(header, result.fixed_echoes))
         if self.with_potential_tracks:
             self._publish_potential(header)
 
@@ -124,7 +130,9 @@ class TrackOutputs:
         self._shown = header, ()
         self._markers.publish(clear_markers(header))
         self._potential_markers.publish(clear_markers(header))
+        self._fixed_echo_markers.publish(clear_markers(header))
         self._current.publish(track_cloud(header, []))
+        self._fixed_echoes.publish(track_cloud(header, []))
 
     def _publish_placed(self, header: Header, scan: Scan) -> None:
         detections = convert(scan, self._session.settings.sensor, 0)

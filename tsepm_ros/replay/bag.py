@@ -18,7 +18,10 @@ ROLES = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH, LAND)
 
 POINTS, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
 GRID = "nav_msgs/msg/OccupancyGrid"
-_OUTPUTS = (TRACKED, TRUTH, "tracks", "tracks/current", "tracks/odometry", "potential_tracks")
+_OUTPUTS = (
+    *(TRACKED, TRUTH, "tracks", "tracks/current", "tracks/odometry"),
+    *("potential_tracks", "fixed_echoes"),
+)
 """Topics that are never taken for the topic of a driver."""
 
 _SUFFIXES = (".mcap", ".db3")

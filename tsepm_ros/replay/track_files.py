@@ -22,7 +22,8 @@ COLUMNS = (
     *("stamp", "track_id"),
     *STATE_FIELDS,
     *COVARIANCE_FIELDS,
-    *("evaluation", "score", "hit_count", "scan_count", "age", "reason"),
+    *("evaluation", "score", "hit_count", "scan_count", "age"),
+    *("stationary_probability", "reason"),
 )
 
 
@@ -55,13 +56,14 @@ class TrackTable:
                     len(track.hits),
                     track.scan_count,
                     track.age,
+                    track.stationary_probability,
                     self._reason(track),
                 ]
             )
 
 
 class TrackBag:
-    """Writes the messages of the topics `tracks` and `tracks/current` as an MCAP file.
+    """Writes the messages of `tracks`, `tracks/current` and `fixed_echoes` as an MCAP file.
 
     The log time of a message is its scan's stamp. The file appears at the end of the `with` block,
     if the block ends without an error.
@@ -88,9 +90,9 @@ class TrackBag:
             Path(self._folder.name) / "bag", version=9, storage_plugin=StoragePlugin.MCAP
         )
         self._writer.open()
-        self._new, self._current = (
+        self._new, self._current, self._fixed = (
             self._writer.add_connection(topic, POINTS, typestore=self._store)
-            for topic in ("/tracks", "/tracks/current")
+            for topic in ("/tracks", "/tracks/current", "/fixed_echoes")
         )
 
     def __enter__(self) -> TrackBag:
@@ -107,9 +109,13 @@ class TrackBag:
                 self._writer.abort()
 
     def write(self, result: ScanResult) -> None:
-        """Write the two messages of one scan."""
+        """Write the messages of one scan."""
         log_ns = max(result.stamp_ns, 0)
-        for topic, tracks in ((self._new, result.new), (self._current, result.current)):
+        for topic, tracks in (
+            (self._new, result.new),
+            (self._current, result.current),
+            (self._fixed, result.fixed_echoes),
+        ):
             message = self._cloud(result.stamp_ns, result.frame_id, tracks)
             self._writer.write(topic, log_ns, self._store.serialize_cdr(message, POINTS))
 

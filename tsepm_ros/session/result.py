@@ -29,7 +29,9 @@ class ScanResult:
     new : TrackArrays
         Newly confirmed tracks.
     current : TrackArrays
-        All held tracks, at `stamp`.
+        All published tracks that are held, at `stamp`.
+    fixed_echoes : TrackArrays
+        What stands still, with `min_speed`, at `stamp`.
     ended : list of int
         Ids of the tracks that ended.
     statistics : ScanStatistics
@@ -47,6 +49,7 @@ class ScanResult:
     arrival: Arrival
     new: TrackArrays
     current: TrackArrays
+    fixed_echoes: TrackArrays
     ended: list[int]
     statistics: ScanStatistics
     core_seconds: float

@@ -19,7 +19,9 @@ class SessionSnapshot:
     potential_tracks : int
         Number of potential tracks.
     tracks : int
-        Number of held tracks.
+        Number of published tracks that are held.
+    fixed_echoes : int
+        Number of fixed echoes.
     dropped : mapping of str to int
         Drops by reason.
     waiting : int
@@ -48,6 +50,7 @@ class SessionSnapshot:
     totals: ScanStatistics
     potential_tracks: int
     tracks: int
+    fixed_echoes: int
     dropped: Mapping[str, int]
     waiting: int
     detection_probability: float

@@ -1,0 +1,167 @@
+"""With min_speed: fixed reflectors are not published, swimmers are, and soon."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixed_echoes import MAX_SPEED, MIN_SPEED, SURE, oracle
+from fixed_echoes_scenes import Scene, reflectors, swimmer
+from support.builders import assert_same_tracks, reconfigured, scan_at
+
+from tsepm_ros import SensorModel, available_methods, make_initiator
+from tsepm_ros.initiation.common_options import CommonOptions
+
+REFLECTORS = Scene(detection_probability=0.8, pings=40)
+
+
+def initiator_of(scene: Scene, min_speed: float = MIN_SPEED, method: str = "score", **options):
+    return make_initiator(
+        method, sensor=scene.sensor, max_speed=MAX_SPEED, min_speed=min_speed, **options
+    )
+
+
+def published_reflectors(seeds: range, pings: int, **kind) -> tuple[int, int, float]:
+    """How many reflectors were published, of how many, and the share listed in the end."""
+    published = listed = 0
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 23])
+        scene = replace(REFLECTORS, targets=reflectors(rng), pings=pings, **kind)
+        initiator = initiator_of(scene, clutter_density="estimated")
+        places, found = np.array([target.place for target in scene.targets]), set()
+        for ping in scene.draw(rng):
+            for track in initiator.process(ping.scan):
+                apart = np.hypot(*(places - track.position).T)
+                found |= {int(np.argmin(apart))} if apart.min() < 15.0 else set()
+        published += len(found)
+        echoes = initiator.fixed_echoes.state[:, 0::2]
+        apart = np.hypot(*np.moveaxis(places[:, None] - echoes[None], -1, 0))
+        listed += int((apart.min(axis=1) < 5.0).sum())
+        assert len(echoes) <= len(places) + 1
+        assert not set(initiator.fixed_echoes.track_id) & set(initiator.current.track_id)
+    return published, 5 * len(seeds), listed / (5 * len(seeds))
+
+
+def test_fixed_reflectors_are_listed_and_not_published():
+    published, number, listed = published_reflectors(range(1, 4), 40)
+    assert (published, number) == (0, 15)
+    assert listed == 1.0
+
+
+@pytest.mark.parametrize(
+    "kind", [{"heading_std": 0.02, "position_std": 1.0}, {"speed": 1.0}], ids=["pose", "moving"]
+)
+def test_errors_of_the_own_pose_and_a_moving_sonar_move_no_reflector(kind):
+    published, _, listed = published_reflectors(range(1, 3), 30, **kind)
+    assert published == 0
+    assert listed >= 0.9
+
+
+@pytest.mark.statistical
+def test_at_most_two_of_a_hundred_reflectors_are_ever_published_in_two_minutes():
+    published, number, listed = published_reflectors(range(1, 21), 120)
+    assert number == 100
+    assert published <= 2
+    assert listed >= 0.95
+
+
+@pytest.mark.parametrize(("course", "seed"), [("radial", 1), ("radial", 2), ("any", 3), ("any", 4)])
+def test_a_swimmer_is_published_soon_after_an_oracle_is_sure(course, seed):
+    rng = np.random.default_rng([seed, 24])
+    scene = Scene([swimmer(rng, course)], pings=40)
+    pings = list(scene.draw(rng))
+    first = {}
+    for min_speed in (0.0, MIN_SPEED):
+        initiator = initiator_of(scene, min_speed, clutter_density="estimated")
+        for number, ping in enumerate(pings):
+            for track in initiator.process(ping.scan):
+                if np.hypot(*(ping.truth[0] - track.position)) < 15.0:
+                    first.setdefault(min_speed, (number, track))
+    sure = [probability >= SURE for probability in oracle(pings, 0)].index(True)
+    number, track = first[MIN_SPEED]
+    assert number <= max(sure, first[0.0][0]) + 2
+    assert track.stationary_probability <= 1.0 - SURE
+    assert track.scan_count == number + 1 - track.hits[0][0]
+
+
+def test_a_reflector_that_sets_off_becomes_a_track_under_its_id():
+    rng = np.random.default_rng([5, 25])
+    target = replace(swimmer(rng, "radial"), sets_off=30.0)
+    scene = Scene([target], pings=50)
+    pings = list(scene.draw(rng))
+    initiator, first, echo_id = initiator_of(scene, clutter_density="estimated"), None, None
+    for number, ping in enumerate(pings):
+        for track in initiator.process(ping.scan):
+            if np.hypot(*(ping.truth[0] - track.position)) < 15.0:
+                first = first or (number, track)
+        if number == 29:
+            (echo_id,) = (
+                echo.track_id
+                for echo in initiator.fixed_echoes
+                if np.hypot(*(ping.truth[0] - echo.position)) < 3.0
+            )
+    number, track = first
+    sure = [probability >= SURE for probability in oracle(pings, 0, target)].index(True)
+    assert 30 <= number <= sure + 10
+    assert track.track_id == echo_id
+    assert track.stamp == number
+    assert echo_id in initiator.current.track_id
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_every_method_holds_back_what_stands_still(method):
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, max_range=5000.0)
+    options = {"sensor": sensor, "max_speed": 10.0}
+    rng = np.random.default_rng(3)
+    free = make_initiator(method, **options)
+    careful = make_initiator(method, min_speed=0.5, **options)
+    started: list[int] = []
+    published: list[float] = []
+    for scan in range(16):
+        moving = [1000.0 + 8.0 * 12.0 * scan, 1500.0 - 3.0 * 12.0 * scan]
+        seen = np.array([[2000.0, -1000.0], moving]) + rng.normal(0.0, 3.0, (2, 2))
+        ping = scan_at(12.0 * scan, seen)
+        started += [scan for track in free.process(ping) if track.position[1] < -500.0]
+        published += [track.position[1] for track in careful.process(ping)]
+    assert all(y > -500.0 for y in published)
+    if started:
+        assert any(echo.position[1] < -500.0 for echo in careful.fixed_echoes)
+    if len(free.current) > bool(started):
+        assert published
+
+
+def test_min_speed_changes_no_track_of_fast_targets_but_the_time_it_is_published():
+    rng = np.random.default_rng([1, 26])
+    scene = Scene([swimmer(rng, "radial", speed=3.0)], pings=20)
+    one, other = initiator_of(scene, 0.0), initiator_of(scene)
+    for ping in scene.draw(rng):
+        one.process(ping.scan)
+        other.process(ping.scan)
+    near = one.current
+    assert len(near)
+    assert_same_tracks(near.where(np.isin(near.track_id, other.current.track_id)), other.current)
+
+
+def test_min_speed_may_change_between_scans():
+    rng = np.random.default_rng([2, 26])
+    scene = replace(REFLECTORS, targets=reflectors(rng), pings=30)
+    initiator = initiator_of(scene)
+    pings = list(scene.draw(rng))
+    for ping in pings[:20]:
+        initiator.process(ping.scan)
+    echoes = initiator.fixed_echoes
+    assert len(echoes) >= 4
+    common = replace(initiator.common, min_speed=0.0)
+    reconfigured(initiator, initiator.sensor, common, initiator.options)
+    new = initiator.process(pings[20].scan)
+    assert set(echoes.track_id) <= set(new.track_id)
+    assert len(initiator.fixed_echoes) == 0
+    assert initiator.statistics.confirmed == len(new)
+
+
+def test_min_speed_must_be_below_max_speed():
+    with pytest.raises(ValueError, match="min_speed must be below max_speed"):
+        CommonOptions(min_speed=5.0, max_speed=5.0)
+    with pytest.raises(ValueError, match="min_speed"):
+        CommonOptions(min_speed=-1.0)

@@ -1,0 +1,209 @@
+"""Whether targets stand still: the prior of speeds, and the fits that are judged by it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.builders import FIXED_RANGE_ERROR, detections
+from support.held import CLUTTER, P_D, step, tracks
+
+from tsepm_ros.maintenance import stationary
+from tsepm_ros.maintenance.stationary import SpeedPrior, StraightFits
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+
+
+def plain_probability(velocity, spread, prior: SpeedPrior, share: float) -> float:
+    """The same by sums over a fine grid of velocities, part by part of the prior."""
+    step_size = prior.max_speed / 600.0
+    axis = np.arange(-prior.max_speed, prior.max_speed + step_size, step_size)
+    vx, vy = np.meshgrid(axis, axis)
+    speed = np.hypot(vx, vy)
+    inverse = np.linalg.inv(spread)
+    scale = 2.0 * math.pi * math.sqrt(np.linalg.det(spread))
+
+    def likelihood(x, y):
+        x, y = x - velocity[0], y - velocity[1]
+        square = inverse[0, 0] * x * x + 2.0 * inverse[0, 1] * x * y + inverse[1, 1] * y * y
+        return np.exp(-0.5 * square) / scale
+
+    everywhere = likelihood(vx, vy)
+    still = likelihood(0.0, 0.0)
+    if prior.min_speed:
+        still = 0.5 * (still + everywhere[speed < prior.min_speed].mean())
+    shares, limits = [], []
+    for number, part in enumerate((0.5, 0.25, 0.125, 0.125)):
+        limit = prior.max_speed / 2**number
+        if number == 0 or limit >= 2.0 * prior.min_speed:
+            shares.append(part)
+            limits.append(limit)
+    fast = sum(
+        part / sum(shares) * everywhere[(speed >= prior.min_speed) & (speed <= limit)].mean()
+        for part, limit in zip(shares, limits, strict=True)
+    )
+    return share * still / (share * still + (1.0 - share) * fast)
+
+
+@pytest.mark.parametrize("min_speed", [0.0, 0.4, 1.5])
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.6, -0.2), (-1.0, 2.0), (4.9, 0.0)])
+def test_the_probability_is_that_of_sums_over_velocities(min_speed, velocity):
+    prior = SpeedPrior(min_speed, 5.0)
+    spread = np.array([[0.3, 0.1], [0.1, 0.15]])
+    state = np.array([[100.0, velocity[0], -50.0, velocity[1]]])
+    covariance = np.diag([9.0, 0.0, 9.0, 0.0])[None].copy()
+    covariance[0, 1::2, 1::2] = spread
+    found = prior.stationary_probability(state, covariance, 0.7)
+    expected = plain_probability(velocity, spread, prior, 0.7)
+    np.testing.assert_allclose(found, expected, rtol=0.01, atol=1e-6)
+
+
+def test_far_beyond_every_speed_nothing_stands_still_and_nothing_known_is_the_share():
+    prior = SpeedPrior(0.5, 5.0)
+    state = np.array([[0.0, 300.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, np.nan, 0.0, 0.0]])
+    covariance = np.stack([np.eye(4), 1e8 * np.eye(4), np.eye(4)])
+    first, second, third = prior.stationary_probability(state, covariance, 0.9)
+    assert first < 1e-12
+    np.testing.assert_allclose(second, 0.9, rtol=1e-4)
+    assert 0.9 < third < 1.0
+
+
+def batch_fit(times, positions, variance, stamp):
+    """Least squares on all positions at once."""
+    rows = np.vstack([np.kron(np.eye(2), [1.0, time - stamp]) for time in times])
+    covariance = variance * np.linalg.inv(rows.T @ rows)
+    return covariance @ rows.T @ np.ravel(positions) / variance, covariance
+
+
+def test_over_scans_the_fit_is_least_squares_on_all_detections(monkeypatch):
+    monkeypatch.setattr(stationary, "PROCESS_NOISE", 0.0)
+    rng = np.random.default_rng(5)
+    sensor = FIXED_RANGE_ERROR
+    times = np.arange(12.0)
+    places = np.array([3000.0, 0.0]) + rng.normal(0.0, sensor.range_std, (12, 2))
+    # Azimuth errors of the sensor at that range are as large as its range errors.
+    sensor = type(sensor)(**{**vars(sensor), "azimuth_std": sensor.range_std / 3000.0})
+    state, covariance = batch_fit(times[:4], places[:4], sensor.range_std**2, times[3])
+    track = tracks(1).where(np.array([0]))
+    track = type(track)(**{**vars(track), "state": state[None], "covariance": covariance[None]})
+    track = type(track)(**{**vars(track), "stamp": times[3:4]})
+    hold = TrackMaintenance(1e6)
+    hold.add(track, 0.999)
+    for time, place in zip(times[4:], places[4:], strict=True):
+        found = detections(place[None], time)
+        found["azimuth_std"] = sensor.azimuth_std
+        hold.step(time, found, np.array([1e-12]), lambda at: np.full(len(at), 0.9), sensor, 10.0)
+    expected, spread = batch_fit(times, places, sensor.range_std**2, times[-1])
+    fits = hold.held.fits
+    sigma = np.sqrt(np.diag(spread))
+    np.testing.assert_allclose(fits.state[0] / sigma, expected / sigma, atol=0.05)
+    np.testing.assert_allclose(np.sqrt(np.diag(fits.covariance[0])), sigma, rtol=0.02)
+    probability = SpeedPrior(0.0, 10.0).stationary_probability(expected[None], spread[None], 0.9)
+    np.testing.assert_allclose(hold.current.stationary_probability, probability, rtol=0.05)
+
+
+def test_places_are_the_fits_given_that_the_targets_stand_still():
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(4, 4))
+    covariance = root @ root.T + np.eye(4)
+    state = rng.normal(size=4)
+    place, spread = StraightFits.of(state[None], covariance[None]).places()
+    # A measurement of the velocity, zero and without error, as a Kalman update.
+    pick = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    gain = covariance @ pick.T @ np.linalg.inv(pick @ covariance @ pick.T)
+    expected = state - gain @ pick @ state
+    left = covariance - gain @ pick @ covariance
+    np.testing.assert_allclose(place[0], expected, atol=1e-12)
+    np.testing.assert_allclose(spread[0][0::2, 0::2], left[0::2, 0::2], atol=1e-12)
+    np.testing.assert_allclose(spread[0][1::2, 1::2], covariance[1::2, 1::2])
+    assert np.linalg.eigvalsh(spread[0]).min() > 0.0
+
+
+def test_however_often_one_looks_few_fixed_echoes_are_taken_for_moving():
+    # By Ville's inequality, at most (1 - share) / share / 9 = 1 / 81 of them, ever.
+    rng = np.random.default_rng(7)
+    number, looks, sigma = 2000, 90, np.array([0.5, 4.0])
+    prior = SpeedPrior(0.3, 5.0)
+    seen = sigma * rng.standard_normal((looks, number, 2))
+    ever = np.zeros(number, bool)
+    for look in [*range(3, 20), *range(20, looks, 4)]:
+        times = np.arange(look) - (look - 1.0)
+        rows = np.stack([np.ones(look), times], axis=1)
+        inverse = np.linalg.inv(rows.T @ rows)
+        fitted = np.einsum("ij,kj,knc->nic", inverse, rows, seen[:look])
+        state = np.stack([fitted[:, axis, c] for c in (0, 1) for axis in (0, 1)], axis=1)
+        covariance = np.zeros((number, 4, 4))
+        for c in (0, 1):
+            covariance[:, 2 * c : 2 * c + 2, 2 * c : 2 * c + 2] = sigma[c] ** 2 * inverse
+        ever |= prior.sure_to_move(prior.stationary_probability(state, covariance, 0.9))
+    assert ever.mean() <= 1.0 / 81.0
+
+
+def test_one_detection_changes_the_odds_of_a_change_by_a_bounded_factor():
+    hold = TrackMaintenance(1e6)
+    hold.add(tracks(1), 0.99)
+    before = hold.held.fits.change_odds[0]
+    # Far from the fit, but within the gate of a turn.
+    step(hold, 12.0, detections([[2060.0, 1400.0]], 12.0), P_D)
+    begun = -math.expm1(-12.0 / stationary.TIME_TO_CHANGE)
+    after = hold.held.fits.change_odds[0]
+    assert after <= (before + begun) / stationary.GLITCH
+
+
+def follow(hold: TrackMaintenance, path, stamps, rng) -> None:
+    """Detections of a target on a path, without clutter."""
+    for stamp in stamps:
+        seen = np.asarray(path(stamp)) + rng.normal(0.0, 3.0, 2)
+        found = detections(seen[None], stamp, 9.0)
+        found["range_std"], found["azimuth_std"] = 3.0, 0.001
+        hold.step(
+            stamp,
+            found,
+            np.full(1, CLUTTER),
+            lambda at: np.full(len(at), P_D),
+            FIXED_RANGE_ERROR,
+            10.0,
+        )
+
+
+def standing(x: float = 2000.0):
+    """A track of something at rest, as fitted to its first hits."""
+    track = tracks(1, x=x).where(np.array([0]))
+    state = np.array([[x, 0.0, 1000.0, 0.0]])
+    covariance = np.diag([3.0, 1.0, 3.0, 1.0])[None] ** 2
+    return type(track)(**{**vars(track), "state": state, "covariance": covariance})
+
+
+def test_a_track_that_stops_stands_still_after_a_while_and_stays_a_track():
+    rng = np.random.default_rng(4)
+    hold = TrackMaintenance(1e6)
+    moving = standing()
+    state = np.array([[2000.0, 5.0, 1000.0, 0.0]])
+    hold.add(type(moving)(**{**vars(moving), "state": state}), 0.99)
+    follow(hold, lambda t: (2000.0 + 5.0 * min(t, 60.0), 1000.0), np.arange(1.0, 60.0), rng)
+    assert hold.current.stationary_probability[0] < 0.01
+    follow(hold, lambda t: (2300.0, 1000.0), np.arange(61.0, 200.0), rng)
+    assert hold.current.track_id.tolist() == [1]
+    assert hold.current.stationary_probability[0] > 0.9
+
+
+def test_what_sets_off_is_released_under_its_id_and_only_once():
+    rng = np.random.default_rng(3)
+    hold = TrackMaintenance(1e6, speed_prior=SpeedPrior(0.5, 10.0))
+    assert len(hold.add(standing(), 0.99)) == 0
+    follow(hold, lambda t: (2000.0, 1000.0), np.arange(1.0, 60.0), rng)
+    assert len(hold.current) == 0
+    (echo,) = hold.fixed_echoes
+    assert echo.track_id == 1
+    assert (echo.since, echo.stamp) == (0.0, 59.0)
+    np.testing.assert_allclose(echo.position, [2000.0, 1000.0], atol=3.0)
+    assert echo.velocity.tolist() == [0.0, 0.0]
+    released = []
+    for stamp in np.arange(60.0, 90.0):
+        follow(hold, lambda t: (2000.0 + 3.0 * (t - 60.0), 1000.0), [stamp], rng)
+        released += [(track.track_id, stamp) for track in hold.released]
+    ((track_id, stamp),) = released
+    assert track_id == 1
+    assert stamp <= 75.0
+    assert hold.current.track_id.tolist() == [1]
+    assert len(hold.fixed_echoes) == 0

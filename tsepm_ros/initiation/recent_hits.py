@@ -1,0 +1,55 @@
+"""How well the hits of new tracks fit their states."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.gaussian import squared_distance
+
+GOOD_FIT = 0.99
+"""Probability up to which the squared distance of hits from their track is no misfit."""
+_FIELDS = ["index", "time", "position", "covariance"]
+
+
+class RecentHits:
+    """The detections of recent scans, to which the hits of new tracks refer."""
+
+    def __init__(self) -> None:
+        self._scans: deque[tuple[int, NDArray[np.void]]] = deque()
+
+    def append(self, scan_index: int, detections: NDArray[np.void], window: int) -> None:
+        """Add a scan's detections, and forget those before a window of scans."""
+        self._scans.append((scan_index, detections[_FIELDS].copy()))
+        while self._scans[0][0] <= scan_index - window:
+            self._scans.popleft()
+
+    def misfits(self, tracks: TrackArrays) -> FloatArray:
+        """Factors by which the covariances of new tracks are too small for their hits, (n,).
+
+        The squared distance of h hits from their track has 2 h - 4 degrees of freedom. Where it is
+        beyond their `GOOD_FIT`, it is divided by them (Birge's ratio); else the factor is 1. Hits
+        in scans that are forgotten do not count.
+        """
+        return np.array([self._misfit(tracks, row) for row in range(len(tracks))])
+
+    def _misfit(self, tracks: TrackArrays, row: int) -> float:
+        scans = dict(self._scans)
+        hits = [
+            scans[scan][scans[scan]["index"] == index]
+            for scan, index in tracks.hits[row]
+            if scan in scans
+        ]
+        freedom = 2 * len(hits) - 4
+        if freedom <= 0:
+            return 1.0
+        seen, state = np.concatenate(hits), tracks.state[row]
+        elapsed = seen["time"] - tracks.stamp[row]
+        expected = state[0::2] + elapsed[:, None] * state[1::2]
+        square = squared_distance(seen["position"] - expected, seen["covariance"]).sum()
+        return float(square / freedom) if square > chi2.ppf(GOOD_FIT, freedom) else 1.0

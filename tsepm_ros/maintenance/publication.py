@@ -1,0 +1,54 @@
+"""Which held tracks are published: those that move; what stands still is a fixed echo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance import stationary
+from tsepm_ros.maintenance.held_tracks import HeldTracks
+from tsepm_ros.maintenance.stationary import SpeedPrior
+
+EXISTS = 0.5
+"""Probability of existence from which a track that was held back is published: a choice."""
+STANDS_STILL = 0.5
+"""Probability of a target that exists and stands still above which it is a fixed echo."""
+
+
+def judged(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
+    """The rows after an update, with the probabilities that their targets stand still.
+
+    A fit begins again with the filter's state where the motion has changed.
+    """
+    fits = stationary.begun_again(held.fits, held.tracks.state, held.tracks.covariance)
+    probability = fits.stationary_probability(prior)
+    tracks = replace(held.tracks, stationary_probability=probability)
+    return replace(held, fits=fits, tracks=tracks)
+
+
+def released(held: HeldTracks, prior: SpeedPrior) -> tuple[HeldTracks, TrackArrays]:
+    """Publish the tracks that were held back and are sure to move now.
+
+    Returns
+    -------
+    held : HeldTracks
+    tracks : TrackArrays
+        The tracks that are published now. A downstream tracker has known them from now on only.
+    """
+    sure = ~held.published & prior.sure_to_move(held.tracks.stationary_probability)
+    sure &= held.existence >= EXISTS
+    return replace(
+        held,
+        published=held.published | sure,
+        unlisted_since=np.where(sure, held.tracks.stamp, held.unlisted_since),
+    ), held.tracks.where(sure)
+
+
+def fixed_echoes(held: HeldTracks) -> TrackArrays:
+    """Tracks held back that exist and stand still with more than 0.5, at their places."""
+    still = held.existence * held.tracks.stationary_probability > STANDS_STILL
+    rows = np.flatnonzero(still & ~held.published)
+    state, covariance = held.fits[rows].places()
+    return replace(held.tracks.where(rows), state=state, covariance=covariance)

@@ -1,0 +1,282 @@
+"""Whether targets stand still: the evidence of all their detections, for every held track.
+
+A target stands still, or moves slower than `min_speed`, or moves at up to v_max. The prior density
+of its velocity v has a part for each::
+
+    share / 2                 v = 0
+    share / 2                 uniform on |v| < min_speed
+    1 - share                 uniform on min_speed <= |v| <= r, with r = v_max, v_max / 2, ...
+
+Without `min_speed` the first part has the whole share. The last part is a mixture of discs (see
+`SPEED_SHARES`): its density falls with speed, nearly as that of a uniform speed and course does, so
+that a v_max far above a target's speed hardly delays its track.
+
+A constant velocity is fitted to the hits of a target's start and to all its later detections. Up to
+a factor, the likelihood of v is the density of the fitted velocity, ``N(v; v^, P_v)``, which gives
+the posterior probability that the target stands still. This evidence grows with every ping, and it
+does not matter how often it is looked at: under the law of a fixed echo the odds of moving are a
+martingale, and they ever reach 9 to 1 with a probability of at most ``(1 - share) / share / 9``
+(Ville 1939).
+
+The fit hardly forgets, so that slow motion shows. A fixed echo that moves off leaves its fit
+behind; the held track follows it, since its filter allows for manoeuvres. With Lambda the
+likelihood ratio of a scan, target against none (see `maintenance.ipda`), of the filter and of the
+fit, the odds that the motion has changed are (Shiryaev 1963)::
+
+    o <- (o + 1 - exp(-t / TIME_TO_CHANGE)) Lambda_filter
+         / ((1 - GLITCH) Lambda_fit + GLITCH Lambda_filter)
+
+A single scan, however far off its detection is, multiplies them by at most 1 / GLITCH. At
+`MAX_CHANGE_ODDS` the fit begins again with the filter's state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.kinematics.interacting_models import InteractingModels
+from tsepm_ros.maintenance import gated_detections, ipda, state_mixtures
+from tsepm_ros.maintenance.gated_detections import GatedDetections, Neighbours
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.disc import disc_probability
+from tsepm_ros.numerics.gaussian import log_density
+from tsepm_ros.numerics.rows import Rows
+from tsepm_ros.sensing.sensor import SensorModel
+
+STATIONARY_SHARE = 0.9
+"""Prior share of starts that stand still: a choice.
+
+With it, at most 1 / 81 of fixed echoes are ever taken for moving, and far fewer where starts are as
+good as stated: the bound is that of the worst case.
+"""
+CHANGED_SHARE = 0.1
+"""The same after a change of motion: a choice."""
+SURE = 0.9
+"""Probability of moving from which a track is published."""
+SPEED_SHARES = 0.5, 0.25, 0.125, 0.125
+"""Prior shares, among moving targets, of those of at most v_max, v_max / 2, v_max / 4, ...
+
+Limits below twice `min_speed` are left out. A choice.
+"""
+PROCESS_NOISE = 1e-4
+"""Spectral density of the acceleration in the fit, m^2/s^3: 0.1 m/s per 100 s."""
+TIME_TO_CHANGE = 1e4
+"""Mean time after which the motion of a target changes, s: a choice."""
+GLITCH = 0.02
+"""Probability that the error of a detection is not as the fit expects: a choice."""
+MAX_CHANGE_ODDS = SURE / (1.0 - SURE)
+"""Odds of a change of motion from which the fit begins again."""
+
+
+@dataclass(frozen=True)
+class SpeedPrior:
+    """What is known of speeds before any detection.
+
+    Attributes
+    ----------
+    min_speed : float
+        Speed below which a target counts as standing still, m/s.
+    max_speed : float
+        v_max, m/s.
+    """
+
+    min_speed: float = 0.0
+    max_speed: float = 10.0
+
+    def stationary_probability(
+        self, state: FloatArray, covariance: FloatArray, share: FloatArray | float
+    ) -> FloatArray:
+        """Probability that targets stand still or are slower than `min_speed`, (n,).
+
+        Parameters
+        ----------
+        state, covariance : (n, 4), (n, 4, 4) ndarray
+            Fitted without any knowledge of the velocity but the detections.
+        share : (n,) ndarray or float
+            Prior share of targets that stand still.
+        """
+        velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
+        usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
+        if not usable.all():
+            velocity = np.where(usable[:, None], velocity, 0.0)
+            spread = np.where(usable[:, None, None], spread, np.eye(2) * self.max_speed**2)
+        still = np.exp(log_density(velocity, spread)[0])
+        slow = disc_probability(velocity, spread, self.min_speed)
+        fast = np.zeros(len(velocity))
+        for part, limit in self._speed_limits():
+            ring = math.pi * (limit**2 - self.min_speed**2)
+            faster = disc_probability(velocity, spread, limit) - slow
+            fast += part / ring * np.maximum(faster, 0.0)
+        if self.min_speed:
+            still = 0.5 * (still + slow / (math.pi * self.min_speed**2))
+        still = share * still
+        fast = np.maximum((1.0 - share) * fast, np.finfo(float).tiny)
+        return np.asarray(still / (still + fast))
+
+    def _speed_limits(self) -> list[tuple[float, float]]:
+        """Prior shares of moving targets, and the speeds that each does not exceed, m/s."""
+        limits = [self.max_speed / 2.0**halved for halved in range(len(SPEED_SHARES))]
+        limits = [limit for limit in limits if limit >= 2.0 * self.min_speed] or limits[:1]
+        shares = SPEED_SHARES[: len(limits)]
+        return [(share / sum(shares), limit) for share, limit in zip(shares, limits, strict=True)]
+
+    def sure_to_move(self, stationary_probability: FloatArray) -> NDArray[np.bool_]:
+        """Which targets are published, (n,): all without `min_speed`, else those sure to move."""
+        if not self.min_speed:
+            return np.ones(len(stationary_probability), bool)
+        return np.asarray(1.0 - stationary_probability >= SURE)
+
+
+@dataclass(frozen=True, eq=False)
+class StraightFits(Rows):
+    """Fits of constant velocity to all detections of targets, a row each.
+
+    Attributes
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+    change_odds : (n,) ndarray
+        Odds that the motion has changed since the fit began.
+    share : (n,) ndarray
+        Prior probability that the target stood still when the fit began.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    change_odds: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def of(
+        cls, state: FloatArray, covariance: FloatArray, share: float = STATIONARY_SHARE
+    ) -> StraightFits:
+        """Fits that begin with states (n, 4) and covariances (n, 4, 4)."""
+        return cls(state, covariance, np.zeros(len(state)), np.full(len(state), share))
+
+    def with_rows(self, rows: NDArray[np.generic], other: StraightFits) -> StraightFits:
+        """The fits, with the given rows (indices or a mask) replaced by those of `other`."""
+        replaced = StraightFits(
+            self.state.copy(), self.covariance.copy(), self.change_odds.copy(), self.share.copy()
+        )
+        replaced.state[rows], replaced.covariance[rows] = other.state, other.covariance
+        replaced.change_odds[rows], replaced.share[rows] = other.change_odds, other.share
+        return replaced
+
+    def predicted(self, elapsed: FloatArray) -> StraightFits:
+        """The fits after times (n,), s, of either sign."""
+        state, covariance = kalman.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
+        begun = -np.expm1(-np.abs(elapsed) / TIME_TO_CHANGE)
+        return replace(
+            self, state=state, covariance=covariance, change_odds=self.change_odds + begun
+        )
+
+    def models(self) -> InteractingModels:
+        """The fits as models of motion with a single mode."""
+        return InteractingModels(
+            np.ones((1, len(self))), self.state[None].copy(), self.covariance[None].copy()
+        )
+
+    def stationary_probability(self, prior: SpeedPrior) -> FloatArray:
+        """Probability that the targets stand still or are slower than `min_speed`, (n,)."""
+        return prior.stationary_probability(self.state, self.covariance, self.share)
+
+    def places(self) -> tuple[FloatArray, FloatArray]:
+        """States and covariances of the targets, given that they stand still.
+
+        The position is ``x - P_xv P_v^-1 v`` with the covariance ``P_x - P_xv P_v^-1 P_vx``; the
+        velocity is 0, with the fit's covariance.
+
+        Returns
+        -------
+        state : (n, 4) ndarray
+        covariance : (n, 4, 4) ndarray
+        """
+        cross = self.covariance[:, 0::2, 1::2]
+        spread = self.covariance[:, 1::2, 1::2]
+        gain = np.swapaxes(np.linalg.solve(spread, np.swapaxes(cross, 1, 2)), 1, 2)
+        state, covariance = np.zeros_like(self.state), np.zeros_like(self.covariance)
+        state[:, 0::2] = self.state[:, 0::2] - (gain @ self.state[:, 1::2, None])[..., 0]
+        place = self.covariance[:, 0::2, 0::2] - gain @ np.swapaxes(cross, 1, 2)
+        covariance[:, 0::2, 0::2] = 0.5 * (place + np.swapaxes(place, 1, 2))
+        covariance[:, 1::2, 1::2] = spread
+        return state, covariance
+
+
+LikelihoodRatios = Callable[[InteractingModels, Neighbours, list[GatedDetections]], FloatArray]
+"""L_ijm of pairs of targets and detections under models of motion, (m, p)."""
+
+
+def updated(
+    fits: StraightFits,
+    *,
+    stamp: float,
+    detections: NDArray[np.void],
+    clutter: FloatArray,
+    sensor: SensorModel,
+    existence: FloatArray,
+    empty: FloatArray,
+    ratios: LikelihoodRatios,
+    of_filter: FloatArray,
+) -> StraightFits:
+    """The fits after a scan, to which they are predicted.
+
+    They have an association of their own.
+
+    Parameters
+    ----------
+    fits : StraightFits
+    stamp : float
+        The scan's, s.
+    detections : (d,) ndarray of DETECTION
+    clutter : (d,) ndarray
+        lambda_j, 1/m^2.
+    sensor : SensorModel
+    existence, empty : (n,) ndarray
+        r_i, b_i.
+    ratios : callable
+        As for the held tracks' filter.
+    of_filter : (n,) ndarray
+        Lambda_filter.
+
+    Returns
+    -------
+    StraightFits
+    """
+    models = fits.models()
+    near, (gated,) = gated_detections.gate(models, fits.state, stamp, detections, sensor)
+    association = ipda.associate(
+        existence,
+        empty,
+        models.probability,
+        ratios(models, near, [gated]),
+        near.track,
+        near.row,
+        clutter,
+    )
+    of_fit = ipda.scan_ratio(empty, association.ratio[0], near.track)
+    state, covariance = state_mixtures.updated_states(
+        fits.state, fits.covariance, gated, near.track, association.probability
+    )
+    odds = fits.change_odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter)
+    return replace(fits, state=state, covariance=covariance, change_odds=odds)
+
+
+def scan_ratios(
+    mode_probability: FloatArray, ratio: FloatArray, track: IntArray, empty: FloatArray
+) -> FloatArray:
+    """Lambda_i of targets over the modes of their motion, (n,), of pairs' L_ijm (m, p)."""
+    return ipda.scan_ratio(empty, ipda.mean_over_modes(mode_probability, ratio, track), track)
+
+
+def begun_again(fits: StraightFits, state: FloatArray, covariance: FloatArray) -> StraightFits:
+    """The fits, with those whose motion has changed replaced by states (n, 4) of the filter."""
+    changed = fits.change_odds >= MAX_CHANGE_ODDS
+    if not changed.any():
+        return fits
+    fresh = StraightFits.of(state[changed], covariance[changed], CHANGED_SHARE)
+    return fits.with_rows(changed, fresh)
