@@ -7,8 +7,7 @@ passes the same steps::
     first of the queue -> classified by its stamp -> waits for own-ship data
         -> registered in the fixed frame -> processed by the initiator -> result
 
-or is dropped with a reason. The parts of the session return refusals; only the session counts and
-reports them.
+or is dropped with a reason. The parts return refusals; only the session counts and reports them.
 """
 
 from __future__ import annotations
@@ -308,8 +307,7 @@ class Session:
         """Whether the mounting is given, assumed, not needed or unknown yet."""
         if self.source != "odometry":
             return "not needed"
-        known = self.own_ship_stamp is not None
-        return self._frames.mounting_state(self._settings.mounting, known)
+        return self._frames.mounting_state(self._settings.mounting, self.own_ship_stamp is not None)
 
     def _report_all(self, *remarks: Remark | None) -> None:
         """Count and report refusals; report notices."""
