@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
-from support.held import P_D, holding, ids, step, tracks
+from support.held import MAX_SPEED, P_D, holding, ids, step, tracks
 
 from tsepm_ros import Scan
 from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
@@ -34,8 +34,8 @@ def test_tracks_are_carried_to_the_scan_s_stamp_at_constant_velocity(straight):
     step(hold, 25.0)
     first, second = hold.current
     assert (first.stamp, first.age) == (25.0, 25.0)
-    np.testing.assert_allclose(first.state, [2125.0, 5.0, 1000.0, 0.0])
-    np.testing.assert_allclose(second.state, [2125.0, 5.0, 2000.0, 0.0])
+    np.testing.assert_allclose(first.state, [2125.0, 5.0, 1000.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(second.state, [2125.0, 5.0, 2000.0, 0.0], atol=1e-12)
     # White acceleration over 25 s: q t, and position q t^3 / 3 beside the velocity's own part.
     np.testing.assert_allclose(first.covariance[1, 1], 4.0 + PROCESS_NOISE * 25.0)
     np.testing.assert_allclose(
@@ -140,3 +140,17 @@ def test_a_target_in_clutter_is_held_and_followed(velocity_at):
     assert np.linalg.norm(track.position - position) < 150.0
     assert np.linalg.norm(track.velocity - velocity) < 3.0
     assert hold.held.existence[0] > 0.99
+
+
+def test_no_held_speed_is_above_the_maximum_however_detections_jump():
+    hold = holding(1, hold_time=1e6, existence=0.99)
+    rng = np.random.default_rng(4)
+    x, speeds = 2000.0, []
+    for scan in range(1, 60):
+        x += 12.0 * 9.5 + rng.normal(0.0, 60.0)
+        scan_stamp = 12.0 * scan
+        step(hold, scan_stamp, detections([[x, 1000.0]], scan_stamp, variance=900.0), P_D)
+        speeds += [np.hypot(*track.velocity) for track in hold.current]
+    assert max(speeds) > 8.0, "detections go by at 9.5 m/s"
+    assert max(speeds) <= MAX_SPEED
+    np.testing.assert_array_less(0.0, np.linalg.eigvalsh(hold.current.covariance))

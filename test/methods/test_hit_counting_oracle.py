@@ -41,7 +41,8 @@ def compare(method: str, seed: int) -> int:
     scene = random_scene(seed)
     options = options_of(scene, seed, method)
     expected = PLAIN[method](scene.scans, scene.sensor, options)
-    made = make_initiator(method, sensor=SensorModel(**scene.sensor), **options)
+    sensor = SensorModel(**scene.sensor)
+    made = make_initiator(method, sensor=sensor, limit_speed=False, **options)
     for scan, (tracks, potential) in zip(scene.as_scans(), expected, strict=True):
         found = {track.hits: track for track in made.process(scan)}
         assert set(found) == {track.hits for track in tracks}

@@ -63,6 +63,45 @@ def check_output(made: Initiator, tracks: TrackArrays) -> None:
         assert made.reason(track)
 
 
+def fast(seed: int) -> list[Scan]:
+    """A target at the maximum speed, with errors of 40 m: fits are often above it."""
+    rng = np.random.default_rng(seed)
+    return [
+        scan_at(12.0 * k, [np.array([2000.0 + 10.0 * 12.0 * k, 500.0]) + rng.normal(0, 40.0, 2)])
+        for k in range(14)
+    ]
+
+
+@EVERY_METHOD
+def test_no_published_speed_is_above_the_maximum(method):
+    sensor = SensorModel(range_std=40.0, range_std_fraction=0.0, azimuth_std=0.02)
+    published, started = [], []
+    for seed in range(12):
+        made = make_initiator(method, sensor=sensor, max_speed=10.0)
+        for scan in fast(seed):
+            new = made.process(scan)
+            check_output(made, new)
+            started += [track.state for track in new]
+            published += [np.hypot(*track.velocity) for track in (*new, *made.current)]
+    assert len(started) > 3
+    assert max(published) <= 10.0
+
+
+def test_without_the_limit_a_start_is_the_fit_to_its_hits():
+    sensor = SensorModel(range_std=40.0, range_std_fraction=0.0, azimuth_std=0.02)
+    pairs = []
+    for seed in range(12):
+        limited, fitted = (
+            make_initiator("tsepm", sensor=sensor, limit_speed=limit) for limit in (True, False)
+        )
+        for scan in fast(seed):
+            pairs += zip(limited.process(scan), fitted.process(scan), strict=True)
+    assert all(one.hits == other.hits for one, other in pairs)
+    speeds = [np.hypot(*fitted.velocity) for _, fitted in pairs]
+    assert max(speeds) > 10.0
+    assert any(np.array_equal(one.state, other.state) for one, other in pairs)
+
+
 @EVERY_METHOD
 def test_a_target_alone_is_started_where_it_is(method):
     made = make_initiator(method, sensor=FEW_FALSE)

@@ -29,6 +29,11 @@ class CommonOptions:
         minimum=0.0,
         maximum=1e4,
     )
+    limit_speed: bool = parameter(
+        True,
+        "Condition the state of a new track on a speed of at most max_speed, where it is probably "
+        "above; false: the state as the method's source has it. Held tracks are within max_speed",
+    )
     max_detections: int = parameter(
         200_000, "Detections in a scan above which the scan is refused", minimum=1
     )

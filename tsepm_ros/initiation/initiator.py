@@ -16,6 +16,7 @@ from tsepm_ros.initiation.method import Method
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.kinematics import speed_limit
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
@@ -108,6 +109,7 @@ class Initiator:
         """Observe a scan, let the method step on it, and hold the new tracks, with their ids."""
         observed = self.front_end.observe(scan, limit)
         step = self.method.step(observed)
+        step = dataclasses.replace(step, tracks=self._within_max_speed(step.tracks))
         existence = step.existence
         if existence is None:
             existence = np.full(len(step.tracks), NEW_TRACK_EXISTENCE)
@@ -120,6 +122,15 @@ class Initiator:
         return new, dataclasses.replace(
             step.statistics, confirmed=step.statistics.confirmed - withheld
         )
+
+    def _within_max_speed(self, tracks: TrackArrays) -> TrackArrays:
+        """The tracks, their states conditioned on a speed of at most `max_speed`, if so set."""
+        if not self.common.limit_speed or not len(tracks):
+            return tracks
+        state, covariance = speed_limit.limited(
+            tracks.state, tracks.covariance, self.common.max_speed
+        )
+        return dataclasses.replace(tracks, state=state, covariance=covariance)
 
     def _read_again(
         self, again: list[Scan], scan: Scan, limit: TimeLimit

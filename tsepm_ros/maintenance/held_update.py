@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tsepm_ros.kinematics import speed_limit
 from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.maintenance import ipda, state_mixtures
 from tsepm_ros.maintenance.gated_detections import GatedDetections, Neighbours
@@ -39,6 +40,7 @@ def updated(
     ratios: FloatArray,
     empty: FloatArray,
     covered: BoolArray,
+    max_speed: FloatArray,
 ) -> tuple[HeldTracks, CoveredTracks]:
     """The predicted rows after a scan, and its samples of the detection probability.
 
@@ -54,6 +56,8 @@ def updated(
         b_i.
     covered : (n,) ndarray of bool
         Which targets could be detected at all.
+    max_speed : (n,) ndarray
+        v_max, m/s: in each mode, the state is conditioned on it; see `kinematics.speed_limit`.
     """
     mode_ratios, states, covariances = [], [], []
     for (_, state, covariance), detections, ratio in zip(
@@ -64,6 +68,7 @@ def updated(
         state, covariance = state_mixtures.updated_states(
             state, covariance, detections, near.track, beta
         )
+        state, covariance = speed_limit.limited(state, covariance, max_speed)
         mode_ratios.append(scan_ratio)
         states.append(state)
         covariances.append(covariance)

@@ -103,7 +103,7 @@ def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
     for gate, matching in READINGS:
         method = Sequential(
             scenario.sensor,
-            CommonOptions(max_speed=published.MAX_SPEED, plots="off"),
+            CommonOptions(max_speed=published.MAX_SPEED, plots="off", limit_speed=False),
             SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
         )
         started = Started.on(scene, Initiator(method), scenario.scans)

@@ -46,6 +46,7 @@ from tsepm_ros.stages.splitting import Gated, gate_within
 RULE = (5, 8)
 TARGET = np.array([COORDINATE, COORDINATE])
 SHARED_OPTIONS: dict[str, Any] = {
+    "limit_speed": False,
     "min_hits": RULE[0],
     "window": RULE[1],
     "gate_probability": GATE_PROBABILITY,
@@ -166,7 +167,9 @@ def _table_1_counts(
     )
     method_class = FixedMargin if fixed_margin else Tsepm
     method = method_class(
-        scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED, plots="off"), options
+        scene.scenario.sensor,
+        CommonOptions(max_speed=MAX_SPEED, plots="off", limit_speed=False),
+        options,
     )
     initiator = Initiator(method)
     started = Started.on(scene, initiator, window)
@@ -271,7 +274,9 @@ def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
     results: Result = {}
     for name, method_class in (("split", SplitOnly), ("merged", SplitMerge)):
-        initiator = Initiator(method_class(scenario.sensor, CommonOptions(plots="off"), options))
+        initiator = Initiator(
+            method_class(scenario.sensor, CommonOptions(plots="off", limit_speed=False), options)
+        )
         started = Started.on(scene, initiator, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = np.zeros(len(started.tracks), bool)

@@ -1,0 +1,150 @@
+"""States given a speed of at most v_max: against sums over the disc, and samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros.kinematics.speed_limit import MAX_OUTSIDE, in_disc, limited, log_probability
+
+V_MAX = 10.0
+
+
+def turned(angle: float, major: float, minor: float) -> np.ndarray:
+    axes = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return axes @ np.diag([major**2, minor**2]) @ axes.T
+
+
+def summed(mean: np.ndarray, covariance: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Probability, mean and covariance in the disc by sums over a polar grid."""
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    speed = V_MAX * (nodes[:, None] + 1.0) / 2.0
+    angle = 2.0 * math.pi * np.arange(600) / 600.0
+    v = np.stack([speed * np.cos(angle), speed * np.sin(angle)], axis=-1).reshape(-1, 2)
+    area = np.repeat(weights * V_MAX / 2.0 * speed[:, 0] * 2.0 * math.pi / 600.0, 600)
+    error = v - mean
+    square = (error @ np.linalg.inv(covariance) * error).sum(axis=1)
+    mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(covariance)))
+    inside = float(mass.sum())
+    mean = mass @ v / inside
+    apart = v - mean
+    return inside, mean, (mass[:, None] * apart).T @ apart / inside
+
+
+def with_velocity(seed: int, mean, covariance) -> tuple[np.ndarray, np.ndarray]:
+    """A state of a random position and covariance, whose velocity has the given ones."""
+    rng = np.random.default_rng(seed)
+    gain = rng.uniform(-20.0, 20.0, (2, 2))  # of the position by the velocity, s
+    state, whole = np.zeros(4), np.zeros((4, 4))
+    state[0::2], state[1::2] = rng.uniform(-1e3, 1e3, 2), mean
+    place, speed = [0, 2], [1, 3]
+    whole[np.ix_(speed, speed)] = covariance
+    whole[np.ix_(place, speed)] = gain @ covariance
+    whole[np.ix_(speed, place)] = covariance @ gain.T
+    whole[np.ix_(place, place)] = gain @ covariance @ gain.T + np.diag([400.0, 900.0])
+    return state[None], 0.5 * (whole + whole.T)[None]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_probability_and_moments_are_those_of_the_sums(seed):
+    rng = np.random.default_rng(seed)
+    major = V_MAX * 10.0 ** rng.uniform(-1.0, 0.3)
+    covariance = turned(rng.uniform(0.0, math.pi), major, major * rng.uniform(0.3, 1.0))
+    towards = rng.uniform(-math.pi, math.pi)
+    out = rng.uniform(0.0, V_MAX + 2.0 * major)
+    mean = out * np.array([math.cos(towards), math.sin(towards)])
+    inside, expected, spread = summed(mean, covariance)
+    found = in_disc(mean[None], covariance[None], np.array([V_MAX]))
+    assert found.log_probability[0] == pytest.approx(math.log(inside), abs=1e-9)
+    np.testing.assert_allclose(found.mean[0], expected, atol=1e-9 * V_MAX)
+    np.testing.assert_allclose(found.covariance[0], spread, atol=1e-8 * V_MAX**2)
+
+
+def test_of_the_velocity_prior_all_but_exp_minus_2_is_inside():
+    state, covariance = with_velocity(1, np.zeros(2), np.eye(2) * V_MAX**2 / 4.0)
+    found = log_probability(state, covariance, V_MAX)
+    np.testing.assert_allclose(found, math.log(1.0 - math.exp(-2.0)), rtol=1e-9)
+
+
+def test_a_state_with_little_outside_stays_to_the_bit():
+    # Far from the edge, and with a little less than MAX_OUTSIDE beyond it, in one dimension.
+    for speed, sigma in ((3.0, 1.0), (8.9, 1.5)):
+        state, covariance = with_velocity(2, [speed, 0.0], np.diag([sigma, 0.01]) ** 2)
+        assert 1.0 - math.exp(log_probability(state, covariance, V_MAX)[0]) < MAX_OUTSIDE
+        found = limited(state, covariance, V_MAX)
+        assert found[0].tobytes() == state.tobytes()
+        assert found[1].tobytes() == covariance.tobytes()
+    state, covariance = with_velocity(2, [9.1, 0.0], np.diag([1.5, 0.01]) ** 2)
+    assert limited(state, covariance, V_MAX)[0][0, 1] < 9.1
+
+
+def test_without_a_limit_a_state_stays():
+    state, covariance = with_velocity(3, [30.0, 0.0], np.eye(2))
+    found, _ = limited(
+        np.repeat(state, 2, 0), np.repeat(covariance, 2, 0), np.array([np.inf, 10.0])
+    )
+    assert found[0].tobytes() == state[0].tobytes()
+    assert np.hypot(*found[1, 1::2]) <= 10.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_position_follows_the_velocity_as_in_samples(seed):
+    rng = np.random.default_rng(seed)
+    covariance = turned(rng.uniform(0.0, 3.0), 4.0, 2.0)
+    state, whole = with_velocity(seed, [8.0, 8.0], covariance)
+    samples = rng.multivariate_normal(state[0], whole[0], 400_000)
+    samples = samples[np.hypot(samples[:, 1], samples[:, 3]) <= V_MAX]
+    found, spread = limited(state, whole, V_MAX)
+    error = np.sqrt(np.diag(whole[0]) / len(samples))
+    assert (np.abs(found[0] - samples.mean(axis=0)) < 5.0 * error).all()
+    scale = np.sqrt(np.outer(np.diag(spread[0]), np.diag(spread[0])))
+    assert (np.abs(spread[0] - np.cov(samples.T)) < 0.03 * scale).all()
+
+
+def test_the_mean_is_inside_and_the_covariance_positive_definite_however_far_outside():
+    rng = np.random.default_rng(5)
+    for seed in range(200):
+        major = V_MAX * 10.0 ** rng.uniform(-3.0, 2.0)
+        spread = turned(rng.uniform(0.0, 3.0), major, major * 10.0 ** rng.uniform(-2.0, 0.0))
+        towards, out = rng.uniform(-math.pi, math.pi), V_MAX * 10.0 ** rng.uniform(-1.0, 1.5)
+        mean = out * np.array([math.cos(towards), math.sin(towards)])
+        state, covariance = limited(*with_velocity(seed, mean, spread), V_MAX)
+        assert np.hypot(*state[0, 1::2]) <= V_MAX
+        np.testing.assert_array_equal(covariance[0], covariance[0].T)
+        deviation = np.sqrt(np.diag(covariance[0]))
+        assert np.linalg.eigvalsh(covariance[0] / np.outer(deviation, deviation))[0] > 0.0
+
+
+def test_a_limited_state_is_limited_once():
+    # Otherwise the end of the prior would count again at every scan.
+    rng = np.random.default_rng(6)
+    for seed in range(200):
+        major = V_MAX * 10.0 ** rng.uniform(-1.5, 0.3)
+        spread = turned(rng.uniform(0.0, 3.0), major, major * rng.uniform(0.2, 1.0))
+        towards = rng.uniform(-math.pi, math.pi)
+        mean = (
+            (V_MAX + 3.0 * major) * rng.random() * np.array([math.cos(towards), math.sin(towards)])
+        )
+        once = limited(*with_velocity(seed, mean, spread), V_MAX)
+        again = limited(*once, V_MAX)
+        np.testing.assert_array_equal(again[0], once[0])
+        np.testing.assert_array_equal(again[1], once[1])
+
+
+def test_errors_shrink_and_the_nees_stays_honest_for_velocities_all_over_the_disc():
+    rng = np.random.default_rng(7)
+    n = 4000
+    speed, angle = V_MAX * np.sqrt(rng.random(n)), rng.uniform(-math.pi, math.pi, n)
+    truth = np.stack([speed * np.cos(angle), speed * np.sin(angle)], axis=1)
+    _, covariance = with_velocity(7, np.zeros(2), turned(0.5, 5.0, 3.0))
+    error = rng.multivariate_normal(np.zeros(4), covariance[0], n)
+    target = np.zeros((n, 4))
+    target[:, 1::2] = truth
+    state, spread = limited(target + error, np.repeat(covariance, n, 0), V_MAX)
+    found = state - target
+    assert np.square(found[:, 1::2]).sum() < 0.8 * np.square(error[:, 1::2]).sum()
+    assert np.square(found[:, 0::2]).sum() < np.square(error[:, 0::2]).sum()
+    nees = np.einsum("ni,ni->n", found, np.linalg.solve(spread, found[..., None])[..., 0])
+    assert nees.mean() == pytest.approx(4.0, abs=0.25)
