@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from support.plain_held_tracks import DISC, DISC_AREA, VELOCITY
 from support.plain_tsepm import (
     MEASUREMENT_MATRIX,
     Detection,
@@ -111,6 +112,28 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Gro
         alive = [one for one in alive if one.score > best[one.keys[-1]] - math.log(1e4)]
         after.append(Grown(ending, left_out, alive))
     return after
+
+
+def at_max_speed(grown: Grown, max_speed: float) -> Grown:
+    """The hypotheses with their scores under the prior that ends at v_max; 1 - exp(-2) is inside.
+
+    That of a single hit is the prior itself.
+    """
+
+    def scored(one: Hypothesis) -> Hypothesis:
+        if len(one.keys) < 2:
+            return one
+        spread = VELOCITY @ one.covariance @ VELOCITY.T
+        error = max_speed * DISC - VELOCITY @ one.state
+        square = (error @ np.linalg.inv(spread) * error).sum(axis=-1)
+        mass = max_speed**2 * float(DISC_AREA @ np.exp(-0.5 * square))
+        inside = mass / (2.0 * math.pi * math.sqrt(np.linalg.det(spread)))
+        gain = math.log(max(inside, 1e-300)) - math.log(1.0 - math.exp(-2.0))
+        return replace(one, score=one.score + gain)
+
+    return Grown(
+        *([scored(one) for one in part] for part in (grown.ending, grown.missed)), grown.kept
+    )
 
 
 def plain_starts(grown: Grown, threshold: float, target_rate: float) -> list[Start]:

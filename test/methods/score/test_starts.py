@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.builders import scan_at
-from support.plain_score import plain_starts, strong_groups
+from support.plain_score import at_max_speed, plain_starts, strong_groups
 from support.scenes import Scene, crowded_scene, random_scene
 from support.score_scenes import clutter, in_plain_loops, score
 
@@ -53,9 +53,11 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     """
     plain_scans, sensor, options = in_plain_loops(scene, seed)
     rule = AtThreshold(threshold)
-    initiator = Initiator(Score(sensor, CommonOptions(), ScoreOptions(**options), rule))
+    common = CommonOptions(limit_speed=False)
+    initiator = Initiator(Score(sensor, common, ScoreOptions(**options), rule))
     strong = 0
-    for index, (scan, grown) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
+    for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
+        grown = at_max_speed(tree, common.max_speed)
         tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
         strong += len(strong_groups(grown, threshold))
         assert [set(track.hits) for track in tracks] == [one.hits for one in expected]

@@ -12,7 +12,8 @@ of hypothesis i, a scan goes through::
                                                                  Fitzgerald 2007
     start         s = 0, by every detection
     miss          s_i += ln(1 - P_D P_G); 0 outside the coverage
-    evidence      E = ln sum_i exp(s_i), over i with the same newest detection
+    evidence      E = ln sum_i exp(s_i), over i with the same newest detection, with
+                  s_i + ln P(|v| <= v_max | x_i, P_i) - ln P_0 near the threshold
     threshold     A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     confirm       E >= A, by at least 3 hits, no held track's, of which more than half are the
@@ -24,9 +25,9 @@ of hypothesis i, a scan goes through::
                   `window` scans old; then the weakest beyond a limit
     finish        ids, track maintenance, targets out of the clutter map (initiator)
 
-Each has its module: `tree` (predict to evidence, prune), `threshold` with `threshold_plan`, and
-`starts` (confirm). The full references are in `likelihood_ratio`; the jump is simulated in
-`threshold_plan`.
+Each has its module: `tree` (predict to evidence, prune), `speed_prior`, `threshold` with
+`threshold_plan`, and `starts` (confirm). The full references are in `likelihood_ratio`; the jump is
+simulated in `threshold_plan`.
 
 Readings
 --------
@@ -50,7 +51,7 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import starts, tree
+from tsepm_ros.methods.score import speed_prior, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
@@ -137,7 +138,10 @@ class Score(Method):
         missed = tree.miss(predicted, detection_probability, options.gate_probability)
         grown = Grown(Hypotheses.joined(children, started), missed, ids)
         threshold = self._threshold.value_if_near(
-            grown.evidence.max(initial=-np.inf), self.sensor, self.common, options
+            grown.evidence.max(initial=-np.inf) + speed_prior.LOG_GAIN,
+            self.sensor,
+            self.common,
+            options,
         )
         confirmed = self.start_rule.starts(
             grown,
@@ -145,6 +149,7 @@ class Score(Method):
             threshold,
             min_time=self._min_time,
             false_tracks_per_hour=options.false_tracks_per_hour,
+            max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),
         )
         tracks = self._confirmed(observed, confirmed, threshold)

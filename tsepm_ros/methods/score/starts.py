@@ -1,6 +1,7 @@
 """The rule that starts tracks: sufficient evidence, and hits that are clearly of a single target.
 
-With the evidence E of the hypotheses that end in one detection, summed, and the threshold A::
+With the evidence E of the hypotheses that end in one detection, summed under the velocity prior
+that ends at v_max (`speed_prior`), and the threshold A::
 
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
                   target's with a probability of at least 0.9 (or by 8 hits); of a second target
@@ -23,6 +24,7 @@ from scipy.special import softmax
 
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
 from tsepm_ros.maintenance.track_maintenance import MIN_EXISTENCE
+from tsepm_ros.methods.score import speed_prior
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import MIN_HITS
 from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown
@@ -107,6 +109,7 @@ class StartRule(Protocol):
         *,
         min_time: float,
         false_tracks_per_hour: float,
+        max_speed: float,
         fit: HitFit,
     ) -> list[Start]:
         """The tracks that the tree starts.
@@ -123,6 +126,8 @@ class StartRule(Protocol):
             Time from the first hit to the last that a velocity needs, s.
         false_tracks_per_hour : float
             The target rate.
+        max_speed : float
+            v_max, m/s, at which the velocity prior ends.
         fit : callable
             States and covariances of hypotheses, from their hits alone.
         """
@@ -140,6 +145,7 @@ class SummedEvidence:
         *,
         min_time: float,
         false_tracks_per_hour: float,
+        max_speed: float,
         fit: HitFit,
     ) -> list[Start]:
         """Start a track where the evidence of a detection reaches the threshold.
@@ -150,6 +156,7 @@ class SummedEvidence:
 
         See `StartRule.starts`.
         """
+        grown = speed_prior.ended_at(grown, threshold, max_speed)
         group, n, sums = grown.newest, len(grown.ids), grown.evidence
         strong = sums >= threshold
         strong &= grouped.largest_of(grown.ended.hit_count.astype(float), group, n) >= MIN_HITS
