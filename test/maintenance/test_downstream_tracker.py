@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from support.builders import detections
-from support.held import CLUTTER, P_D, holding, ids, step, tracks
+from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
 from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
 from tsepm_ros.maintenance.downstream_tracker import Tracker
@@ -33,8 +34,8 @@ def test_the_tracker_s_state_replaces_the_held_and_what_it_alone_has_joins(strai
     assert hold.ended == []
     one, two, three = hold.current
     assert [one.track_id, two.track_id, three.track_id] == [1, 2, 3]
-    np.testing.assert_allclose(one.state, [7050.0, 5.0, 1000.0, 0.0])
-    np.testing.assert_allclose(two.state, [2120.0, 5.0, 2000.0, 0.0])
+    np.testing.assert_allclose(one.state, [7050.0, 5.0, 1000.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(two.state, [2120.0, 5.0, 2000.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(three.state, [7050.0, 5.0, 3000.0, 0.0])
     np.testing.assert_allclose(one.covariance[1, 1], 4.0 + PROCESS_NOISE * 10.0)
     assert {track.stamp for track in hold.current} == {24.0}
@@ -106,7 +107,9 @@ def test_what_is_tracked_is_not_ended_as_a_repetition(straight):
     same = replace(tracks(1), track_id=np.array([7]))
     for stamp in range(2 * SAME_SCANS):
         hold.follow(stamp, same.predicted(stamp))
-        step(hold, stamp + 0.5)
+        # Nobody's, but of a sensor with such errors that the tracks are located.
+        nobodys = detections([[2000.0, 9000.0]], stamp + 0.5, variance=2500.0)
+        step(hold, stamp + 0.5, nobodys)
     assert ids(hold) == [1, 7]
     step(hold, 100.0)
     assert (hold.tracker, ids(hold)) == (Tracker.SILENT, [1])
@@ -144,7 +147,7 @@ def test_a_tracker_ahead_of_the_scan_is_carried_back(straight):
     hold.follow(30.0, tracks(1, stamp=30.0))
     step(hold, 10.0)
     (track,) = hold.current
-    np.testing.assert_allclose(track.state, [1900.0, 5.0, 1000.0, 0.0])
+    np.testing.assert_allclose(track.state, [1900.0, 5.0, 1000.0, 0.0], atol=1e-12)
     # Uncertainty grows backward too.
     np.testing.assert_allclose(track.covariance[1, 1], 4.0 + PROCESS_NOISE * 20.0)
     np.testing.assert_allclose(
@@ -212,3 +215,16 @@ def test_tracked_targets_known_as_exactly_as_is_taken_do_no_harm():
         assert np.isfinite(hold.current.covariance).all()
         assert np.isfinite(hold.held.existence).all()
     assert len(ids(hold)) == 8
+
+
+def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
+    hold, fast = holding(1), tracks(1)
+    fast.state[:, 1] = 30.0
+    fast.covariance[:] = np.diag([5.0, 0.5, 5.0, 0.5]) ** 2
+    for stamp in (0.0, 12.0):
+        hold.follow(stamp, fast.predicted(stamp))
+        step(hold, stamp + 6.0)
+        assert hold.current.state[0, 1] == pytest.approx(30.0, abs=0.1)
+    step(hold, 100.0)
+    assert hold.tracker is Tracker.SILENT
+    assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED

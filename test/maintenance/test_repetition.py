@@ -65,3 +65,43 @@ def test_tracks_with_plots_of_their_own_are_two_targets():
     assert agrees(0.0, 10.0, plots=(3, 4)) == [False, False]
     assert agrees(0.0, 10.0, plots=(3, 3)) == [False, True]
     assert agrees(0.0, 10.0, plots=(3, NO_HIT)) == [False, True]
+
+
+def test_only_located_tracks_agree():
+    state = np.zeros((2, 4))
+    covariance = np.stack(
+        [np.diag([90.0**2, 4.0, 10.0**2, 4.0]), np.diag([5.0, 1.0, 5.0, 1.0]) ** 2]
+    )
+    known = repetition.located(covariance, np.array([10.0, 10.0]))
+    assert known.tolist() == [False, True]
+    unknown = np.full(2, NO_HIT)
+    assert repetition.agrees_with_older(state, covariance, unknown, known).tolist() == [
+        False,
+        False,
+    ]
+    known = repetition.located(covariance, np.array([45.1, 45.1]))
+    assert repetition.agrees_with_older(state, covariance, unknown, known).tolist() == [False, True]
+
+
+def test_a_vague_older_track_does_not_end_one_that_is_on_its_target():
+    # The older was missed until its gate holds everything; the younger is detected at each scan.
+    hold = TrackMaintenance(1e6)
+    older = replace(tracks(1), covariance=np.diag([900.0, 3.0, 900.0, 3.0])[None] ** 2)
+    hold.add(older, 0.4)
+    hold.add(replace(tracks(1), track_id=np.array([2])), 0.99)
+    for scan in range(1, 12):
+        stamp = 2.0 * scan
+        step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp, variance=100.0), P_D)
+    assert 2 in ids(hold)
+
+
+def test_scans_in_which_a_track_is_vague_count_neither_way():
+    hold = TrackMaintenance(1e6)
+    hold.add(tracks(1), 0.99)
+    hold.add(replace(tracks(1), track_id=np.array([2])), 0.99)
+    for stamp in (2.0, 4.0):
+        step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp, variance=2500.0), P_D)
+    before = hold.held.agreeing_scans.tolist()
+    assert before[1] > 0
+    step(hold, 6.0)  # nothing says how well a track is located
+    assert hold.held.agreeing_scans.tolist() == before

@@ -31,6 +31,13 @@ ON, TURN = 0, 1
 POSITION = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 VELOCITY = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(80)
+ANGLES = 2.0 * math.pi * np.arange(160) / 160.0
+RADII = (NODES + 1.0) / 2.0
+DISC = (RADII[:, None, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)).reshape(-1, 2)
+DISC_AREA = np.repeat(WEIGHTS / 2.0 * RADII * 2.0 * math.pi / 160.0, 160)
+"""Points of the unit disc and their areas: Gauss-Legendre along the radius, equal angles."""
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -207,10 +214,16 @@ class PlainMaintenance:
             )
             for j, plot in enumerate(plots)
         ]
-        self.tracks, learned = [], []
+        self.tracks, learned, located = [], [], {}
         for i, track in enumerate(predicted):
             of_modes = [{j: of[j] / left[i][j] for j in of} for of in ratios[i]]
-            track, detected = update(track, fits[i], of_modes, empty[i])
+            listed = self.report is not None and track.unlisted_since == -math.inf
+            limit = math.inf if listed else rule.settings.max_speed
+            track, detected = update(track, fits[i], of_modes, empty[i], limit)
+            if near[i]:
+                error = plots[near[i][0]].detection.covariance
+                wide = track.mean[1][np.ix_([0, 2], [0, 2])]
+                located[track.id] = largest(wide) <= 2.0**2 * largest(error)
             whole = empty[i] + sum(competing[i].values())
             for j, value in competing[i].items():
                 self.association[track.id, j] = value / whole * track.existence
@@ -220,7 +233,7 @@ class PlainMaintenance:
             self.tracks.append(replace(track, covered_scans=covered * (1.0 - detected)))
         self.learn(learned)
         self.end("existence", [track.existence >= 0.01 for track in self.tracks])
-        self.tracks = counted(self.tracks)
+        self.tracks = counted(self.tracks, located)
         self.end("repetition", [track.agreeing < 5 for track in self.tracks])
         return density
 
@@ -415,6 +428,7 @@ def update(
     fits: Sequence[Mapping[int, Fit]],
     ratios: Sequence[Mapping[int, float]],
     empty: float,
+    max_speed: float,
 ) -> tuple[Track, float]:
     """The track after a scan, and the probability that its target was detected."""
     wholes, modes = [], []
@@ -423,7 +437,7 @@ def update(
         parts = [(empty / whole, mode.state, mode.covariance)]
         parts += [(ratio_of[j] / whole, one.state, one.covariance) for j, one in fit_of.items()]
         wholes.append(whole)
-        modes.append(Mode(mode.probability * whole, *mixture(parts)))
+        modes.append(Mode(mode.probability * whole, *limited(*mixture(parts), max_speed)))
     whole = sum(mode.probability for mode in modes)
     r = track.existence
     existence = whole * r / (1.0 - r + whole * r)
@@ -440,8 +454,42 @@ def update(
     )
 
 
-def counted(tracks: Sequence[Track]) -> list[Track]:
-    """The tracks with the scans in a row in which each agreed with an older track nearby."""
+def largest(covariance: np.ndarray) -> float:
+    """Variance along the major axis."""
+    return float(np.linalg.eigvalsh(covariance)[-1])
+
+
+def limited(
+    state: np.ndarray, covariance: np.ndarray, max_speed: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The state given a speed of at most v_max, if the speed is above with more than 0.25.
+
+    Sums over a polar grid.
+    """
+    mean, spread = VELOCITY @ state, VELOCITY @ covariance @ VELOCITY.T
+    margin = max_speed - math.hypot(*mean)
+    if margin > 2.0 * math.sqrt(largest(spread)):  # outside: at most exp(-2)
+        return state, covariance
+    v, area = max_speed * DISC, max_speed**2 * DISC_AREA
+    error = v - mean
+    square = (error @ np.linalg.inv(spread) * error).sum(axis=-1)
+    mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(spread)))
+    inside = float(mass.sum())
+    if inside >= 0.75:
+        return state, covariance
+    mass /= inside
+    within = mass @ v
+    apart = v - within
+    second = (mass[:, None] * apart).T @ apart
+    gain = covariance @ VELOCITY.T @ np.linalg.inv(spread)
+    return state + gain @ (within - mean), covariance + gain @ (second - spread) @ gain.T
+
+
+def counted(tracks: Sequence[Track], located: Mapping[int, bool]) -> list[Track]:
+    """The tracks with the scans in which each, located, agreed with an older located one nearby.
+
+    A scan in which it is located and does not agree begins the count again.
+    """
     updated = []
     for i, track in enumerate(tracks):
         state, covariance = track.mean
@@ -453,8 +501,11 @@ def counted(tracks: Sequence[Track]) -> list[Track]:
         agrees = False
         for k in sorted(away, key=lambda k: away[k])[:7]:
             error, total = state - tracks[k].mean[0], covariance + tracks[k].mean[1]
-            agrees |= k < i and float(error @ np.linalg.solve(total, error)) <= 7.78
-        updated.append(replace(track, agreeing=track.agreeing + 1 if agrees else 0))
+            if located.get(track.id) and located.get(tracks[k].id):
+                agrees |= k < i and float(error @ np.linalg.solve(total, error)) <= 7.78
+        begins_again = not agrees and located.get(track.id, False)
+        agreeing = 0 if begins_again else track.agreeing + agrees
+        updated.append(replace(track, agreeing=agreeing))
     return updated
 
 

@@ -6,21 +6,49 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.sensing.conversion import major_sigma
 from tsepm_ros.stages.paths import NO_HIT
 
 SAME_SCANS = 5
 """Scans in a row for which a track must agree with an older one to be the same target's."""
 SAME_DISTANCE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
+LOCATED = 2.0
+"""Position error, in those of a detection, up to which a track is located.
+
+That states agree says little where a state is vague: a track that has been missed for some scans
+agrees with every track near it, and is as likely another target's.
+"""
 NEAREST = 8
 """Nearest tracks among which older tracks are sought, the track itself included."""
 
 
-def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray) -> BoolArray:
+def located(covariance: FloatArray, detection_sigma: FloatArray) -> BoolArray:
+    """Which tracks are located: those of a position error of at most `LOCATED` detection errors.
+
+    Parameters
+    ----------
+    covariance : (n, 4, 4) ndarray
+    detection_sigma : (n,) ndarray
+        Standard deviation of a detection's position there, along its major axis, m.
+
+    Returns
+    -------
+    (n,) ndarray of bool
+    """
+    return np.asarray(major_sigma(covariance[:, 0::2, 0::2]) <= LOCATED * detection_sigma)
+
+
+def agrees_with_older(
+    state: FloatArray,
+    covariance: FloatArray,
+    plots: IntArray,
+    known: BoolArray | None = None,
+) -> BoolArray:
     """Which tracks agree with an older track.
 
-    Two tracks agree where ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four
-    dimensions, and they do not each have a plot of their own.
+    Two tracks agree where both are located, ``d' (P_i + P_j)^-1 d`` of their states is within the
+    gate for four dimensions, and they do not each have a plot of their own.
 
     Parameters
     ----------
@@ -28,6 +56,8 @@ def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray
         Oldest track first.
     plots : (n,) ndarray of int
         Detection that is each track's own, or NO_HIT.
+    known : (n,) ndarray of bool, optional
+        Which tracks are located; by default all.
 
     Returns
     -------
@@ -43,6 +73,8 @@ def agrees_with_older(state: FloatArray, covariance: FloatArray, plots: IntArray
     scaled = np.linalg.solve(difference_covariance, difference[..., None])[..., 0]
     near = np.einsum("pi,pi->p", difference, scaled) <= SAME_DISTANCE
     near &= (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
+    if known is not None:
+        near &= known[track] & known[older]
     agrees[track[near]] = True
     return agrees
 

@@ -160,7 +160,7 @@ class TrackMaintenance:
             P_D of targets at positions (n, 2).
         sensor : SensorModel
         max_speed : float
-            v_max, m/s: the velocity after a turn is unknown up to it.
+            v_max, m/s: the velocity after a turn is unknown up to it; see `held_update` too.
         environment : Environment, optional
             Clutter zones and encounters, in which plots' features count.
 
@@ -203,8 +203,10 @@ class TrackMaintenance:
                 held.models.probability, association.ratio, near.track, empty
             ),
         )
+        # A downstream tracker has a speed limit of its own.
+        limit = np.where(self._tracker.keeps(held.unlisted_since), np.inf, max_speed)
         held, self.covered = held_update.updated(
-            held, near, gated, association.ratio, empty, probability > 0.0
+            held, near, gated, association.ratio, empty, probability > 0.0, limit
         )
         held = publication.judged(replace(held, fits=fits), self.speed_prior)
         self.held_association = HeldAssociation(
@@ -212,8 +214,11 @@ class TrackMaintenance:
         )
         self._held = held
         # End.
-        plots = plots[self._end(held.existence >= MIN_EXISTENCE)]
-        self._end(~self._repeated(plots))
+        sigma = np.zeros(len(held))
+        if len(detections):
+            sigma = detections["major_sigma"][near.nearest]
+        kept = self._end(held.existence >= MIN_EXISTENCE)
+        self._end(~self._repeated(plots[kept], sigma[kept]))
         self._held, self.released = publication.released(self._held, self.speed_prior)
         return association.held_density
 
@@ -298,11 +303,12 @@ class TrackMaintenance:
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)
 
-    def _repeated(self, plots: IntArray) -> BoolArray:
+    def _repeated(self, plots: IntArray, detection_sigma: FloatArray) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
-        tracks = self._held.tracks
-        agrees = repetition.agrees_with_older(tracks.state, tracks.covariance, plots)
-        scans = np.where(agrees, self._held.agreeing_scans + 1, 0)
+        tracks, before = self._held.tracks, self._held.agreeing_scans
+        known = repetition.located(tracks.covariance, detection_sigma)
+        agrees = repetition.agrees_with_older(tracks.state, tracks.covariance, plots, known)
+        scans = np.where(agrees, before + 1, np.where(known, 0, before))
         self._held = replace(self._held, agreeing_scans=scans)
         return scans >= repetition.SAME_SCANS
 
