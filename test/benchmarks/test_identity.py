@@ -1,0 +1,66 @@
+"""Held tracks stay with their targets, on the recordings in a harbour and in how it is judged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import identity
+import numpy as np
+import pytest
+
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.kinematics.track import TrackArrays
+
+AUTOFERRY = Path(__file__).parents[2].parent / "shared" / "data" / "autoferry"
+NOTHING = TrackArrays.of([])
+
+
+@pytest.mark.skipif(not AUTOFERRY.is_dir(), reason="the recordings in a harbour are not here")
+@pytest.mark.parametrize("how", ["estimated", "given"])
+def test_each_vessel_in_the_harbour_is_a_single_track(how):
+    # Eight passages of two vessels; of the two that begin as one echo, one gets its id late.
+    settings = identity.settings_of(how)
+    found = [
+        identity.watched_recording(folder, settings, 40.0)[0]
+        for folder in sorted(AUTOFERRY.glob("scenario*"))
+    ]
+    delays = [delay for part in found for delay in part.delays.values()]
+    assert len(delays) == 8
+    assert np.mean(delays) <= 3.4
+    assert sum(part.held for part in found) >= 0.95 * sum(part.scans for part in found)
+    assert sum(part.changes for part in found) <= 2
+    assert max(max(part.fastest_new, part.fastest_held) for part in found) <= 15.0
+
+
+def tracks(**places: float) -> TrackArrays:
+    """Tracks on the x axis, by id."""
+    return TrackArrays.of(
+        [
+            ConfirmedTrack(int(name[1:]), 0.0, np.array([x, 1.0, 0.0, 0.0]), np.eye(4), (), 0.0)
+            for name, x in places.items()
+        ]
+    )
+
+
+def test_a_change_of_id_is_counted_and_a_gap_without_a_track_is_not_held():
+    watched, truth = identity.Watched(10.0), {1: np.zeros(4)}
+    for stamp, current in enumerate(
+        (NOTHING, tracks(n3=2.0), tracks(n3=50.0), tracks(n3=9.0, n4=0.0), tracks(n3=11.0, n4=0.0))
+    ):
+        new = tracks(n3=2.0) if stamp == 1 else NOTHING
+        watched.take(float(stamp), truth, new, current)
+    assert watched.ids[1] == [None, 3, None, 3, 4]
+    assert (watched.held, watched.scans, watched.changes) == (3, 4, 1)
+    assert watched.delays == {1: 1.0}
+    assert (watched.on_target, watched.elsewhere) == (1, [])
+
+
+def test_a_track_far_from_every_target_is_elsewhere_and_one_may_be_on_two_that_are_not_resolved():
+    watched = identity.Watched(10.0)
+    truth = {1: np.zeros(4), 2: np.array([5.0, 0.0, 0.0, 0.0])}
+    watched.take(0.0, truth, tracks(n1=2.0, n2=80.0), tracks(n1=2.0, n2=80.0))
+    assert watched.elsewhere == [2]
+    assert watched.ids == {1: [1], 2: [1]}
+    watched.take(1.0, truth, NOTHING, tracks(n1=0.0, n7=6.0))
+    assert watched.ids == {1: [1, 1], 2: [1, 1]}
+    assert watched.changes == 0
