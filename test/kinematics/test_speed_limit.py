@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.kinematics.speed_limit import MAX_OUTSIDE, in_disc, limited, log_probability
+from tsepm_ros.kinematics.speed_limit import MAX_OUTSIDE, in_disc, limited, log_probability, slowed
 
 V_MAX = 10.0
 
@@ -78,6 +78,18 @@ def test_a_state_with_little_outside_stays_to_the_bit():
         assert found[1].tobytes() == covariance.tobytes()
     state, covariance = with_velocity(2, [9.1, 0.0], np.diag([1.5, 0.01]) ** 2)
     assert limited(state, covariance, V_MAX)[0][0, 1] < 9.1
+
+
+def test_only_a_mean_that_is_faster_is_slowed_and_as_it_is_limited():
+    slow = with_velocity(2, [9.9, 0.0], np.eye(2) * 9.0)
+    fast = with_velocity(3, [10.1, 0.0], np.eye(2) * 9.0)
+    state, covariance = (np.concatenate(parts) for parts in zip(slow, fast, strict=True))
+    found, spread = slowed(state, covariance, V_MAX)
+    assert found[0].tobytes() == state[0].tobytes()
+    assert spread[0].tobytes() == covariance[0].tobytes()
+    expected, of = limited(*fast, V_MAX)
+    np.testing.assert_array_equal(found[1], expected[0])
+    np.testing.assert_array_equal(spread[1], of[0])
 
 
 def test_without_a_limit_a_state_stays():

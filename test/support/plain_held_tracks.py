@@ -462,21 +462,18 @@ def largest(covariance: np.ndarray) -> float:
 def limited(
     state: np.ndarray, covariance: np.ndarray, max_speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The state given a speed of at most v_max, if the speed is above with more than 0.25.
+    """The state given a speed of at most v_max, if the mean is faster.
 
     Sums over a polar grid.
     """
     mean, spread = VELOCITY @ state, VELOCITY @ covariance @ VELOCITY.T
-    margin = max_speed - math.hypot(*mean)
-    if margin > 2.0 * math.sqrt(largest(spread)):  # outside: at most exp(-2)
+    if math.hypot(*mean) <= max_speed:
         return state, covariance
     v, area = max_speed * DISC, max_speed**2 * DISC_AREA
     error = v - mean
     square = (error @ np.linalg.inv(spread) * error).sum(axis=-1)
     mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(spread)))
     inside = float(mass.sum())
-    if inside >= 0.75:
-        return state, covariance
     mass /= inside
     within = mass @ v
     apart = v - within

@@ -101,7 +101,7 @@ def limited(
     """States conditioned on a speed of at most v_max; see the module.
 
     Those with a probability of at most `MAX_OUTSIDE` outside stay as they are, to the bit; also
-    their mean is inside, for a mean outside of a convex set has half of the probability outside.
+    their mean is inside, for where the mean is not in a convex set, half of the probability is not.
 
     Parameters
     ----------
@@ -116,9 +116,26 @@ def limited(
     rows = reaching_outside(state, covariance, max_speed, MAX_OUTSIDE)
     velocity = _in_disc_of(rows, state, covariance, max_speed)
     cut = velocity.log_probability < np.log1p(-MAX_OUTSIDE)
-    rows, mean, spread = rows[cut], velocity.mean[cut], velocity.covariance[cut]
+    velocity = VelocityInDisc(*(part[cut] for part in velocity))
+    return _conditioned(state, covariance, rows[cut], velocity)
+
+
+def slowed(
+    state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """As `limited`, but only states whose mean is faster than v_max."""
+    rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
+    velocity = _in_disc_of(rows, state, covariance, max_speed)
+    return _conditioned(state, covariance, rows, velocity)
+
+
+def _conditioned(
+    state: FloatArray, covariance: FloatArray, rows: IntArray, velocity: VelocityInDisc
+) -> tuple[FloatArray, FloatArray]:
+    """The states, those in some rows with the moments of the velocity as given."""
     if not len(rows):
         return state, covariance
+    mean, spread = velocity.mean, velocity.covariance
     before = covariance[rows, 1::2, 1::2]
     gain = covariance[rows][:, :, 1::2] @ inverse(before)
     state, covariance = state.copy(), covariance.copy()

@@ -57,7 +57,7 @@ def updated(
     covered : (n,) ndarray of bool
         Which targets could be detected at all.
     max_speed : (n,) ndarray
-        v_max, m/s: in each mode, the state is conditioned on it; see `kinematics.speed_limit`.
+        v_max, m/s: a mode whose mean is faster is conditioned on it; see `kinematics.speed_limit`.
     """
     mode_ratios, states, covariances = [], [], []
     for (_, state, covariance), detections, ratio in zip(
@@ -68,7 +68,8 @@ def updated(
         state, covariance = state_mixtures.updated_states(
             state, covariance, detections, near.track, beta
         )
-        state, covariance = speed_limit.limited(state, covariance, max_speed)
+        # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
+        state, covariance = speed_limit.slowed(state, covariance, max_speed)
         mode_ratios.append(scan_ratio)
         states.append(state)
         covariances.append(covariance)
