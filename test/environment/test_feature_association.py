@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import assert_same_tracks, scan_at
+from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.environment.clutter_map import ClutterMap
@@ -165,7 +165,7 @@ def overtaking() -> Scenario:
 def held_through(features: bool, seed: int) -> bool:
     """Whether the tracks of both ships go on, each with its own."""
     scenario = overtaking()
-    made = make_initiator("score", sensor=scenario.sensor, plot_features=features)
+    made = make_initiator("score", sensor=scenario.sensor, plot_features=features, **AS_GIVEN)
     own = []
     for scan in Simulator(scenario, seed):
         made.process(scan.scan)

@@ -284,7 +284,9 @@ def test_cutting_what_cannot_pass_changes_no_output():
 )
 def test_what_was_cut_under_another_threshold_starts_over(changed, density):
     rule = {"min_hits": 4, "window": 6, "evaluation": "clutter_statistic", "clutter_test_size": 0.3}
-    made = make_initiator("tsepm", sensor=SensorModel(clutter_density=1e-5), **rule)
+    made = make_initiator(
+        "tsepm", sensor=SensorModel(clutter_density=1e-5), clutter_density="given", **rule
+    )
     for scan in busy_scans()[:5]:
         made.process(scan)
     same = made.sensor, made.common, made.options

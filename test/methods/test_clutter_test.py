@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from support.builders import scan_at
+from support.builders import AS_GIVEN, scan_at
 from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
@@ -19,7 +19,7 @@ def test_a_track_is_put_out_where_its_statistic_is_below_the_quantile(size, foun
     sensor = SensorModel(
         range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-5, clutter_density=density
     )
-    made = make_initiator("clutter_test", sensor=sensor, clutter_test_size=size)
+    made = make_initiator("clutter_test", sensor=sensor, clutter_test_size=size, **AS_GIVEN)
     tracks = []
     for k in range(5):
         tracks += made.process(scan_at(12.0 * k, [(3000.0 + step * k, 0.0)]))
@@ -41,10 +41,10 @@ def test_a_density_that_is_wrong_or_uneven_does_not_matter_where_it_is_estimated
             total += len(tracks) if k >= 10 else 0
         return total
 
-    known = confirmed(1e-5)
-    assert confirmed(1e-6) > 10 * known
+    known = confirmed(1e-5, **AS_GIVEN)
+    assert confirmed(1e-6, **AS_GIVEN) > 10 * known
     # 39 known: a true ratio of 1.5 stays below 2.5 with 99 %.
-    assert 0.5 * known < confirmed(1e-6, clutter_density="estimated") < 2.5 * known
+    assert 0.5 * known < confirmed(1e-6) < 2.5 * known
 
 
 @pytest.mark.parametrize("seed", [3, 13])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.builders import AS_GIVEN
 from support.plain_tsepm import plain_tsepm_with_counts
 from support.scenes import Scene, random_scene
 
@@ -24,7 +25,11 @@ def compare(scene: Scene) -> int:
     """Compare one scene; returns the number of tracks compared."""
     expected, counts = run_plain(scene)
     initiator = make_initiator(
-        "tsepm", sensor=SensorModel(**scene.sensor), limit_speed=False, **scene.options
+        "tsepm",
+        sensor=SensorModel(**scene.sensor),
+        limit_speed=False,
+        **AS_GIVEN,
+        **scene.options,
     )
     compared = 0
     for scan, tracks, count in zip(scene.as_scans(), expected, counts, strict=True):

@@ -60,6 +60,10 @@ def fit_matrix(elapsed: np.ndarray) -> np.ndarray:
     return np.vstack([np.kron(np.eye(2), [1.0, t]) for t in elapsed])
 
 
+AS_GIVEN = {"clutter_density": "given", "detection_probability": "given"}
+"""Options with which nothing is learned."""
+
+
 def reconfigured(initiator: Initiator, sensor: SensorModel, common: Any, options: Any) -> bool:
     """Change an initiator's options, its method staying the same; see `Initiator.configure`."""
     return initiator.configure(type(initiator.method)(sensor, common, options))

@@ -12,6 +12,7 @@ from tsepm_ros.diagnostics.rules import (
     CLUTTER,
     LATENCY,
     QUALITY_OF_SERVICE,
+    SENSOR,
     densities,
     findings_of,
 )
@@ -129,6 +130,28 @@ def _clutter_values(figures: HealthFigures) -> Mapping[str, object]:
     }
 
 
+def _sensor_values(figures: HealthFigures) -> Mapping[str, object]:
+    learned = figures.snapshot.sensor_figures
+    values: dict[str, object] = {
+        "confirmed_tracks": learned.confirmed,
+        "confirmed_tracks_within_s": learned.duration,
+    }
+    if learned.seen is not None:
+        values |= {
+            "seen_min_range": learned.seen.min_range,
+            "seen_max_range": learned.seen.max_range,
+            "seen_azimuth_min": learned.seen.azimuth_min,
+            "seen_azimuth_max": learned.seen.azimuth_max,
+        }
+    if learned.errors is not None:
+        values |= {
+            "fitted_range_std": learned.errors.range_std,
+            "fitted_range_std_fraction": learned.errors.range_std_fraction,
+            "fitted_azimuth_std": learned.errors.azimuth_std,
+        }
+    return values
+
+
 def _quality_of_service_values(figures: HealthFigures) -> Mapping[str, object]:
     mismatches = figures.connections.mismatches_heard
     return {f"mismatches.{topic}": number for topic, number in sorted(mismatches.items())}
@@ -161,6 +184,7 @@ ENTRIES = {
     OWN_SHIP: Entry(_own_ship, _own_ship_values),
     LATENCY: Entry(_latency, _latency_values),
     CLUTTER: Entry(densities, _clutter_values),
+    SENSOR: Entry(lambda _: "nothing speaks against them", _sensor_values),
     QUALITY_OF_SERVICE: Entry(
         lambda _: "all connections are compatible", _quality_of_service_values
     ),

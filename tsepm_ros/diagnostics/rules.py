@@ -15,6 +15,7 @@ from tsepm_ros.diagnostics.status import Finding, Level
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
 
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
+SENSOR = "sensor parameters"
 """Entries without drops."""
 
 MIN_SCANS = 5
@@ -215,6 +216,11 @@ def clutter_contradicted(figures: HealthFigures) -> str:
     )
 
 
+def sensor_finding(subject: str) -> Judgement:
+    """Make the judgement of a figure of the sensor that does not fit the scans."""
+    return lambda figures: figures.snapshot.sensor_findings.get(subject, "")
+
+
 def mismatch(figures: HealthFigures) -> str:
     """An endpoint now has an incompatible quality of service."""
     return "; ".join(
@@ -320,13 +326,39 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(
                 Level.WARN,
                 clutter_contradicted,
-                "Set `sensor.clutter_density` to `detection_density`, or set "
-                "`clutter_density:=estimated`. Too low a value causes false tracks, too high a "
+                "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
+                "`detection_density`. Too low a value causes false tracks, too high a "
                 "value prevents tracks. Check `sensor.max_range` and the sector too: the density "
                 "refers to that coverage",
                 ("clutter_factor",),
             ),
         ),
+    ),
+    SENSOR: tuple(
+        (Rule(Level.WARN, sensor_finding(subject), remedy),)
+        for subject, remedy in (
+            (
+                "coverage",
+                "Set the parameters that the message names. The density and the threshold already "
+                "refer to where detections fall; tracks are still predicted over the whole "
+                "coverage as given",
+            ),
+            (
+                "outside_coverage",
+                "Set the parameters that the message names; nothing if the coverage is limited on "
+                "purpose",
+            ),
+            (
+                "errors",
+                "Set the parameters that the message names: errors that are too small lose "
+                "targets, errors that are too large delay tracks and admit false tracks",
+            ),
+            (
+                "confirmations",
+                "See docs/operating.md, too many tracks: objects that stand still, several "
+                "detections per target, clutter in lumps",
+            ),
+        )
     ),
     QUALITY_OF_SERVICE: (
         (

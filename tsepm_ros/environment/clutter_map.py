@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from tsepm_ros.environment.seen_extent import Extent, Region
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
@@ -28,35 +29,44 @@ MIN_WINDOW_CELLS = 4
 """Cells along a side of the smallest window; each larger window is twice as wide."""
 MEMORY = 50
 """Time constant, in scans, with which older scans fade."""
-DATA_SHEET_COUNT = 1.0
-"""Weight of the data sheet's density, as a number of detections in the whole coverage."""
-MAX_DEVIATIONS = 1.5
+DATA_SHEET_COUNT = 0.5
+"""Weight of the data sheet's density, as a number of detections: it may be anybody's guess."""
+MAX_DEVIATIONS = 1.25
 """Standard deviations of a window's count within which the density stays unchanged."""
+MIN_SEEN_SHARE = 0.1
+"""Share of a window that counts as seen at least."""
 ZONE_FACTOR = 3.0
 """Ratio of the density in a clutter zone to its mean over the coverage."""
-MAX_TARGET_COUNT = 3.0
-"""Detections in a window attributed to a new target, not to clutter."""
+MAX_TARGET_COUNT = 8.0
+"""Detections in a window attributed to new targets: at most this, or two and one a scan."""
 
 
 class ClutterMap:
     """Estimates the clutter density over the coverage.
 
-    The estimate begins with the density of the whole coverage,
-    ``(w + N) / (w / lambda_0 + n A)`` for N detections of clutter in n scans (both fading), area A
-    and the data sheet's lambda_0 with the weight of w detections.
+    The estimate begins with the mean density, ``(w + N) / (w / lambda_0 + n A)`` for N detections
+    of clutter in n scans (both fading), the area A in which clutter is seen, and the data sheet's
+    lambda_0 with the weight of w detections.
     Each size of window then bounds it by ``[low(N - t), high(N)] / (n A)``, with t detections of an
     unknown target, and the score interval of a Poisson mean,
-    ``N + c^2 / 2 -+ c sqrt(N + c^2 / 4)``.
+    ``N + c^2 / 2 -+ c sqrt(N + c^2 / 4)``. A scan of so many detections that its own bound exceeds
+    their mean number raises the density everywhere, as long as such scans last.
 
     Parameters
     ----------
     sensor : SensorModel
         Coverage, and initial density.
+
+    Attributes
+    ----------
+    area : float
+        Area in which clutter is seen, m^2.
     """
 
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
         self._scans = 0.0
+        self.area = sensor.coverage_area
         columns = max(round(sensor.sector_width / CELL), 1)
         self._width = sensor.sector_width / columns
         inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
@@ -64,6 +74,9 @@ class ClutterMap:
         edges = np.geomspace(inner, sensor.max_range, rings + 1)
         self._edges = edges if inner == sensor.min_range else np.append(sensor.min_range, edges)
         self._counts = np.zeros((len(self._edges) - 1, columns))
+        self._level = 1.0
+        self._seen = Region.whole(Extent.of(sensor))
+        self._seen_sums = self._sums_of_seen(self._seen)
         self._density: FloatArray | None = None
 
     def fits(self, sensor: SensorModel) -> bool:
@@ -79,13 +92,15 @@ class ClutterMap:
         range, azimuth : (n,) ndarray
             m, rad. Positions outside the coverage use the nearest cell.
         """
-        return np.asarray(self._densities[self._cells(range, azimuth)])
+        return np.asarray(self._level * self._densities[self._cells(range, azimuth)])
 
     @property
     def mean(self) -> float:
-        """Mean density over the coverage, 1/m^2."""
-        area = np.diff(self._edges**2)  # of a ring's cells, up to a common factor
-        return float(np.average(self._densities.mean(axis=1), weights=area))
+        """Mean density where clutter is seen, 1/m^2."""
+        area = np.diff(self._seen_sums, axis=0)
+        if not area.any():
+            return float(self._level * self._densities.mean())
+        return float(self._level * np.average(self._densities, weights=area))
 
     def in_zone(self, range: FloatArray, azimuth: FloatArray) -> NDArray[np.bool_]:
         """Whether positions (n,) are in a clutter zone (Environment 2018, Section 2.1); see `at`.
@@ -97,7 +112,14 @@ class ClutterMap:
         """
         return np.asarray(self.at(range, azimuth) > ZONE_FACTOR * self.mean)
 
-    def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
+    def update(
+        self,
+        range: FloatArray,
+        azimuth: FloatArray,
+        weight: FloatArray,
+        seen: Region | None = None,
+        min_area: float = 0.0,
+    ) -> None:
         """Update the map with a scan's detections.
 
         Parameters
@@ -106,12 +128,31 @@ class ClutterMap:
             m, rad.
         weight : (n,) ndarray
             Probability that each detection is clutter.
+        seen : Region, optional
+            Where clutter is seen; by default in the whole coverage.
+        min_area : float, optional
+            Area in which one target may have been seen, m^2: clutter is assumed in no smaller one.
         """
+        seen = seen or self._seen
+        if seen is not self._seen:
+            self._seen, self._seen_sums = seen, self._sums_of_seen(seen)
+        self.area = min(max(seen.area, min_area), self._sensor.coverage_area)
         keep = 1.0 - 1.0 / MEMORY
         self._scans = keep * self._scans + 1.0
         self._counts *= keep
         np.add.at(self._counts, self._cells(range, azimuth), weight)
+        self._level = self._level_of(float(weight.sum()))
         self._density = None
+
+    def _level_of(self, number: float) -> float:
+        """Factor by which clutter is denser in a scan of N detections than on average, at least 1.
+
+        The bound of the scan's own mean count, ``low(N - 1)``, over the mean count of all scans: a
+        squall, or a gain that was raised, shows at once.
+        """
+        mean = (DATA_SHEET_COUNT + self._counts.sum()) / (DATA_SHEET_COUNT + self._scans)
+        low = _bound(np.maximum(number - 1.0, 0.0), -MAX_DEVIATIONS)
+        return max(float(low / mean), 1.0)
 
     def withdraw(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Remove weight of the last scan's detections, with effect from the next update."""
@@ -135,13 +176,14 @@ class ClutterMap:
 
     def _estimate(self) -> FloatArray:
         """Density of each cell, 1/m^2."""
-        shape, area = self._counts.shape, self._sensor.coverage_area
-        weight = DATA_SHEET_COUNT
+        shape, weight = self._counts.shape, DATA_SHEET_COUNT
         prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
-        overall = (weight + self._counts.sum()) / (weight / prior + self._scans * area)
+        overall = (weight + self._counts.sum()) / (weight / prior + self._scans * self.area)
         density = np.full(shape, overall)
         if not self._scans:
             return density
+        target = min(self._scans + 2.0, MAX_TARGET_COUNT)
+        seen_sums = self._seen_sums
         # Cumulative sums: the cost of a window does not depend on its size.
         sums = np.zeros((shape[0] + 1, shape[1]))
         np.cumsum(self._counts, axis=0, out=sums[1:])
@@ -149,10 +191,11 @@ class ClutterMap:
         for doubling in reversed(range(doublings + 1)):
             side = MIN_WINDOW_CELLS * 2**doubling
             height, width = min(side, shape[0]), min(side, shape[1])
-            rings = 0.5 * self._width * (self._edges[height:] ** 2 - self._edges[:-height] ** 2)
-            exposure = self._scans * width * rings[:, None]
+            whole = 0.5 * self._width * (self._edges[height:] ** 2 - self._edges[:-height] ** 2)
+            seen = self._along_azimuth(seen_sums[height:] - seen_sums[:-height], width)
+            exposure = self._scans * np.maximum(seen, MIN_SEEN_SHARE * width * whole[:, None])
             count = self._along_azimuth(sums[height:] - sums[:-height], width)
-            low = _bound(np.maximum(count - MAX_TARGET_COUNT, 0.0), -MAX_DEVIATIONS) / exposure
+            low = _bound(np.maximum(count - target, 0.0), -MAX_DEVIATIONS) / exposure
             high = _bound(count, MAX_DEVIATIONS) / exposure
             density = np.clip(
                 density,
@@ -160,6 +203,21 @@ class ClutterMap:
                 self._densest_around(high, height, width),
             )
         return np.asarray(np.maximum(density, MIN_CLUTTER_DENSITY))
+
+    def _sums_of_seen(self, seen: Region) -> FloatArray:
+        """Area of the cells in which clutter is seen, m^2, summed over the rings up to each."""
+        area = 0.5 * self._width * np.diff(self._edges**2)[:, None]
+        inside = seen.contains(*self._middles)
+        return np.concatenate([np.zeros((1, inside.shape[1])), np.cumsum(area * inside, axis=0)])
+
+    @property
+    def _middles(self) -> tuple[FloatArray, FloatArray]:
+        """Range and azimuth of the middle of each cell, (r, 1) and (1, c)."""
+        columns = np.arange(self._counts.shape[1])
+        square = 0.5 * (self._edges[1:] ** 2 + self._edges[:-1] ** 2)
+        range_ = np.asarray(np.sqrt(square), np.float64)
+        azimuth = np.asarray(self._sensor.azimuth_min + self._width * (columns + 0.5), np.float64)
+        return range_[:, None], azimuth[None, :]
 
     def _wraps(self, width: int) -> bool:
         """Whether windows of a width wrap around in azimuth."""

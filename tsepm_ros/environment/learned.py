@@ -8,6 +8,9 @@ from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.clutter_range_rates import ClutterRangeRates
 from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Surroundings
+from tsepm_ros.environment.measurement_errors import MeasurementErrors
+from tsepm_ros.environment.scan_interval import ScanInterval
+from tsepm_ros.environment.seen_extent import EVERYWHERE, Extent, SeenExtent
 from tsepm_ros.sensing.sensor import SensorModel
 
 
@@ -18,26 +21,39 @@ class Learned:
     Attributes
     ----------
     clutter_map : ClutterMap
+    seen_extent : SeenExtent
+        Where clutter is seen, in the coverage.
+    all_extent : SeenExtent
+        Where detections are, outside the coverage too, of scans that have such.
+    scan_interval : ScanInterval
     clutter_range_rates : ClutterRangeRates
         Range rates of clutter.
     detection_probability : DetectionProbability
         Estimated from the held tracks.
     features : Surroundings
         Features of the plots.
+    errors : MeasurementErrors
+        Innovations of the held tracks' detections.
     """
 
     clutter_map: ClutterMap
+    seen_extent: SeenExtent
+    all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
+    scan_interval: ScanInterval = field(default_factory=ScanInterval)
     clutter_range_rates: ClutterRangeRates = field(default_factory=ClutterRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
     features: Surroundings = field(default_factory=Surroundings)
+    errors: MeasurementErrors = field(default_factory=MeasurementErrors)
 
     @classmethod
     def initial(cls, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor."""
-        return cls(ClutterMap(sensor))
+        return cls(ClutterMap(sensor), SeenExtent(Extent.of(sensor)))
 
     def under(self, sensor: SensorModel) -> Learned:
         """The models for a sensor; the clutter map is kept only for the same coverage."""
         if self.clutter_map.fits(sensor):
             return self
-        return replace(self, clutter_map=ClutterMap(sensor))
+        return replace(
+            self, clutter_map=ClutterMap(sensor), seen_extent=SeenExtent(Extent.of(sensor))
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tsepm_ros.parameters import check_group, parameter
 
@@ -54,17 +54,19 @@ class CommonOptions:
         minimum=0.0,
     )
     detection_probability: str = parameter(
-        "given",
-        "Detection probability: sensor.detection_probability as given; or estimated from the scans "
-        "after confirmation of the held tracks, with the given value as the prior; suitable where "
-        "most tracks are true, as with the method score",
-        choices=("given", "estimated"),
+        "auto",
+        "Detection probability: estimated from the scans after confirmation of the held tracks, "
+        "with sensor.detection_probability as the prior; given: sensor.detection_probability; or "
+        "auto, estimated with the method score, most of whose tracks are true, and given with the "
+        "others",
+        choices=("auto", "estimated", "given"),
     )
     clutter_density: str = parameter(
-        "given",
-        "Clutter density: sensor.clutter_density as given; or estimated from scan to scan on a "
-        "polar grid, also where clutter ends or changes within the sensor's coverage",
-        choices=("given", "estimated"),
+        "estimated",
+        "Clutter density: estimated from scan to scan on a polar grid, from "
+        "sensor.clutter_density on, also where clutter ends or changes within the sensor's "
+        "coverage; or given: sensor.clutter_density everywhere",
+        choices=("estimated", "given"),
     )
     plots: str = parameter(
         "auto",
@@ -111,3 +113,9 @@ class CommonOptions:
             raise ValueError(
                 f"min_speed must be below max_speed; got {self.min_speed} and {self.max_speed}"
             )
+
+    def resolved(self, most_tracks_true: bool) -> CommonOptions:
+        """The options of a method: `detection_probability` is "estimated" or "given"."""
+        if self.detection_probability != "auto":
+            return self
+        return replace(self, detection_probability="estimated" if most_tracks_true else "given")

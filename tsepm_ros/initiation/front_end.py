@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +21,13 @@ from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMainte
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.sensing.conversion import convert, measured_polar
 from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, echo_poses_of, inside, swept
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
+
+REACH_SCANS = 16
+"""Scans within which the detections of one target count as near each other."""
 
 
 class FrontEnd:
@@ -35,8 +39,8 @@ class FrontEnd:
     common : CommonOptions
     maintenance : TrackMaintenance
         The confirmed tracks.
-    clutter_excludes_held : bool
-        Whether the clutter map leaves out the detections of held tracks.
+    most_tracks_true : bool
+        Whether the clutter map leaves out the detections of held tracks; see `Method`.
 
     Attributes
     ----------
@@ -59,12 +63,12 @@ class FrontEnd:
         sensor: SensorModel,
         common: CommonOptions,
         maintenance: TrackMaintenance,
-        clutter_excludes_held: bool,
+        most_tracks_true: bool,
     ) -> None:
         self.sensor = sensor
         self.common = common
         self.maintenance = maintenance
-        self.clutter_excludes_held = clutter_excludes_held
+        self.most_tracks_true = most_tracks_true
         self.land: LandMask | None = None
         self.reset()
 
@@ -82,15 +86,13 @@ class FrontEnd:
         self._polar = np.zeros(0), np.zeros(0)
         self._clutter_weight = np.zeros(0)
 
-    def configure(
-        self, sensor: SensorModel, common: CommonOptions, clutter_excludes_held: bool
-    ) -> None:
+    def configure(self, sensor: SensorModel, common: CommonOptions, most_tracks_true: bool) -> None:
         """Change the options before the next scan; what was learned and still holds is kept."""
         self.learned = self.learned.under(sensor)
         self.plots = self.plots.under(sensor, common)
         self.sensor = sensor
         self.common = common
-        self.clutter_excludes_held = clutter_excludes_held
+        self.most_tracks_true = most_tracks_true
 
     @property
     def estimated_detection_probability(self) -> float:
@@ -110,6 +112,13 @@ class FrontEnd:
         if self.common.clutter_density == "given":
             return self.sensor.clutter_density
         return self.learned.clutter_map.mean
+
+    @property
+    def covered_area(self) -> float:
+        """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
+        if self.common.clutter_density == "given":
+            return self.sensor.coverage_area
+        return self.learned.clutter_map.area
 
     @property
     def sensor_in_use(self) -> SensorModel:
@@ -176,6 +185,7 @@ class FrontEnd:
         """
         self._check(scan)
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
+        self.learned.scan_interval.update(interval)
         self.stamp = scan.stamp
         self.scan_index += 1
         self._poses = echo_poses_of(scan) or self._poses
@@ -203,6 +213,7 @@ class FrontEnd:
             environment,
         )
         learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
+        self._learn_errors(detections)
         held_association = self.maintenance.held_association
         if self.plots.active:
             origin, place = self._poses.middle[:2], detections["position"]
@@ -219,15 +230,19 @@ class FrontEnd:
                 self.scan_index, detections["index"], detections["features"], held_density < before
             )
         self._clutter_weight = np.ones(len(detections))
-        if self.clutter_excludes_held:
+        if self.most_tracks_true:
             self._clutter_weight = before / (before + held_density)
-        learned.clutter_map.update(*self._polar, self._clutter_weight)
+        learned.seen_extent.update(*self._polar, self._clutter_weight)
+        learned.clutter_map.update(
+            *self._polar, self._clutter_weight, learned.seen_extent.region, self._reach_area
+        )
         detections["clutter_density"] = self._local_density(len(detections))
         self._hits.append(self.scan_index, detections, self._window)
         return Observation(
             stamp=scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
+            median_interval=learned.scan_interval.median,
             detections=detections,
             clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
@@ -235,11 +250,29 @@ class FrontEnd:
             held_association=held_association,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
+            seen_extent=learned.seen_extent.estimate,
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
             time_limit=time_limit,
         )
+
+    def _learn_errors(self, detections: NDArray[np.void]) -> None:
+        """Learn the sensor's errors from held tracks' detections, if these have its errors."""
+        if self.plots.active:
+            return
+        track_id, row = self.maintenance.own_detections
+        rows = np.isnan(detections["range_std"][row])
+        own = detections[row[rows]]
+        variance = self.sensor.range_variance(measured_polar(own)[0])
+        held = self.maintenance.held.tracks.track_id
+        self.learned.errors.update(track_id[rows], own, variance, held)
+
+    @property
+    def _reach_area(self) -> float:
+        """Area within the reach of one target while a hypothesis of it lives, m^2."""
+        reach = self.common.max_speed * self.learned.scan_interval.median * REACH_SCANS
+        return math.pi * reach**2
 
     def finish(self, step: Step, existence: FloatArray, ids: IntArray) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
@@ -279,6 +312,8 @@ class FrontEnd:
         found, rows = self._covered(scan)
         self.inside_coverage = len(rows)
         self.outside_coverage = len(scan) - len(rows) - self.on_land
+        if self.outside_coverage:
+            self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         made = self.plots.plots_of(found)
         if made is None:
             self._polar = found.range, found.azimuth

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros.environment.land import LandMask
+from tsepm_ros.environment.learned import Learned
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.front_end import FrontEnd
 from tsepm_ros.initiation.method import Method
@@ -65,7 +66,7 @@ class Initiator:
             method.common.hold_time, method.common.tracked_timeout, _speed_prior(method.common)
         )
         self.front_end = FrontEnd(
-            method.sensor, method.common, self.maintenance, method.clutter_excludes_held
+            method.sensor, method.common, self.maintenance, method.most_tracks_true
         )
         self.reset()
 
@@ -225,7 +226,7 @@ class Initiator:
         """The method and the front end that `configure` takes, and what it returns."""
         sensor, common = method.sensor, method.common
         front_end = copy.copy(self.front_end)
-        front_end.configure(sensor, common, method.clutter_excludes_held)
+        front_end.configure(sensor, common, method.most_tracks_true)
         if type(method) is not type(self.method):
             return method, front_end, False
         changed = copy.copy(self.method)
@@ -257,6 +258,11 @@ class Initiator:
         return self.front_end.scan_index
 
     @property
+    def learned(self) -> Learned:
+        """Models of the surroundings, learned from the scans so far."""
+        return self.front_end.learned
+
+    @property
     def land(self) -> LandMask | None:
         """Land of the fixed frame: detections on it are left out, from the next scan on."""
         return self.front_end.land
@@ -284,6 +290,11 @@ class Initiator:
     def clutter_density(self) -> float:
         """Clutter density in use, 1/m^2: given, or the mean of the estimate over the coverage."""
         return self.front_end.clutter_density
+
+    @property
+    def covered_area(self) -> float:
+        """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
+        return self.front_end.covered_area
 
     @property
     def sensor_in_use(self) -> SensorModel:

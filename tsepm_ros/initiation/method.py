@@ -30,16 +30,17 @@ class Method(ABC):
     operating_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {"default": {}}
     """Options by a short label, from few to many false tracks; an evaluation sweeps them."""
 
-    clutter_excludes_held: ClassVar[bool] = False
-    """Whether the clutter map leaves out the detections of held tracks.
+    most_tracks_true: ClassVar[bool] = False
+    """Whether most confirmed tracks are true, so that their detections are a sample of targets'.
 
-    Right where most tracks are true. Excluding the detections of false tracks would bias the
-    density low and create more false tracks.
+    The clutter map then leaves them out, and the detection probability is estimated from them by
+    default. To leave out the detections of false tracks would bias the density low and create more
+    false tracks.
     """
 
     def __init__(self, sensor: SensorModel, common: CommonOptions, options: Any) -> None:
         self.sensor = sensor
-        self.common = common
+        self.common = common.resolved(self.most_tracks_true)
         self.options = options
         self.forget()
 
@@ -69,6 +70,6 @@ class Method(ABC):
         replaces its arrays and never changes them in place: a copy may share them.
         """
         self.sensor = sensor
-        self.common = common
+        self.common = common.resolved(self.most_tracks_true)
         self.options = options
         return True

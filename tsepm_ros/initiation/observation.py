@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.environment.seen_extent import Extent
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -27,6 +28,8 @@ class Observation:
         Number of the scan since the start or the last reset, from 0.
     interval : float
         Time since the scan before, s; 0 for the first.
+    median_interval : float
+        Median of the last intervals, s; 0 while it is unknown.
     detections : (d,) ndarray of DETECTION
         Converted to the fixed frame; `clutter_density` is that after learning.
     clutter_density_before, clutter_density : (d,) ndarray
@@ -41,6 +44,8 @@ class Observation:
         With `plot_features`; else all False.
     clutter_sensor : SensorModel
         The sensor with the range rates of its clutter as given or learned.
+    seen_extent : Extent
+        Ranges and sector in which clutter is seen.
     sensor_position : (2,) ndarray
         Where the sensor was, in the fixed frame, m.
     detection_probability : callable
@@ -54,6 +59,7 @@ class Observation:
     stamp: float
     scan_index: int
     interval: float
+    median_interval: float
     detections: NDArray[np.void]
     clutter_density_before: FloatArray
     clutter_density: FloatArray
@@ -61,6 +67,7 @@ class Observation:
     held_association: tuple[IntArray, FloatArray]
     in_clutter_zone: BoolArray
     clutter_sensor: SensorModel
+    seen_extent: Extent
     sensor_position: FloatArray
     detection_probability: Callable[[FloatArray], FloatArray]
     detection_probability_in_use: float

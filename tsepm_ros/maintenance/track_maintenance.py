@@ -41,6 +41,8 @@ MIN_EXISTENCE = 0.01
 """Probability of existence below which a track ends."""
 TRACKED_EXISTENCE = 0.99
 """Existence probability of a target that a downstream tracker lists: a choice."""
+OWN_PROBABILITY = 0.9
+"""Probability from which on a detection is almost certainly a track's."""
 
 
 class HeldAssociation(NamedTuple):
@@ -58,6 +60,20 @@ class HeldAssociation(NamedTuple):
     probability: FloatArray
 
 
+class OwnDetections(NamedTuple):
+    """Detections of a scan that are almost certainly held tracks'.
+
+    Attributes
+    ----------
+    track_id, row : (k,) ndarray of int
+        Id of the track, and detection.
+    """
+
+    track_id: IntArray
+    row: IntArray
+
+
+NO_OWN_DETECTIONS = OwnDetections(np.zeros(0, np.int64), np.zeros(0, np.int64))
 NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 NO_TRACKS = TrackArrays.of([])
@@ -86,6 +102,8 @@ class TrackMaintenance:
     ----------
     held_association : HeldAssociation
         Detections of the last scan that may be the tracks'.
+    own_detections : OwnDetections
+        Those that almost certainly are.
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
         them.
@@ -107,6 +125,7 @@ class TrackMaintenance:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
+        self.own_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
 
     @property
@@ -209,9 +228,10 @@ class TrackMaintenance:
             held, near, gated, association.ratio, empty, probability > 0.0, limit
         )
         held = publication.judged(replace(held, fits=fits), self.speed_prior)
-        self.held_association = HeldAssociation(
-            near.row, association.probability * held.existence[near.track]
-        )
+        of_target = association.probability * held.existence[near.track]
+        self.held_association = HeldAssociation(near.row, of_target)
+        own = of_target > OWN_PROBABILITY
+        self.own_detections = OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
         self._held = held
         # End.
         sigma = np.zeros(len(held))
@@ -299,6 +319,7 @@ class TrackMaintenance:
         """Begin a step: forget the last one's, and end the tracks that are over their time."""
         self._ended, self._cleared = self._cleared, []
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
+        self.own_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)

@@ -19,7 +19,7 @@ from tsepm_ros.methods.sequential import Sequential, SequentialOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.reproduction import published_2014 as published
 from tsepm_ros.reproduction.runs import Result
-from tsepm_ros.reproduction.started_tracks import Started
+from tsepm_ros.reproduction.started_tracks import AS_GIVEN, Started
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import Scenario
@@ -103,7 +103,7 @@ def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
     for gate, matching in READINGS:
         method = Sequential(
             scenario.sensor,
-            CommonOptions(max_speed=published.MAX_SPEED, plots="off", limit_speed=False),
+            CommonOptions(max_speed=published.MAX_SPEED, **AS_GIVEN),
             SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
         )
         started = Started.on(scene, Initiator(method), scenario.scans)

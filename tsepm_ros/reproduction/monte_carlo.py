@@ -37,7 +37,7 @@ from tsepm_ros.reproduction.published_tsepm_2018 import (
     Table1Row,
 )
 from tsepm_ros.reproduction.runs import Result
-from tsepm_ros.reproduction.started_tracks import Started
+from tsepm_ros.reproduction.started_tracks import AS_GIVEN, Started
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation import CLUTTER, Scenario, load_scenario
 from tsepm_ros.stages.pruning import READINGS
@@ -46,11 +46,10 @@ from tsepm_ros.stages.splitting import Gated, gate_within
 RULE = (5, 8)
 TARGET = np.array([COORDINATE, COORDINATE])
 SHARED_OPTIONS: dict[str, Any] = {
-    "limit_speed": False,
     "min_hits": RULE[0],
     "window": RULE[1],
     "gate_probability": GATE_PROBABILITY,
-    "plots": "off",
+    **AS_GIVEN,
 }
 STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
 """alpha times the range error at a range of 5000 m, m."""
@@ -167,9 +166,7 @@ def _table_1_counts(
     )
     method_class = FixedMargin if fixed_margin else Tsepm
     method = method_class(
-        scene.scenario.sensor,
-        CommonOptions(max_speed=MAX_SPEED, plots="off", limit_speed=False),
-        options,
+        scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED, **AS_GIVEN), options
     )
     initiator = Initiator(method)
     started = Started.on(scene, initiator, window)
@@ -274,9 +271,7 @@ def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
     results: Result = {}
     for name, method_class in (("split", SplitOnly), ("merged", SplitMerge)):
-        initiator = Initiator(
-            method_class(scenario.sensor, CommonOptions(plots="off", limit_speed=False), options)
-        )
+        initiator = Initiator(method_class(scenario.sensor, CommonOptions(**AS_GIVEN), options))
         started = Started.on(scene, initiator, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = np.zeros(len(started.tracks), bool)

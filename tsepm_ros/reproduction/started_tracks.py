@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +15,16 @@ from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.simulation import CLUTTER
+
+AS_GIVEN: Mapping[str, Any] = MappingProxyType(
+    {
+        "clutter_density": "given",
+        "detection_probability": "given",
+        "plots": "off",
+        "limit_speed": False,
+    }
+)
+"""Options with which the published methods are reproduced: nothing is learned."""
 
 
 @dataclass(frozen=True)

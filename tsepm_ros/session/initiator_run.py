@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.downstream_tracker import Tracker, TrackerReport
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark
+from tsepm_ros.session.sensor_check import SensorCheck, findings
 from tsepm_ros.settings.settings import Settings
 
 
@@ -24,12 +26,15 @@ class InitiatorRun:
     Attributes
     ----------
     initiator : Initiator
+    check : SensorCheck
+        Compares the sensor's figures as given with what the scans show.
     """
 
     def __init__(self, settings: Settings, *, live: bool) -> None:
         self._settings = settings
         self._live = live
         self.initiator = settings.make_initiator()
+        self.check = SensorCheck()
         self._totals_before = ScanStatistics()  # of runs before the last `start_over`
 
     @property
@@ -48,6 +53,7 @@ class InitiatorRun:
         """
         kept = self.initiator.configure(settings.make_method())
         self._settings = settings
+        self.check.say_again()
         return kept
 
     def rehearse(self, settings: Settings) -> None:
@@ -57,6 +63,7 @@ class InitiatorRun:
     def reset(self) -> list[int]:
         """Discard tracks and counts; return the ids of the tracks that end."""
         self.initiator.reset()
+        self.check = SensorCheck()
         self._totals_before = ScanStatistics()
         return self.initiator.maintenance.take_cleared()
 
@@ -64,6 +71,7 @@ class InitiatorRun:
         """Discard tracks and keep counts."""
         self._totals_before = self.totals
         self.initiator.reset()
+        self.check = SensorCheck()
 
     def process(self, scan: Scan, report: TrackerReport | None) -> tuple[TrackArrays, float]:
         """Process a downstream tracker's report, then a scan.
@@ -90,7 +98,27 @@ class InitiatorRun:
         except FAILURES:
             self.start_over()
             raise
-        return new, time.perf_counter() - begin
+        seconds = time.perf_counter() - begin
+        self.check.observe(scan.stamp, len(new))
+        return new, seconds
+
+    def figures(self) -> dict[str, Any]:
+        """The fields of a `SessionSnapshot` that describe the initiator."""
+        initiator = self.initiator
+        check = self.check.figures(initiator)
+        return {
+            "totals": self.totals,
+            "potential_tracks": initiator.statistics.potential_tracks,
+            "tracks": len(initiator.current),
+            "fixed_echoes": len(initiator.fixed_echoes),
+            "detection_probability": initiator.detection_probability,
+            "detection_probability_estimated": initiator.estimated_detection_probability,
+            "clutter_density": initiator.clutter_density,
+            "coverage_area": initiator.covered_area,
+            "sensor_findings": findings(check),
+            "sensor_figures": check,
+            "tracker": initiator.maintenance.tracker.value,
+        }
 
     def remarks(self, scan: Scan, tracker_before: Tracker, several_before: bool) -> list[Remark]:
         """Return notices and refusals after a processed scan.
@@ -131,6 +159,7 @@ class InitiatorRun:
             )
         if statistics.on_land:
             remarks.append(Refusal("on_land", "", statistics.on_land))
+        remarks += [Notice(*news) for news in self.check.news(self.initiator)]
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
             remarks.append(Notice("limit", f"a limit cut {cut} hypotheses at {scan.stamp:.3f} s"))

@@ -277,26 +277,17 @@ class Session:
 
     def figures(self) -> SessionSnapshot:
         """State of the session, for its diagnostics."""
-        initiator = self.initiator
         newest = self._queue.newest_stamp
         if newest is None and not self._own_ship.restarted:
-            newest = initiator.stamp
+            newest = self.initiator.stamp
         return SessionSnapshot(
-            totals=self.totals,
-            potential_tracks=initiator.statistics.potential_tracks,
-            tracks=len(initiator.current),
-            fixed_echoes=len(initiator.fixed_echoes),
+            **self._run.figures(),
             dropped=dict(self.dropped),
             waiting=self.waiting,
-            detection_probability=initiator.detection_probability,
-            detection_probability_estimated=initiator.estimated_detection_probability,
-            clutter_density=initiator.clutter_density,
-            coverage_area=initiator.sensor.coverage_area,
             own_ship_source=self.source,
             mounting=self.mounting,
             own_ship_stamp=self.own_ship_stamp,
             scan_stamp=newest,
-            tracker=initiator.maintenance.tracker.value,
             land_area=0.0 if self._land.mask is None else self._land.mask.area,
             sweep=self._sweep.state,
             sweep_latency=self._sweep.latency,

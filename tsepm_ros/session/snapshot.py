@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from tsepm_ros.initiation.statistics import ScanStatistics
+from tsepm_ros.session.sensor_check import SensorFigures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,9 +30,13 @@ class SessionSnapshot:
     detection_probability, detection_probability_estimated : float
         The value in use, and the estimate from the held tracks.
     clutter_density : float
-        The density in use, mean over the coverage, 1/m^2.
+        The density in use, mean over `coverage_area`, 1/m^2.
     coverage_area : float
-        m^2.
+        Area to which that density refers, m^2.
+    sensor_findings : mapping of str to str
+        Which of the sensor's figures as given do not fit the scans, by subject, in sentences.
+    sensor_figures : SensorFigures
+        Learned figures beside those that are given.
     own_ship_source : str
     mounting : str
         Whether the mounting is given, assumed, not needed or unknown.
@@ -57,6 +62,8 @@ class SessionSnapshot:
     detection_probability_estimated: float
     clutter_density: float
     coverage_area: float
+    sensor_findings: Mapping[str, str] = field(default_factory=dict)
+    sensor_figures: SensorFigures = field(default_factory=SensorFigures)
     own_ship_source: str
     mounting: str
     own_ship_stamp: float | None

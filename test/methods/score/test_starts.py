@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.builders import scan_at
+from support.builders import AS_GIVEN, scan_at
 from support.plain_score import at_max_speed, plain_starts, strong_groups
 from support.scenes import Scene, crowded_scene, random_scene
 from support.score_scenes import clutter, in_plain_loops, score
@@ -53,7 +53,7 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     """
     plain_scans, sensor, options = in_plain_loops(scene, seed)
     rule = AtThreshold(threshold)
-    common = CommonOptions(limit_speed=False)
+    common = CommonOptions(limit_speed=False, **AS_GIVEN)
     initiator = Initiator(Score(sensor, common, ScoreOptions(**options), rule))
     strong = 0
     for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):

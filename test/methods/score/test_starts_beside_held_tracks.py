@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.builders import AS_GIVEN
 from support.score_scenes import score, sea
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
@@ -91,7 +92,7 @@ def test_of_two_targets_abreast_the_second_is_started_too(apart):
     lanes = [(3100.0, 5.0, 2000.0, 0.0), (3100.0, 5.0, 2000.0 + apart, 0.0)]
     counts = []
     for seed in range(6):
-        initiator = score(false_tracks_per_hour=10.0)
+        initiator = score(false_tracks_per_hour=10.0, **AS_GIVEN)
         scans = sea(np.random.default_rng([4, seed]), 30, lanes)
         starts = [track for scan in scans for track in initiator.process(scan)]
         near = [

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import scan_at
+from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import NEVER, SONAR, clutter, score, sea
 
 from tsepm_ros import Scan, SensorModel
@@ -178,12 +178,12 @@ def test_evidence_far_below_every_threshold_asks_for_none():
 
 
 def test_estimates_are_rounded_and_what_is_given_is_not():
-    initiator = score(clutter_density="estimated", detection_probability="estimated")
+    initiator = score()
     seen = initiator.front_end.observe(sea(np.random.default_rng(2), 1, [])[0], TimeLimit())
     seen = replace(seen, detection_probability_in_use=0.77)
     seen.detections["clutter_density"] = 2.5e-6
     coarse = coarse_sensor(SONAR, seen, initiator.common)
     assert coarse.detection_probability == 0.8
     assert coarse.clutter_density == pytest.approx(10.0**-5.5)
-    given = coarse_sensor(SONAR, seen, score().common)
+    given = coarse_sensor(SONAR, seen, score(**AS_GIVEN).common)
     assert given == replace(SONAR, range_rate_std=0.0)

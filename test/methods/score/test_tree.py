@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from support.builders import scan_at
+from support.builders import AS_GIVEN, scan_at
 from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 
@@ -22,7 +22,7 @@ from tsepm_ros.numerics.limits import TimeLimit
 def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
     scene = random_scene(seed)
     plain_scans, sensor, options = in_plain_loops(scene, seed)
-    initiator = score(sensor, false_tracks_per_hour=NEVER, **options)
+    initiator = score(sensor, false_tracks_per_hour=NEVER, **AS_GIVEN, **options)
     compared = 0
     for scan, grown in zip(scene.as_scans(), plain_scans, strict=False):
         expected = grown.kept

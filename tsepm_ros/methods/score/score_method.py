@@ -80,7 +80,7 @@ class Score(Method):
 
     Options = ScoreOptions
     options: ScoreOptions
-    clutter_excludes_held = True
+    most_tracks_true = True
     operating_points = MappingProxyType(
         {
             f"{rate:g}/h": {"false_tracks_per_hour": rate}

@@ -24,7 +24,7 @@ from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.sensor import SensorModel
 
 MAX_SCANS_REMEMBERED = 50
-"""Scans over which the mean of the detections and the median of the interval are taken."""
+"""Scans over which the mean of the detections is taken."""
 SECONDS_PER_HOUR = 3600.0
 
 
@@ -33,20 +33,17 @@ class Threshold:
 
     def __init__(self) -> None:
         self._counts: deque[int] = deque(maxlen=MAX_SCANS_REMEMBERED)
-        self._intervals: deque[float] = deque(maxlen=MAX_SCANS_REMEMBERED)
         self._last: Observation | None = None
 
     def observe(self, observed: Observation) -> None:
-        """Count a scan's detections and take its interval, if another came before."""
-        if self._counts and observed.interval > 0:
-            self._intervals.append(observed.interval)
+        """Count a scan's detections."""
         self._counts.append(len(observed.detections))
         self._last = observed
 
     @property
     def interval(self) -> float:
         """Median interval of the scans, s; 0 while unknown."""
-        return float(np.median(self._intervals)) if self._intervals else 0.0
+        return self._last.median_interval if self._last is not None else 0.0
 
     def false_share(self, false_tracks_per_hour: float) -> float | None:
         """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
@@ -101,8 +98,8 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
     """The sensor of a plan; estimates are rounded, so that similar estimates share a plan.
 
     The detection probability goes in steps of 0.1, the median of the clutter density in steps of
-    half a decade, and clutter's range rate by factors of 2. Range rates count only where the scan
-    has any.
+    half a decade, the farthest range of clutter and its range rate by factors of 2. Range rates
+    count only where the scan has any.
 
     Parameters
     ----------
@@ -121,7 +118,16 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
         density = float(np.median(detections["clutter_density"]))
         coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
         half = 2.0 ** round(math.log2(observed.clutter_sensor.clutter_range_rate))
-        sensor = replace(sensor, clutter_density=coarse, clutter_range_rate=half)
+        farthest = sensor.max_range * 2.0 ** math.ceil(
+            math.log2(observed.seen_extent.max_range / sensor.max_range) - 0.1
+        )
+        sensor = replace(
+            sensor,
+            clutter_density=coarse,
+            clutter_range_rate=half,
+            max_range=farthest,
+            min_range=min(sensor.min_range, 0.5 * farthest),
+        )
     if not range_rates.measured(detections).any():
         sensor = replace(sensor, range_rate_std=0.0)
     return sensor

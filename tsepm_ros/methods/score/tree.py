@@ -40,8 +40,8 @@ RELATIVE_PRUNING = math.log(1e-4)
 """Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
-PRIOR_TARGET_ODDS = 0.01
-"""Prior odds that a detection without history comes from a target; for the clutter map."""
+PRIOR_TARGET_ODDS = 0.001
+"""Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
 
 
 @dataclass(frozen=True)

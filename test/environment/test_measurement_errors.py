@@ -1,0 +1,84 @@
+"""Errors of range and azimuth, from the innovations of held tracks' detections."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.environment.measurement_errors import FittedErrors, MeasurementErrors
+from tsepm_ros.sensing.conversion import convert
+
+
+def fitted(
+    true: SensorModel, given: SensorModel, pings: int = 200, wild: float = 0.0
+) -> FittedErrors | None:
+    """The errors fitted to two targets of constant velocity, of which some detections are wild."""
+    rng = np.random.default_rng(5)
+    errors = MeasurementErrors()
+    held = np.array([7, 9])
+    start = np.array([[150.0, 20.0], [480.0, -200.0]])
+    velocity = np.array([[0.5, 0.6], [-0.4, 0.3]])
+    for ping in range(pings):
+        place = start + ping * velocity
+        range_, azimuth = np.hypot(*place.T), np.arctan2(place[:, 1], place[:, 0])
+        range_ = range_ + np.sqrt(true.range_variance(range_)) * rng.standard_normal(2)
+        azimuth = azimuth + true.azimuth_std * rng.standard_normal(2)
+        range_ = range_ + 30.0 * (rng.random(2) < wild)
+        detections = convert(Scan(float(ping), range_, azimuth), given, ping)
+        seen = rng.random(2) < 0.9
+        variance = given.range_variance(range_)
+        errors.update(held[seen], detections[seen], variance[seen], held)
+    return errors.fitted
+
+
+def model(range_std: float, fraction: float, azimuth_std: float) -> SensorModel:
+    return SensorModel(
+        range_std=range_std, range_std_fraction=fraction, azimuth_std=azimuth_std, max_range=600.0
+    )
+
+
+@pytest.mark.parametrize("wild", [0.0, 0.01])
+def test_the_true_errors_are_found_whatever_is_assumed(wild):
+    found = fitted(model(0.5, 0.0, 0.02), model(0.0, 0.015, 0.01), wild=wild)
+    assert found is not None
+    assert found.range_std == pytest.approx(0.5, rel=0.25)
+    assert found.range_std_fraction == 0.0
+    assert found.azimuth_std == pytest.approx(0.02, rel=0.25)
+    assert found.azimuth_factor == pytest.approx(2.0, rel=0.25)
+    assert found.range_factor < 0.25
+
+
+def test_an_error_that_grows_with_range_is_told_from_a_constant():
+    found = fitted(model(0.0, 0.01, 0.02), model(0.5, 0.0, 0.02), pings=400)
+    assert found is not None
+    assert found.range_std == 0.0
+    assert found.range_std_fraction == pytest.approx(0.01, rel=0.25)
+    assert found.azimuth_factor == pytest.approx(1.0, rel=0.2)
+
+
+def test_nothing_is_said_on_few_innovations():
+    assert fitted(model(0.5, 0.0, 0.02), model(0.5, 0.0, 0.02), pings=20) is None
+
+
+def test_three_detections_in_a_row_by_a_plain_formula():
+    # On a line straight ahead; the middle one of 1, 2 and 4 s is 3 m too far and 0.01 rad aside.
+    sensor = model(1.0, 0.0, 1e-6)
+    errors = MeasurementErrors()
+    held = np.array([1])
+    for number in range(60):
+        for ping, (time, far, turn) in enumerate(
+            [(1.0, 101.0, 0.0), (2.0, 105.0, 0.01), (4.0, 104.0, 0.0)]
+        ):
+            scan = Scan(10.0 * number + time, [far], [turn])
+            variance = np.ones(1)
+            errors.update(held, convert(scan, sensor, ping), variance, held)
+        errors.update(held[:0], convert(scan, sensor, ping)[:0], variance[:0], held[:0])
+    found = errors.fitted
+    assert found is not None
+    # e = 3 over sqrt(1 + (2/3)^2 + (1/3)^2); the median of squares over that of chi-square.
+    factor = 1.0 / math.sqrt(1.0 + 4.0 / 9.0 + 1.0 / 9.0)
+    assert found.range_std == pytest.approx(3.0 * factor / math.sqrt(0.4549), rel=5e-3)
+    assert found.azimuth_std == pytest.approx(0.01 * factor / math.sqrt(0.4549), rel=0.05)

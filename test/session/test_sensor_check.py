@@ -1,0 +1,87 @@
+"""Figures of the sensor that do not fit the scans are said once, with those to set."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.sessions import arrived
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.environment.measurement_errors import FittedErrors
+from tsepm_ros.environment.seen_extent import Extent
+from tsepm_ros.session.sensor_check import SensorFigures, findings
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.settings import Settings
+
+SEEN = Extent(10.0, 299.0, -1.04, 1.05)
+SHORT = SensorModel(max_range=300.0, azimuth_min=-1.0472, azimuth_max=1.0472)
+
+
+def test_figures_that_fit_are_not_mentioned():
+    good = FittedErrors(0.5, 0.0, 0.017, 1.1, 0.9, 150.0)
+    assert findings(SensorFigures()) == {}
+    figures = SensorFigures(sensor=SHORT, seen=SEEN, seen_detections=400, errors=good, confirmed=20)
+    assert findings(figures) == {}
+
+
+def test_a_coverage_far_too_large_is_named_with_the_figures_to_set():
+    said = findings(SensorFigures(seen=SEEN, seen_detections=40))["coverage"]
+    assert "sensor.max_range to 300" in said
+    assert "sensor.azimuth_min to -1.04" in said
+    assert "sensor.azimuth_max to 1.05" in said
+    few = SensorFigures(sensor=SensorModel(max_range=480.0), seen=SEEN, seen_detections=6)
+    assert findings(few) == {}, "six detections may lie together by chance"
+
+
+def test_a_coverage_too_small_is_named_only_where_much_is_lost():
+    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    lost = SensorFigures(sensor=SHORT, outside=90, detections=200, outside_extent=extent)
+    said = findings(lost)["outside_coverage"]
+    assert "45 %" in said
+    assert "sensor.max_range to 820" in said
+    few = SensorFigures(sensor=SHORT, outside=90, detections=20000, outside_extent=extent)
+    assert findings(few) == {}
+
+
+@pytest.mark.parametrize(("factor", "said"), [(0.6, True), (0.8, False), (1.4, False), (1.6, True)])
+def test_errors_are_named_from_a_factor_on(factor, said):
+    errors = FittedErrors(0.0, 0.02, 0.03, factor, 1.0, 150.0)
+    found = findings(SensorFigures(errors=errors)).get("errors", "")
+    assert ("range_std_fraction to 0.02" in found) is said
+    assert "azimuth_std" not in found
+
+
+def test_confirmations_far_above_the_target_rate_are_named():
+    many = SensorFigures(confirmed=40, duration=1200.0, false_tracks_per_hour=1.0)
+    assert "40 tracks" in findings(many)["confirmations"]
+    allowed = SensorFigures(confirmed=40, duration=1200.0, false_tracks_per_hour=100.0)
+    assert findings(allowed) == {}
+    assert findings(SensorFigures(confirmed=400, duration=1200.0)) == {}, "no rate, no promise"
+
+
+def test_a_session_says_each_finding_once_and_again_after_a_reset():
+    heard: list[tuple[str, str]] = []
+    session = Session(Settings(), lambda subject, said: heard.append((subject, said)))
+    rng = np.random.default_rng(2)
+
+    def play(begin: float) -> None:
+        for ping in range(60):
+            number = rng.poisson(20)
+            scan = Scan(
+                begin + ping, 300.0 * np.sqrt(rng.random(number)), rng.uniform(-1.05, 1.05, number)
+            )
+            session.add_scan(arrived(scan), 0.0)
+            list(session.process())
+
+    play(0.0)
+    assert [subject for subject, _ in heard] == ["coverage"]
+    assert "sensor.max_range to 300" in heard[0][1]
+    figures = session.figures()
+    assert figures.sensor_findings.keys() == {"coverage"}
+    assert figures.clutter_density == pytest.approx(20.0 / (1.05 * 300.0**2), rel=0.2)
+    assert figures.coverage_area == pytest.approx(1.05 * 300.0**2, rel=0.1)
+    session.reset()
+    play(100.0)
+    assert [subject for subject, _ in heard] == ["coverage", "coverage"]

@@ -1,0 +1,201 @@
+"""The part of the coverage in which clutter is seen: ranges and sector.
+
+A sensor may see less than its coverage as given: nobody set it, or the operator chose a shorter
+range. Clutter that is uniform over an interval of unknown ends, seen n times, spans
+``(n - 1) / (n + 1)`` of it on average. So does each dimension here, the squared range and the
+azimuth, and the estimate makes up for it. The area is that of the convex hull of the n detections,
+over ``1 - v / n`` with its v vertices (Efron, "The convex hull of a random set of points",
+Biometrika 52, 1965), where that is smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, wrap
+from tsepm_ros.sensing.sensor import SensorModel
+
+MAX_DETECTIONS = 500
+"""Detections, the last ones, whose extent counts."""
+MIN_CLUTTER_PROBABILITY = 0.5
+"""A detection less probably clutter does not count."""
+RENEWAL = 0.05
+"""Share of new detections from which on the estimate is made anew."""
+MIN_DETECTIONS = 30
+"""Detections from which on the extent is certain enough to be said."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Ranges and a sector.
+
+    Attributes
+    ----------
+    min_range, max_range : float
+        m.
+    azimuth_min, azimuth_max : float
+        rad, the second above the first by at most 2 pi.
+    """
+
+    min_range: float
+    max_range: float
+    azimuth_min: float
+    azimuth_max: float
+
+    @classmethod
+    def of(cls, sensor: SensorModel) -> Extent:
+        """A sensor's coverage as given."""
+        end = sensor.azimuth_min + sensor.sector_width
+        return cls(sensor.min_range, sensor.max_range, sensor.azimuth_min, end)
+
+    @property
+    def all_round(self) -> bool:
+        """Whether it has every azimuth."""
+        return self.azimuth_max - self.azimuth_min >= 2.0 * math.pi - 1e-9
+
+    @property
+    def area(self) -> float:
+        """m^2."""
+        width = self.azimuth_max - self.azimuth_min
+        return 0.5 * width * (self.max_range**2 - self.min_range**2)
+
+
+EVERYWHERE = Extent(0.0, MAX_MAGNITUDE["range"], -math.pi, math.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A convex part of an extent.
+
+    Attributes
+    ----------
+    extent : Extent
+    edges : (e, 3) ndarray
+        ``edges @ (x, y, 1) <= 0`` inside, in the sensor's frame, m; without rows the whole extent.
+    area : float
+        m^2.
+    """
+
+    extent: Extent
+    edges: FloatArray
+    area: float
+
+    @classmethod
+    def whole(cls, extent: Extent) -> Region:
+        """A whole extent."""
+        return cls(extent, np.zeros((0, 3)), extent.area)
+
+    def contains(self, range: FloatArray, azimuth: FloatArray) -> BoolArray:
+        """Whether positions (...) in the sensor's frame are inside."""
+        extent = self.extent
+        turn = np.remainder(azimuth - extent.azimuth_min, 2.0 * np.pi)
+        inside = turn <= extent.azimuth_max - extent.azimuth_min
+        inside = inside & (range >= extent.min_range) & (range <= extent.max_range)
+        x, y = range * np.cos(azimuth), range * np.sin(azimuth)
+        for along_x, along_y, offset in self.edges:
+            inside &= along_x * x + along_y * y + offset <= 0.0
+        return np.asarray(inside)
+
+
+class SeenExtent:
+    """Estimates the extent of what a sensor sees from the places of clutter.
+
+    Parameters
+    ----------
+    limit : Extent
+        The estimate does not exceed it.
+    """
+
+    def __init__(self, limit: Extent) -> None:
+        self._limit = limit
+        self._range = np.zeros(0)
+        self._azimuth = np.zeros(0)
+        self._new = 0
+        self._region = Region.whole(limit)
+
+    def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
+        """Update with a scan's detections; see `ClutterMap.update`."""
+        clutter = np.flatnonzero(weight > MIN_CLUTTER_PROBABILITY)
+        if not len(clutter):
+            return
+        # Evenly from all of a large scan.
+        clutter = clutter[:: math.ceil(len(clutter) / MAX_DETECTIONS)]
+        self._range = np.append(self._range, range[clutter])[-MAX_DETECTIONS:]
+        self._azimuth = np.append(self._azimuth, wrap(azimuth[clutter]))[-MAX_DETECTIONS:]
+        self._new += len(clutter)
+        if self._new > RENEWAL * self.detections and self.detections >= 3:
+            self._new = 0
+            self._region = self._convex(self._estimated())
+
+    @property
+    def detections(self) -> int:
+        """Number of detections that count."""
+        return len(self._range)
+
+    @property
+    def certain(self) -> bool:
+        """Whether enough detections were seen to say the estimate."""
+        return self.detections >= MIN_DETECTIONS
+
+    @property
+    def region(self) -> Region:
+        """Where clutter is seen; the limit before the third detection."""
+        return self._region
+
+    @property
+    def estimate(self) -> Extent:
+        """The extent of that region."""
+        return self._region.extent
+
+    def _estimated(self) -> Extent:
+        given, n = self._limit, self.detections
+        low, high = _widened(float(self._range.min()) ** 2, float(self._range.max()) ** 2, n)
+        ordered = np.sort(self._azimuth)
+        gaps = np.append(np.diff(ordered), ordered[0] + 2.0 * np.pi - ordered[-1])
+        widest = int(np.argmax(gaps))  # the sector begins behind it
+        start = float(ordered[(widest + 1) % n])
+        start, end = _widened(start, start + 2.0 * np.pi - float(gaps[widest]), n)
+        if end - start >= given.azimuth_max - given.azimuth_min:
+            start, end = given.azimuth_min, given.azimuth_max
+        elif not given.all_round:
+            middle = 0.5 * (given.azimuth_min + given.azimuth_max)
+            half = 0.5 * (given.azimuth_max - given.azimuth_min)
+            turn = 2.0 * np.pi * round((middle - 0.5 * (start + end)) / (2.0 * np.pi))
+            start = min(max(start + turn, middle - half), middle + half)
+            end = max(min(end + turn, middle + half), start)
+        return Extent(
+            math.sqrt(max(low, given.min_range**2)),
+            math.sqrt(min(high, given.max_range**2)),
+            start,
+            end,
+        )
+
+    def _convex(self, extent: Extent) -> Region:
+        """The convex hull of the detections, as much larger as it is too small on average."""
+        x, y = self._range * np.cos(self._azimuth), self._range * np.sin(self._azimuth)
+        places = np.stack([x, y], axis=1)
+        try:
+            hull = ConvexHull(places)
+        except QhullError:  # too few, or in a line
+            return Region.whole(extent)
+        missing = len(hull.vertices) / self.detections
+        area = hull.volume / (1.0 - missing) if missing < 1.0 else math.inf
+        if area >= extent.area:
+            return Region.whole(extent)
+        edges = hull.equations.copy()
+        # Every edge is moved away from the middle, by the same factor.
+        middle = places[hull.vertices].mean(axis=0)
+        at_middle = edges[:, :2] @ middle + edges[:, 2]
+        edges[:, 2] += (math.sqrt(area / hull.volume) - 1.0) * at_middle
+        return Region(extent, edges, float(area))
+
+
+def _widened(low: float, high: float, number: int) -> tuple[float, float]:
+    """Ends of an interval, from the least and the largest of uniform values in it."""
+    beyond = (high - low) / (number - 1)
+    return low - beyond, high + beyond

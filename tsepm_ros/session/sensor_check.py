@@ -1,0 +1,230 @@
+"""Whether the sensor's figures as given fit what the scans show, in sentences with the remedy."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+from tsepm_ros.environment.measurement_errors import FittedErrors
+from tsepm_ros.environment.seen_extent import Extent
+from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.sensing.sensor import SensorModel
+
+AREA_FACTOR = 2.0
+"""Factor by which the coverage as given may exceed the area in which detections fall."""
+MIN_LOG_RATIO = 14.0
+"""Log-likelihood ratio of the smaller area from which on it is said."""
+MAX_OUTSIDE_SHARE = 0.05
+"""Share of the detections outside the coverage that is accepted."""
+MIN_OUTSIDE = 20
+"""Detections outside the coverage from which on it is said."""
+ERROR_FACTOR = 1.5
+"""Factor by which the errors as given may differ from those of the innovations."""
+RATE_WINDOW = 3600.0
+"""Time over which confirmations are counted, s."""
+RATE_FACTOR = 10.0
+"""Confirmations may exceed the target false-track rate by this factor: there are targets too."""
+SCANS_BETWEEN = 10
+MIN_CONFIRMATIONS = 30
+"""Confirmations from which on a flood is said."""
+
+
+@dataclass(frozen=True)
+class SensorFigures:
+    """Learned figures beside those that are given.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+        As given.
+    seen : Extent or None
+        Where clutter is seen; None before enough detections.
+    seen_detections : int
+        Detections from which this is known.
+    outside : int
+        Detections outside the coverage.
+    detections : int
+        All detections.
+    outside_extent : Extent or None
+        Ranges and sector of all detections, where some are outside the coverage.
+    errors : FittedErrors or None
+        Errors that fit the held tracks' innovations.
+    confirmed : int
+        Tracks confirmed within `duration`.
+    duration : float
+        s, at most `RATE_WINDOW`.
+    false_tracks_per_hour : float or None
+        The target false-track rate; None where the method has none.
+    """
+
+    sensor: SensorModel = field(default_factory=SensorModel)
+    seen: Extent | None = None
+    seen_detections: int = 0
+    outside: int = 0
+    detections: int = 0
+    outside_extent: Extent | None = None
+    errors: FittedErrors | None = None
+    confirmed: int = 0
+    duration: float = 0.0
+    false_tracks_per_hour: float | None = None
+
+
+def findings(figures: SensorFigures) -> dict[str, str]:
+    """Sentences by subject, for what does not fit."""
+    found = {
+        "coverage": coverage_too_large(figures),
+        "outside_coverage": coverage_too_small(figures),
+        "errors": errors_differ(figures),
+        "confirmations": many_confirmations(figures),
+    }
+    return {subject: sentence for subject, sentence in found.items() if sentence}
+
+
+def coverage_too_large(figures: SensorFigures) -> str:
+    """Detections fall in a small part of the coverage."""
+    seen, given = figures.seen, figures.sensor.coverage_area
+    if seen is None or seen.area <= 0.0 or given < AREA_FACTOR * seen.area:
+        return ""
+    if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
+        return ""
+    return (
+        f"all detections are {_of(seen)}; the coverage as given is {_of(Extent.of(figures.sensor))}"
+        f": if the sonar sees no more, set {_settings(seen, figures.sensor)}"
+    )
+
+
+def coverage_too_small(figures: SensorFigures) -> str:
+    """Detections are dropped since they lie outside the coverage."""
+    share = figures.outside / max(figures.detections, 1)
+    extent = figures.outside_extent
+    if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
+        return ""
+    return (
+        f"{100.0 * share:.0f} % of the detections are outside the coverage and dropped; they are "
+        f"{_of(extent)}: set {_settings(extent, figures.sensor)}, unless the coverage is limited "
+        "on purpose"
+    )
+
+
+def errors_differ(figures: SensorFigures) -> str:
+    """The errors of range or azimuth do not fit the detections of held tracks."""
+    errors = figures.errors
+    if errors is None:
+        return ""
+    parts = []
+    if not 1.0 / ERROR_FACTOR <= errors.range_factor <= ERROR_FACTOR:
+        parts.append(
+            f"range errors are {errors.range_factor:.2g} times those given (at a median range of "
+            f"{errors.median_range:.3g} m): set sensor.range_std to {errors.range_std:.2g} and "
+            f"sensor.range_std_fraction to {errors.range_std_fraction:.2g}"
+        )
+    if not 1.0 / ERROR_FACTOR <= errors.azimuth_factor <= ERROR_FACTOR:
+        parts.append(
+            f"azimuth errors are {errors.azimuth_factor:.2g} times those given: set "
+            f"sensor.azimuth_std to {errors.azimuth_std:.2g} rad "
+            f"({math.degrees(errors.azimuth_std):.2g} degrees)"
+        )
+    return "by the detections of held tracks, " + "; ".join(parts) if parts else ""
+
+
+def many_confirmations(figures: SensorFigures) -> str:
+    """Far more tracks are confirmed than the target false-track rate allows."""
+    rate, confirmed = figures.false_tracks_per_hour, figures.confirmed
+    if rate is None or confirmed < MIN_CONFIRMATIONS:
+        return ""
+    if confirmed <= RATE_FACTOR * rate * figures.duration / 3600.0:
+        return ""
+    return (
+        f"{confirmed} tracks were confirmed in {figures.duration / 60.0:.0f} min, where the target "
+        f"false-track rate is {rate:g} per hour: unless there are so many targets, see "
+        "docs/operating.md on too many tracks"
+    )
+
+
+def _of(extent: Extent) -> str:
+    """An extent in words."""
+    sector = "all round"
+    if not extent.all_round:
+        sector = (
+            f"between {math.degrees(extent.azimuth_min):.0f} and "
+            f"{math.degrees(extent.azimuth_max):.0f} degrees"
+        )
+    return f"from {_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
+
+
+def _settings(extent: Extent, sensor: SensorModel) -> str:
+    """Parameters that make an extent the coverage."""
+    settings = {"sensor.max_range": f"{_rounded_up(extent.max_range):g}"}
+    if extent.min_range < sensor.min_range:
+        settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
+    if not extent.all_round:
+        settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
+        settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
+    return ", ".join(f"{name} to {value}" for name, value in settings.items())
+
+
+def _rounded_up(value: float) -> float:
+    """To two significant digits, not below."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return step * math.ceil(value / step - 0.1)
+
+
+def _rounded_down(value: float) -> float:
+    """To two significant digits, not above."""
+    if value <= 0.0:
+        return 0.0
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return step * math.floor(value / step)
+
+
+class SensorCheck:
+    """Compares the sensor's figures with what an initiator learned; says each finding once."""
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+        self._scans = 0
+        self._confirmed: deque[float] = deque(maxlen=10_000)
+        self._first_stamp: float | None = None
+
+    def observe(self, stamp: float, confirmed: int) -> None:
+        """Count the tracks that a scan confirmed; stamps in s, ascending."""
+        if self._first_stamp is None:
+            self._first_stamp = stamp
+        self._confirmed.extend([stamp] * confirmed)
+        while self._confirmed and self._confirmed[0] < stamp - RATE_WINDOW:
+            self._confirmed.popleft()
+
+    def figures(self, initiator: Initiator) -> SensorFigures:
+        """Learned figures beside those that are given."""
+        learned, sensor = initiator.learned, initiator.sensor
+        seen, all_seen = learned.seen_extent, learned.all_extent
+        stamp, first = initiator.stamp, self._first_stamp
+        duration = 0.0 if stamp is None or first is None else stamp - first
+        totals = initiator.totals
+        return SensorFigures(
+            sensor=sensor,
+            seen=seen.estimate if seen.certain else None,
+            seen_detections=seen.detections,
+            outside=totals.outside_coverage,
+            detections=totals.detections + totals.outside_coverage,
+            outside_extent=all_seen.estimate if totals.outside_coverage else None,
+            errors=learned.errors.fitted,
+            confirmed=len(self._confirmed),
+            duration=min(duration, RATE_WINDOW),
+            false_tracks_per_hour=getattr(initiator.options, "false_tracks_per_hour", None),
+        )
+
+    def news(self, initiator: Initiator) -> list[tuple[str, str]]:
+        """Subjects and sentences not found before; looked for at every tenth scan."""
+        self._scans += 1
+        if self._scans % SCANS_BETWEEN:
+            return []
+        found = findings(self.figures(initiator))
+        new = [(subject, said) for subject, said in found.items() if subject not in self._said]
+        self._said |= {subject for subject, _ in new}
+        return new
+
+    def say_again(self) -> None:
+        """Say every finding again: the figures as given may have changed."""
+        self._said = set()
