@@ -40,7 +40,7 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={
-        NAME: ["py.typed", "simulation/scenarios/*.yaml"],
+        NAME: ["py.typed", "simulation/scenarios/*.yaml", "viewer/page/*"],
         "msg_adapters": ["py.typed"],
     },
     data_files=[
@@ -57,11 +57,13 @@ setup(
         "ros": ROS_WHEELS,
         "plot": ["matplotlib>=3.6", "tqdm"],
         "bags": ["rosbags>=0.11"],
+        "viewer": ["tornado>=6.2"],
         "distributed": ["distributed"],
         "docs": ["mkdocs>=1.6,<2", "mkdocstrings[python]>=0.26"],
         "test": [
             "distributed",
             "rosbags>=0.11",
+            "tornado>=6.2",
             "pytest>=7.4",
             "pytest-timeout",
             "pytest-xdist",
@@ -75,6 +77,7 @@ setup(
             "track_initiator = tsepm_ros.nodes.track_initiator:main",
             "sonar_simulator = tsepm_ros.nodes.sonar_simulator:main",
             "scan_player = tsepm_ros.nodes.scan_player:main",
+            "track_viewer = tsepm_ros.nodes.track_viewer:main",
             "tsepm_demo = tsepm_ros.demo.two_processes:main",
             "tsepm = tsepm_ros.commands.cli:main",
         ],

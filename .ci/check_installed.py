@@ -17,7 +17,7 @@ from rcl_interfaces.srv import ListParameters
 from support.patience import WAIT
 
 PACKAGE = "tsepm_ros"
-EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "tsepm"]
+EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "track_viewer", "tsepm"]
 SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*", "foxglove/*"]
 DOMAIN = 1 + os.getpid() % 100  # so that checks side by side do not meet
 
@@ -32,7 +32,8 @@ def check_files(prefix: Path) -> None:
         assert (share / source).is_file(), f"not in share: {source}"
     package = Path(str(resources.files(PACKAGE)))
     assert package.is_relative_to(prefix), f"another {PACKAGE} is imported: {package}"
-    for source in Path().glob(f"{PACKAGE}/simulation/scenarios/*.yaml"):
+    data = ("simulation/scenarios/*.yaml", "viewer/page/*")
+    for source in chain.from_iterable(Path().glob(f"{PACKAGE}/{pattern}") for pattern in data):
         assert (package.parent / source).is_file(), f"not in the package: {source}"
     for script in metadata.distribution(PACKAGE).entry_points:
         assert callable(script.load()), script
@@ -64,7 +65,7 @@ def main() -> None:
     check_files(prefix)
     subprocess.run([prefix / "lib" / PACKAGE / "tsepm", "--help"], check=True)
     rclpy.init(domain_id=DOMAIN)
-    for name in ["track_initiator", "sonar_simulator"]:
+    for name in ["track_initiator", "sonar_simulator", "track_viewer"]:
         check_node(prefix / "lib" / PACKAGE / name)
     rclpy.shutdown()
     print("executables, share files and nodes are in order")

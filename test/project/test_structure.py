@@ -27,6 +27,7 @@ LAYERS = (
     "tsepm_ros.diagnostics",
     "msg_adapters",
     "tsepm_ros.replay",
+    "tsepm_ros.viewer",
     "tsepm_ros.nodes",
     "tsepm_ros.analysis",
     "tsepm_ros.design",

@@ -12,6 +12,7 @@ from tsepm_ros.commands.design_command import add_design_arguments, run_design
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.commands.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.commands.run_command import add_recording_arguments, run_recording
+from tsepm_ros.commands.watch_command import add_watch_arguments, run_watch
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
 from tsepm_ros.settings.tables import NODES
@@ -104,6 +105,11 @@ COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
         "start tracks on a recording, a bag or a simulated scenario; write CSV or a picture",
         add_recording_arguments,
         run_recording,
+    ),
+    "watch": (
+        "show live topics, a recording, a bag or a simulated scenario on a page in a browser",
+        add_watch_arguments,
+        run_watch,
     ),
     "design": (
         "predict detection and false tracks of a sonar at a target false-track rate",

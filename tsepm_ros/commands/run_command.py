@@ -38,6 +38,8 @@ from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.viewer.page_files import write_page
+from tsepm_ros.viewer.recorded_scene import RecordedScene
 
 TOPIC_OPTIONS = {
     DETECTIONS: "detections",
@@ -51,16 +53,25 @@ TOPIC_OPTIONS = {
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm run`."""
-    parser.add_argument(
-        "recording",
-        help="folder with detections.csv; bag: folder with metadata.yaml, .mcap or .db3 file; "
-        f"or scenario to simulate: {scenario_names()}",
-    )
+    add_source_arguments(parser)
     parser.add_argument(
         "--out", type=Path, help="folder for tracks.csv, tracks.mcap and picture.png"
     )
     parser.add_argument("--picture", type=Path, help="plan-position picture, such as run.png")
     parser.add_argument("--animation", type=Path, help="plan-position animation, a .gif file")
+    parser.add_argument(
+        "--html", type=Path, help="self-contained page with a time slider, such as run.html"
+    )
+
+
+def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
+    """Add the arguments that say what is processed, and with which parameters."""
+    parser.add_argument(
+        "recording",
+        nargs=nargs,
+        help="folder with detections.csv; bag: folder with metadata.yaml, .mcap or .db3 file; "
+        f"or scenario to simulate: {scenario_names()}",
+    )
     parser.add_argument(
         "--seed", type=int, default=1, help="seed of a simulated scenario; default 1"
     )
@@ -105,6 +116,17 @@ class Run:
     duration: float = 0.0
     mounting_yaw: float | None = 0.0
 
+    def recorded_scene(self) -> RecordedScene:
+        """An empty scene for a page of this run."""
+        north = self.session.source != "none" or self.mounting_yaw is None
+        return RecordedScene(self.title, north, self.truth, self.mounting_yaw)
+
+    def page_of(self, recorded: RecordedScene) -> str:
+        """The scene of the finished run, JSON."""
+        dropped = self.session.dropped
+        notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
+        return recorded.document(dropped, notes)
+
 
 def run_recording(options: argparse.Namespace) -> None:
     """Start tracks on a recording, a bag or a scenario, and write them.
@@ -119,14 +141,18 @@ def run_recording(options: argparse.Namespace) -> None:
     if options.picture or options.animation:
         _require_matplotlib()
     with ExitStack() as stack:
-        run = _open(options, stack)
+        run = open_run(options, stack)
         if options.out:
             options.out.mkdir(parents=True, exist_ok=True)
+        recorded = run.recorded_scene() if options.html else None
         begin = time.perf_counter()
-        scene = _process(run, options)
+        scene = _process(run, options, recorded)
         seconds = time.perf_counter() - begin
     _report(run, scene, seconds, options)
     _draw(run, scene, options)
+    if recorded is not None:
+        write_page(options.html, recorded.title, run.page_of(recorded))
+        print(f"page: {options.html}", file=sys.stderr)
 
 
 def _require_matplotlib() -> None:
@@ -136,7 +162,14 @@ def _require_matplotlib() -> None:
         raise ValueError("pictures and animations need matplotlib, see the extra plot") from None
 
 
-def _open(options: argparse.Namespace, stack: ExitStack) -> Run:
+def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
+    """Open what the arguments of `add_source_arguments` name; `stack` closes it.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not allowed, or a recording cannot be read.
+    """
     name = options.recording
     if name.endswith((".yaml", ".yml")) or (
         name in shipped_scenarios() and not Path(name).exists()
@@ -251,10 +284,12 @@ def _title(options: argparse.Namespace, session: Session) -> str:
 
 
 def _needs_scene(options: argparse.Namespace) -> bool:
-    return bool(options.out or options.picture or options.animation)
+    return bool(options.out or options.picture or options.animation or options.html)
 
 
-def _process(run: Run, options: argparse.Namespace) -> RunScene:
+def _process(
+    run: Run, options: argparse.Namespace, recorded: RecordedScene | None = None
+) -> RunScene:
     """Process the run and write the tracks; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
     needs_scene = _needs_scene(options)
@@ -269,6 +304,8 @@ def _process(run: Run, options: argparse.Namespace) -> RunScene:
             table.write(result)
             if bag is not None:
                 bag.write(result)
+            if recorded is not None:
+                recorded.add(result, run.session.initiator)
             if needs_scene:
                 scene.scans.append(
                     ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
 from tsepm_ros.nodes.qos_watch import QosWatch
 
@@ -30,6 +30,8 @@ class OfferedSubscription:
         Initial reliability.
     fixed : bool, optional
         Keep the reliability; a mismatch is only logged.
+    durability : rclpy.qos.DurabilityPolicy, optional
+        Initial durability; volatile once a publisher offers no other.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class OfferedSubscription:
         *,
         reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
         fixed: bool = False,
+        durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
     ) -> None:
         self._node = node
         self._message_type = message_type
@@ -51,6 +54,7 @@ class OfferedSubscription:
         self._callback = callback
         self._watch = watch
         self._fixed = fixed
+        self._durability = durability
         self._subscribe(reliability)
 
     @property
@@ -63,12 +67,17 @@ class OfferedSubscription:
             self._message_type,
             self._topic,
             self._callback,
-            QoSProfile(depth=self._depth, reliability=reliability),
+            QoSProfile(depth=self._depth, reliability=reliability, durability=self._durability),
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
         )
 
     def _incompatible(self, event: Any) -> None:
         self._watch.heard[self.topic_name] += 1
+        if event.last_policy_kind == QoSPolicyKind.DURABILITY:
+            self._durability = DurabilityPolicy.VOLATILE
+            self._node.destroy_subscription(self._subscription)
+            self._subscribe(ReliabilityPolicy.RELIABLE)
+            return
         if self._fixed:
             self._node.get_logger().error(
                 f"a publisher of {self.topic_name} does not offer reliable delivery, so its "

@@ -13,7 +13,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.replay.recording import RecordedMotion
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.result import ScanResult, vessel_pose
 
 
 @dataclass(frozen=True)
@@ -45,19 +45,12 @@ class ScanView:
     ) -> ScanView:
         """View of a processed scan.
 
-        `mounting_yaw`, rad, is the angle from the bow to the sensor's azimuth 0; None if the
-        detections need no heading and the poses have none.
+        `mounting_yaw` is that of `vessel_pose`.
         """
-        scan = result.scan
-        poses = np.reshape(scan.sensor_pose, (-1, 3))
-        nearest = 0
-        if len(poses) > 1 and scan.time_offset is not None:
-            nearest = int(np.argmin(scan.time_offset))
-        yaw = np.nan if mounting_yaw is None else mounting_yaw
         return cls(
             stamp=result.stamp,
-            detections=convert(scan, sensor, 0)["position"],
-            sensor=poses[nearest] - [0.0, 0.0, yaw] if len(poses) else None,
+            detections=convert(result.scan, sensor, 0)["position"],
+            sensor=vessel_pose(result.scan, mounting_yaw),
             new=result.new,
             held=result.current,
         )

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.scan_order import Arrival
 
@@ -54,3 +57,30 @@ class ScanResult:
     statistics: ScanStatistics
     core_seconds: float
     waiting: float
+
+
+def vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:
+    """Position of the sensor at the nearest echo, and the heading of the vessel.
+
+    Parameters
+    ----------
+    scan : Scan
+        Registered in the fixed frame.
+    mounting_yaw : float or None
+        Angle from the bow to the sensor's azimuth 0, rad; None if the detections need no heading
+        and the poses have none.
+
+    Returns
+    -------
+    (3,) ndarray or None
+        x, y (m) and heading (rad), nan if unknown; None without a sensor pose.
+    """
+    poses = np.reshape(scan.sensor_pose, (-1, 3))
+    if not len(poses):
+        return None
+    nearest = 0
+    if len(poses) > 1 and scan.time_offset is not None:
+        nearest = int(np.argmin(scan.time_offset))
+    yaw = np.nan if mounting_yaw is None else mounting_yaw
+    pose: FloatArray = poses[nearest] - [0.0, 0.0, yaw]
+    return pose

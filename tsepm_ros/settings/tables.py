@@ -20,6 +20,7 @@ from tsepm_ros.settings.node_options import (
 )
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.settings.viewer_options import ViewerNodeOptions
 
 Groups = tuple[tuple[str, type[Any]], ...]
 """Groups of parameters, each with the prefix of its names."""
@@ -35,11 +36,13 @@ TRACK_INITIATOR: Groups = (
 )
 SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions), ("", PlaybackOptions))
 SCAN_PLAYER: Groups = (("", PlayerNodeOptions), ("", PlaybackOptions))
+TRACK_VIEWER: Groups = (("", ViewerNodeOptions),)
 
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,
     "sonar_simulator": SONAR_SIMULATOR,
     "scan_player": SCAN_PLAYER,
+    "track_viewer": TRACK_VIEWER,
 }
 """Every node's groups of parameters."""
 

@@ -1,0 +1,102 @@
+"""The command `tsepm watch`: live topics or a recording on a page in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+
+from tsepm_ros.commands.run_command import add_source_arguments, open_run
+from tsepm_ros.parameters import Value, table
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.settings.value_text import yaml_text
+from tsepm_ros.settings.viewer_options import ViewerNodeOptions
+from tsepm_ros.viewer.serving import make_server
+
+OPTIONS = ("host", "port", "token")
+"""Options of the server that are arguments too."""
+
+
+def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `tsepm watch`."""
+    add_source_arguments(parser, nargs="?")
+    for row in table(ViewerNodeOptions):
+        if row.name in OPTIONS:
+            parser.add_argument(
+                f"--{row.name}", type=row.type, help=f"{row.description}; default {row.default!r}"
+            )
+    parser.add_argument(
+        "--ros-args",
+        nargs=argparse.REMAINDER,
+        default=[],
+        help="arguments of ROS for live topics, such as -r tracks/current:=/boat/tracks/current",
+    )
+    parser.set_defaults(out=None, picture=None, animation=None, html=True)
+
+
+def run_watch(options: argparse.Namespace) -> None:
+    """Serve a page of the live topics, or of a recording, until interrupted.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not allowed, a recording cannot be read, or a library is missing.
+    """
+    given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
+    viewer = ViewerNodeOptions(**given)
+    if options.recording is None:
+        _watch_live(options, given)
+    else:
+        _watch_recording(options, viewer)
+
+
+def _watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
+    if options.parameter:
+        raise ValueError(
+            "-p sets parameters of the processing of a recording, and none is given; live topics "
+            "are processed by the node track_initiator"
+        )
+    try:
+        from tsepm_ros.nodes.track_viewer import main
+    except ImportError as error:
+        raise ValueError(
+            f"live topics need ROS 2 ({error}); tsepm watch RECORDING needs none"
+        ) from None
+    parameters = [part for name, value in given.items() for part in _assignment(name, value)]
+    code = main(["--ros-args", *parameters, *options.ros_args])
+    if code:
+        raise SystemExit(code)
+
+
+def _assignment(name: str, value: Value) -> tuple[str, str]:
+    return "-p", f"{name}:={yaml_text(value)}"
+
+
+def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> None:
+    if options.ros_args:
+        raise ValueError("--ros-args is for live topics, and a recording is given")
+    with ExitStack() as stack:
+        run = open_run(options, stack)
+        recorded = run.recorded_scene()
+        server = make_server(viewer, recorded.title)  # before the work: the port may be in use
+        for result in _with_progress(run.results):
+            recorded.add(result, run.session.initiator)
+        page = run.page_of(recorded)
+    server.start(page)
+    print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        server.stop()
+
+
+def _with_progress(results: Iterator[ScanResult]) -> Iterable[ScanResult]:
+    """Show the number of processed scans if tqdm is installed and the output is a terminal."""
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        return results
+    return tqdm(results, unit="scan", disable=None)

@@ -1,0 +1,93 @@
+"""The node that shows the live topics on a page in a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, refusing
+from tsepm_ros.nodes.offered_subscription import OfferedSubscription
+from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.nodes.running import run
+from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
+from tsepm_ros.settings.tables import TRACK_VIEWER
+from tsepm_ros.settings.viewer_options import ViewerNodeOptions
+from tsepm_ros.viewer.live_frames import CLOUDS, DIAGNOSTICS, OWN_SHIP, TRACKS
+from tsepm_ros.viewer.serving import LiveFeed
+
+CLOUD_DEPTH = 10
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Best effort is compatible with every publisher."""
+
+
+class TrackViewer(Node):
+    """Subscribes to what the track initiator publishes, and serves a page of it."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("track_viewer", **AUTO_DECLARE, **node_options)
+        options: ViewerNodeOptions = NodeParameters(self, TRACK_VIEWER).options[ViewerNodeOptions]
+        warnings = ThrottledWarnings(self)
+        topic = self.resolve_topic_name(TRACKS)
+        with refusing():
+            self._feed = LiveFeed(
+                options,
+                f"Tracks on {topic}",
+                topic,
+                lambda sentence: warnings.warn(sentence.partition(":")[0], sentence, 0),
+                partial(deserialize_message, message_type=Odometry),
+            )
+        qos = QosWatch(self)
+        self._clouds = [
+            OfferedSubscription(
+                self,
+                PointCloud2,
+                name,
+                CLOUD_DEPTH,
+                self._taking(name),
+                qos,
+                durability=DurabilityPolicy.TRANSIENT_LOCAL
+                if name == TRACKS
+                else DurabilityPolicy.VOLATILE,
+            )
+            for name in CLOUDS
+        ]
+        # Odometry may come much more often than scans: only the newest before a scan is read.
+        self.create_subscription(Odometry, OWN_SHIP, self._taking(OWN_SHIP), NEWEST, raw=True)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._taking(DIAGNOSTICS), SOME)
+        self.get_logger().info(f"open {self._feed.server.url}")
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self._feed.server.url
+
+    def destroy_node(self) -> None:
+        """Destroy the node and end the server."""
+        self._feed.stop()
+        super().destroy_node()
+
+    def _taking(self, topic: str) -> Callable[[Any], None]:
+        """Return the callback of a topic."""
+
+        def take(message: Any) -> None:
+            self._feed.take(topic, message)
+
+        return take
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(TrackViewer, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,252 @@
+"""One scan as the page draws it: a JSON object, the same live, replayed and in a file.
+
+============= ===================================================================================
+field         meaning
+============= ===================================================================================
+``number``    counts the frames of a source from 1
+``stamp``     the scan's stamp, s
+``frame_id``  the fixed frame of all positions
+``own_ship``  x, y (m) and heading (rad from x, counter-clockwise; null: unknown), or null
+``detections``  x and y of each detection in turn, m
+``potential`` a row per potential track: x, y (m), vx, vy (m/s), evidence (0 to 1; null: no score)
+``tracks``    a row per held track: id, x, y (m), vx, vy (m/s), semi-axes of its 95 % ellipse (m)
+              and the angle of the major one (rad), standard deviation of the speed (m/s)
+``fixed``     as ``tracks``, of fixed echoes
+``restart``   true if all tracks before it were discarded
+============= ===================================================================================
+
+What does not change from scan to scan is said once per track, in its facts: see `track_facts`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from msg_adapters.track_markers import ELLIPSE_SCALE, drawn_candidates
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.numerics.arrays import FloatArray
+
+Frame = dict[str, Any]
+"""A frame, or the facts of a track: what `json.dumps` takes."""
+
+MAX_POTENTIAL = 500
+"""Potential tracks of a frame, those nearest to confirmation."""
+
+_POSITION_DIGITS, _VELOCITY_DIGITS, _ANGLE_DIGITS = 2, 3, 3
+
+
+def make_frame(
+    stamp: float,
+    frame_id: str,
+    *,
+    detections: FloatArray | None = None,
+    tracks: Sequence[ConfirmedTrack] = (),
+    potential: Sequence[ConfirmedTrack] = (),
+    fixed: Sequence[ConfirmedTrack] = (),
+    own_ship: Sequence[float] | FloatArray | None = None,
+    restart: bool = False,
+) -> Frame:
+    """Make the frame of one scan.
+
+    Parameters
+    ----------
+    stamp : float
+        s.
+    frame_id : str
+        The fixed frame.
+    detections : (n, 2) ndarray, optional
+        Positions in the fixed frame, m. Positions that are not finite are left out.
+    tracks, potential, fixed : sequence of ConfirmedTrack, optional
+        Held tracks, potential tracks and fixed echoes at the stamp. Tracks with a state that is
+        not finite are left out.
+    own_ship : (x, y, heading), optional
+        m and rad; a heading of nan is unknown.
+    restart : bool, optional
+        Whether all earlier tracks were discarded before this scan.
+
+    Returns
+    -------
+    dict
+    """
+    frame: Frame = {
+        "stamp": stamp,
+        "frame_id": frame_id,
+        "own_ship": _pose(own_ship),
+        "detections": _positions(detections),
+        "potential": potential_rows(potential),
+        "tracks": track_rows(tracks),
+        "fixed": track_rows(fixed),
+    }
+    if restart:
+        frame["restart"] = True
+    return frame
+
+
+def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[float]]:
+    """Rows of held tracks, see the module's table.
+
+    An ellipse of a covariance that is not finite has semi-axes of 0.
+    """
+    arrays = _finite(tracks)
+    if not len(arrays):
+        return []
+    position = arrays.covariance[:, 0::2, 0::2]
+    velocity = arrays.covariance[:, 1::2, 1::2]
+    return [
+        [track_id, *numbers]
+        for track_id, numbers in zip(
+            arrays.track_id.tolist(),
+            np.hstack(
+                [
+                    np.round(arrays.state[:, 0::2], _POSITION_DIGITS),
+                    np.round(arrays.state[:, 1::2], _VELOCITY_DIGITS),
+                    ellipses(position),
+                    _speed_std(arrays.state[:, 1::2], velocity)[:, None],
+                ]
+            ).tolist(),
+            strict=True,
+        )
+    ]
+
+
+def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[float | None]]:
+    """Rows of potential tracks, the least likely first, so that the likely ones are drawn on top.
+
+    The evidence is the score relative to the threshold for confirmation, as RViz shows it: see
+    `msg_adapters.track_markers.drawn_candidates`.
+    """
+    arrays = _finite(tracks)
+    if not len(arrays):
+        return []
+    scored = bool(np.isfinite(arrays.score).any())
+    rows, evidence = drawn_candidates(arrays)
+    order = np.argsort(evidence, kind="stable")[-MAX_POTENTIAL:]
+    state = arrays.state[rows[order]]
+    numbers = np.hstack(
+        [
+            np.round(state[:, 0::2], _POSITION_DIGITS),
+            np.round(state[:, 1::2], _VELOCITY_DIGITS),
+        ]
+    ).tolist()
+    shares = np.round(np.nan_to_num(evidence[order]), 2).tolist()
+    return [[*row, share if scored else None] for row, share in zip(numbers, shares, strict=True)]
+
+
+def track_facts(
+    tracks: Sequence[ConfirmedTrack],
+    confirmed: float | None,
+    *,
+    reasons: Sequence[str] | None = None,
+    hits: Sequence[Sequence[Sequence[float]]] | None = None,
+) -> dict[str, Frame]:
+    """What the page says of each track besides its row, by its id.
+
+    Parameters
+    ----------
+    tracks : sequence of ConfirmedTrack
+    confirmed : float or None
+        Stamp of the confirmation, s; None: unknown, as of tracks older than the viewer.
+    reasons : sequence of str, optional
+        Reason of each confirmation; by default as far as the tracks themselves say it.
+    hits : sequence, optional
+        Time (s), x and y (m) of each hit of each track, oldest first.
+
+    Returns
+    -------
+    dict
+        ``first``: stamp of the first hit, s, or None; ``confirmed``, ``hits``, ``reason``.
+    """
+    arrays = TrackArrays.of(tracks)
+    return {
+        str(track.track_id): {
+            "first": round(track.stamp - track.age, 3) if math.isfinite(track.age) else None,
+            "confirmed": confirmed,
+            "hits": list(hits[row]) if hits is not None else [],
+            "reason": reasons[row]
+            if reasons is not None
+            else reason_of(track, int(arrays.hit_count[row])),
+        }
+        for row, track in enumerate(arrays)
+    }
+
+
+def reason_of(track: ConfirmedTrack, hit_count: int) -> str:
+    """Why a track of a message was confirmed, by its counts and figures; empty without hits."""
+    if not hit_count:
+        return ""
+    reason = f"{hit_count} hits in {track.scan_count} pings"
+    threshold = track.score - track.evaluation
+    if math.isfinite(threshold):
+        return f"{reason}; log-likelihood ratio {track.score:.1f}, threshold {threshold:.1f}"
+    if math.isfinite(track.evaluation):
+        return f"{reason}; evaluation {track.evaluation:.2f}"
+    return reason
+
+
+def encode(content: object) -> str:
+    """Encode as JSON; a number that is not finite is a ValueError."""
+    return json.dumps(content, separators=(",", ":"), allow_nan=False)
+
+
+def ellipses(covariance: FloatArray) -> FloatArray:
+    """95 % ellipses of positions.
+
+    Parameters
+    ----------
+    covariance : (n, 2, 2) ndarray
+        m^2.
+
+    Returns
+    -------
+    (n, 3) ndarray
+        Semi-axes, m, the major one first, and its angle from x, rad; 0 where the covariance is not
+        finite.
+    """
+    bad = ~np.isfinite(covariance).all(axis=(1, 2))
+    xx, xy, yy = (np.where(bad, 0.0, covariance[:, i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+    mean, half_difference = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    radius = np.hypot(half_difference, xy)
+    variances = np.stack([mean + radius, np.maximum(mean - radius, 0.0)], axis=1)
+    axes = np.round(ELLIPSE_SCALE * np.sqrt(np.maximum(variances, 0.0)), _POSITION_DIGITS)
+    angle = np.round(0.5 * np.arctan2(xy, half_difference), _ANGLE_DIGITS)
+    return np.column_stack([axes, angle])
+
+
+def _speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Standard deviation of the speed, (n,) m/s: that of the velocity along itself."""
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    along = velocity / np.maximum(speed, 1e-9)[:, None]
+    along[speed < 1e-9] = np.sqrt(0.5)
+    variance = np.einsum("ni,nij,nj->n", along, covariance, along)
+    variance = np.where(np.isfinite(variance), np.maximum(variance, 0.0), 0.0)
+    return np.asarray(np.round(np.sqrt(variance), _VELOCITY_DIGITS), float)
+
+
+def _finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
+    arrays = TrackArrays.of(tracks)
+    finite = np.isfinite(arrays.state).all(axis=1)
+    return arrays if finite.all() else arrays.where(np.flatnonzero(finite))
+
+
+def _positions(positions: FloatArray | None) -> list[float]:
+    if positions is None or not len(positions):
+        return []
+    finite = np.isfinite(positions).all(axis=1)
+    return np.round(positions[finite], _POSITION_DIGITS).ravel().tolist()
+
+
+def _pose(pose: Sequence[float] | FloatArray | None) -> list[float | None] | None:
+    if pose is None or not all(math.isfinite(value) for value in pose[:2]):
+        return None
+    x, y, heading = pose
+    known = math.isfinite(heading)
+    return [
+        round(float(x), _POSITION_DIGITS),
+        round(float(y), _POSITION_DIGITS),
+        round(math.remainder(heading, math.tau), _ANGLE_DIGITS) if known else None,
+    ]

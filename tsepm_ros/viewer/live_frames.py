@@ -1,0 +1,197 @@
+"""Frames from the messages of live topics, gathered by stamp; without rclpy."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from msg_adapters import (
+    MessageError,
+    ns_to_seconds,
+    read_fields,
+    read_own_ship,
+    read_track_cloud,
+    time_to_ns,
+)
+from msg_adapters.track_cloud import track_arrays
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.viewer.frames import Frame, make_frame, track_facts
+
+DETECTIONS, NEW, TRACKS = "detections/placed", "tracks", "tracks/current"
+POTENTIAL, FIXED = "potential_tracks", "fixed_echoes"
+OWN_SHIP, DIAGNOSTICS = "own_ship/odometry", "/diagnostics"
+"""The topics that are watched, named as in the track initiator."""
+
+CLOUDS = (NEW, DETECTIONS, TRACKS, POTENTIAL, FIXED)
+
+MAX_PENDING = 16
+"""Scans that wait to be drawn, and scans whose messages may still arrive late."""
+
+MAX_HEADING_VARIANCE = 10.0
+"""A heading with a larger variance, rad^2, is unknown: sources write large numbers for that."""
+
+_NO_TRACKS = TrackArrays.of([])
+
+
+@dataclass
+class ScanMessages:
+    """The messages of one scan.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    number : int
+        Number of the frame.
+    restart : bool
+        Whether its stamp goes back.
+    clouds : dict of str to message
+        Messages that have not been read, by topic.
+    frame_id : str
+        The fixed frame; empty before a message was read.
+    detections : (n, 2) ndarray
+    new, tracks, potential, fixed : TrackArrays
+    """
+
+    stamp_ns: int
+    number: int
+    restart: bool
+    clouds: dict[str, Any] = field(default_factory=dict)
+    frame_id: str = ""
+    detections: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    new: TrackArrays = _NO_TRACKS
+    tracks: TrackArrays = _NO_TRACKS
+    potential: TrackArrays = _NO_TRACKS
+
+    @property
+    def stamp(self) -> float:
+        """The scan's stamp, s."""
+        return ns_to_seconds(self.stamp_ns)
+
+
+class LiveFrames:
+    """Gathers the messages of each scan to a frame.
+
+    Messages belong together by their stamps. A stamp that goes back is a restart of the source,
+    unless it is one of the last scans'. Fixed echoes are shown until the next message of them.
+
+    Parameters
+    ----------
+    report : callable
+        Called with the topic and the error for a message that cannot be read.
+    """
+
+    def __init__(self, report: Callable[[str, MessageError], None]) -> None:
+        self._report = report
+        self._pending: OrderedDict[int, ScanMessages] = OrderedDict()
+        self._recent: OrderedDict[int, ScanMessages] = OrderedDict()
+        self._newest: int | None = None
+        self._number = 0
+        self._fixed: tuple[str, TrackArrays] = "", _NO_TRACKS
+        self._own_ship: PoseSample | None = None
+        self._known: set[int] = set()
+
+    @property
+    def pending(self) -> bool:
+        """Whether `take_frames` has anything to return."""
+        return bool(self._pending)
+
+    def take(self, topic: str, cloud: Any) -> None:
+        """Take a message of one of the CLOUDS; a message that is too late is left out."""
+        stamp_ns = time_to_ns(cloud.header.stamp)
+        scan = self._recent.get(stamp_ns)
+        if scan is None:
+            scan = self._begin(stamp_ns)
+        elif stamp_ns != self._newest and stamp_ns not in self._pending:
+            return
+        scan.clouds[topic] = cloud
+        self._pending[stamp_ns] = scan
+        for kept in (self._pending, self._recent):
+            while len(kept) > MAX_PENDING:
+                kept.popitem(last=False)
+
+    def take_own_ship(self, message: Any) -> None:
+        """Take the own ship's odometry."""
+        try:
+            self._own_ship = read_own_ship(message)
+        except MessageError as error:
+            self._report(OWN_SHIP, error)
+
+    def take_frames(self) -> list[tuple[Frame, dict[str, Frame]]]:
+        """Make the frames of the scans with new messages, each with its new tracks' facts."""
+        pending, self._pending = self._pending, OrderedDict()
+        return [self._frame(scan) for scan in pending.values()]
+
+    def _begin(self, stamp_ns: int) -> ScanMessages:
+        restart = self._newest is not None and stamp_ns < self._newest
+        if restart:
+            self._recent.clear()
+            self._pending.clear()
+            self._fixed = "", _NO_TRACKS
+        self._number += 1
+        self._newest = stamp_ns
+        scan = self._recent[stamp_ns] = ScanMessages(stamp_ns, self._number, restart)
+        return scan
+
+    def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame]]:
+        for topic, cloud in scan.clouds.items():
+            try:
+                self._read(scan, topic, cloud)
+            except MessageError as error:
+                self._report(topic, error)
+        scan.clouds.clear()
+        fixed_frame, fixed = self._fixed
+        frame = make_frame(
+            scan.stamp,
+            scan.frame_id,
+            detections=scan.detections,
+            tracks=scan.tracks,
+            potential=scan.potential,
+            fixed=fixed if fixed_frame == scan.frame_id else (),
+            own_ship=self._pose(scan.frame_id),
+            restart=scan.restart,
+        )
+        frame["number"] = scan.number
+        return frame, self._new_facts(scan)
+
+    def _read(self, scan: ScanMessages, topic: str, cloud: Any) -> None:
+        scan.frame_id = cloud.header.frame_id
+        if not cloud.width * cloud.height:
+            if topic == FIXED:
+                self._fixed = scan.frame_id, _NO_TRACKS
+            return
+        if topic == DETECTIONS:
+            position = read_fields(cloud, ("position_x", "position_y"))
+            scan.detections = np.stack([position["position_x"], position["position_y"]], axis=1)
+            return
+        tracks = track_arrays(read_track_cloud(cloud), scan.stamp)
+        if topic == FIXED:
+            self._fixed = scan.frame_id, tracks
+        elif topic == NEW:
+            scan.new = tracks
+        elif topic == TRACKS:
+            scan.tracks = tracks
+        else:
+            scan.potential = tracks
+
+    def _new_facts(self, scan: ScanMessages) -> dict[str, Frame]:
+        """Facts of the tracks that are confirmed by a scan or seen for the first time."""
+        new_ids, ids = scan.new.track_id.tolist(), scan.tracks.track_id.tolist()
+        first_seen = [row for row, key in enumerate(ids) if key not in self._known]
+        facts = track_facts(scan.tracks.where(np.array(first_seen, int)), None)
+        facts.update(track_facts(scan.new, scan.stamp))
+        self._known = {*ids, *new_ids}
+        return facts
+
+    def _pose(self, frame_id: str) -> tuple[float, float, float] | None:
+        pose = self._own_ship
+        if pose is None or pose.frame_id != frame_id:
+            return None
+        known = pose.covariance is None or pose.covariance[2, 2] < MAX_HEADING_VARIANCE
+        return pose.x, pose.y, pose.yaw if known else math.nan

@@ -1,0 +1,524 @@
+"use strict";
+
+/* The plan position on a canvas: a view of the fixed frame, and what is drawn in it. */
+
+const NEW_SCANS = 3; // a track counts as new for so many scans
+const ARROW_TIMES = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600];
+const MAX_POTENTIAL_LINE = 24; // px
+const RING_LABELS = [0, 0.5, -0.5, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6, 2.4, -2.4, Math.PI]; // rad
+const PICK_DISTANCE = 22; // px
+
+const LAYERS = [
+  ["detections", "Detections, fading"],
+  ["potential", "Potential tracks, by evidence"],
+  ["tracks", "Tracks, with velocity"],
+  ["ellipses", "95 % ellipses"],
+  ["trails", "Trails"],
+  ["labels", "Track ids and speeds"],
+  ["fixed", "Fixed echoes"],
+  ["ownShip", "Own ship"],
+  ["truth", "Truth"],
+  ["rings", "Range rings"],
+  ["follow", "Keep own ship centred"],
+];
+
+class Plan {
+  constructor(canvas, scene) {
+    this.canvas = canvas;
+    this.scene = scene;
+    this.context = canvas.getContext("2d");
+    this.center = [0, 0]; // m
+    this.scale = 0.05; // px/m
+    this.moved = false; // whether the user has chosen the view
+    this.layers = Object.fromEntries(LAYERS.map(([name]) => [name, name !== "follow"]));
+    this.fading = 8;
+    this.trailing = 100;
+    this.selected = null;
+    this.arrowTime = 60;
+    this.readColours();
+  }
+
+  readColours() {
+    const style = getComputedStyle(document.documentElement);
+    this.colour = {};
+    for (const name of ["plot", "ring", "text", "muted", "detection", "track", "new", "weak",
+      "strong", "fixed", "ship", "truth", "accent"]) {
+      this.colour[name] = style.getPropertyValue(`--${name}`).trim();
+    }
+  }
+
+  /* Match the canvas to its size on the screen; returns whether it has one. */
+  resize() {
+    const ratio = window.devicePixelRatio || 1;
+    this.width = this.canvas.clientWidth;
+    this.height = this.canvas.clientHeight;
+    const width = Math.round(this.width * ratio), height = Math.round(this.height * ratio);
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      this.canvas.width = width;
+      this.canvas.height = height;
+    }
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    return width > 0 && height > 0;
+  }
+
+  /* ---- view ---- */
+
+  screen(x, y) {
+    return [
+      0.5 * this.width + (x - this.center[0]) * this.scale,
+      0.5 * this.height - (y - this.center[1]) * this.scale,
+    ];
+  }
+
+  world(px, py) {
+    return [
+      this.center[0] + (px - 0.5 * this.width) / this.scale,
+      this.center[1] - (py - 0.5 * this.height) / this.scale,
+    ];
+  }
+
+  fit(box) {
+    if (!box || !this.resize()) return;
+    const extent = Math.max(box[2] - box[0], box[3] - box[1], 1);
+    this.center = [0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])];
+    const width = Math.max(box[2] - box[0], 0.05 * extent);
+    const height = Math.max(box[3] - box[1], 0.05 * extent);
+    this.scale = 0.9 * Math.min(this.width / width, this.height / height);
+  }
+
+  /* Zoom about a point of the screen, which stays where it is. */
+  zoom(factor, px = 0.5 * this.width, py = 0.5 * this.height) {
+    const [x, y] = this.world(px, py);
+    this.scale = Math.min(Math.max(this.scale * factor, 1e-6), 1e4);
+    const [nx, ny] = this.world(px, py);
+    this.center = [this.center[0] + x - nx, this.center[1] + y - ny];
+    this.moved = true;
+  }
+
+  pan(dx, dy) {
+    this.center = [this.center[0] - dx / this.scale, this.center[1] + dy / this.scale];
+    this.moved = true;
+    this.layers.follow = false;
+  }
+
+  /* Id of the track nearest to a point of the screen, or null. */
+  pick(frame, px, py) {
+    let best = null, nearest = PICK_DISTANCE;
+    for (const row of frame ? frame.tracks : []) {
+      const [x, y] = this.screen(row[Row.X], row[Row.Y]);
+      const away = Math.hypot(x - px, y - py);
+      if (away < nearest) [best, nearest] = [row[Row.ID], away];
+    }
+    return best;
+  }
+
+  /* ---- drawing ---- */
+
+  draw(index) {
+    if (!this.resize()) return;
+    const { context, colour, scene } = this;
+    context.fillStyle = colour.plot;
+    context.fillRect(0, 0, this.width, this.height);
+    const frame = scene.frames[index];
+    if (frame && this.layers.follow && frame.own_ship) {
+      this.center = [frame.own_ship[0], frame.own_ship[1]];
+    }
+    if (this.layers.rings) this.drawRings(frame);
+    if (frame) {
+      this.chooseArrowTime(frame);
+      if (this.layers.fixed) this.drawFixed(frame);
+      if (this.layers.detections) this.drawDetections(index);
+      if (this.layers.truth) this.drawTruth(frame);
+      if (this.layers.potential) this.drawPotential(frame);
+      this.drawTracks(frame);
+      if (this.layers.ownShip) this.drawOwnShip(frame);
+    }
+    this.drawScaleBar();
+    this.drawOrientation(scene.north(frame));
+  }
+
+  drawRings(frame) {
+    const { context, colour } = this;
+    const origin = frame && frame.own_ship ? frame.own_ship : [0, 0];
+    const [x, y] = this.screen(origin[0], origin[1]);
+    const step = roundDown(Math.max(200, 0.25 * Math.min(this.width, this.height)) / this.scale);
+    const pixels = step * this.scale;
+    const corners = [[0, 0], [this.width, 0], [0, this.height], [this.width, this.height]];
+    const far = Math.max(...corners.map(([cx, cy]) => Math.hypot(cx - x, cy - y)));
+    const inside = x >= 0 && x <= this.width && y >= 0 && y <= this.height;
+    const near = inside ? 0 : Math.hypot(
+      Math.max(-x, 0, x - this.width), Math.max(-y, 0, y - this.height));
+    context.strokeStyle = colour.ring;
+    context.fillStyle = colour.muted;
+    context.lineWidth = 1;
+    context.font = "12px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    for (let ring = Math.max(Math.ceil(near / pixels), 1); ring * pixels <= far; ring += 1) {
+      context.beginPath();
+      context.arc(x, y, ring * pixels, 0, 2 * Math.PI);
+      context.stroke();
+      const words = distance(ring * step).replace(/\.0+ /, " ").replace(/(\.\d*[1-9])0+ /, "$1 ");
+      const place = RING_LABELS.map((angle) => [
+        x + ring * pixels * Math.sin(angle), y - ring * pixels * Math.cos(angle),
+      ]).find(([lx, ly]) => lx > 30 && lx < this.width - 70 && ly > 12 && ly < this.height - 40);
+      if (place) this.text(words, ...place);
+    }
+    context.beginPath();
+    context.moveTo(x - 5, y); context.lineTo(x + 5, y);
+    context.moveTo(x, y - 5); context.lineTo(x, y + 5);
+    context.stroke();
+  }
+
+  drawDetections(index) {
+    const { context, colour, scene } = this;
+    context.fillStyle = colour.detection;
+    const oldest = Math.max(index - this.fading + 1, 0);
+    let begin = index;
+    while (begin > oldest && !scene.frames[begin].restart) begin -= 1;
+    for (let k = begin; k <= index; k += 1) {
+      const age = index - k, size = age ? 2 : 3;
+      context.globalAlpha = age ? 0.45 * (1 - age / this.fading) : 0.85;
+      const points = scene.frames[k].detections;
+      for (let i = 0; i < points.length; i += 2) {
+        const [x, y] = this.screen(points[i], points[i + 1]);
+        context.fillRect(x - 0.5 * size, y - 0.5 * size, size, size);
+      }
+    }
+    context.globalAlpha = 1;
+  }
+
+  drawPotential(frame) {
+    const { context, colour } = this;
+    for (const [x, y, vx, vy, evidence] of frame.potential) {
+      const share = evidence === null ? 0 : evidence;
+      context.strokeStyle = context.fillStyle = mixed(colour.weak, colour.strong, share);
+      context.lineWidth = 1 + share;
+      const [px, py] = this.screen(x, y);
+      // The velocity of a few hits is uncertain: a short line says as much.
+      const way = Math.hypot(vx, vy) * this.arrowTime * this.scale;
+      const shown = Math.min(this.arrowTime, this.arrowTime * MAX_POTENTIAL_LINE / Math.max(way, 1e-9));
+      const [qx, qy] = this.screen(x + vx * shown, y + vy * shown);
+      context.globalAlpha = 0.25 + 0.75 * share;
+      context.beginPath();
+      context.moveTo(px, py); context.lineTo(qx, qy);
+      context.stroke();
+      context.globalAlpha = 0.45 + 0.55 * share;
+      const half = 2.5 + 2 * share;
+      context.beginPath(); // a diamond: the shape tells it from a track, too
+      context.moveTo(px, py - half); context.lineTo(px + half, py);
+      context.lineTo(px, py + half); context.lineTo(px - half, py);
+      context.closePath();
+      context.fill();
+    }
+    context.globalAlpha = 1;
+  }
+
+  drawTracks(frame) {
+    const { layers, scene } = this;
+    const isNew = (id) => {
+      const confirmed = (scene.facts[id] || {}).confirmed;
+      if (confirmed === null || confirmed === undefined) return false;
+      const history = scene.trail(id, frame.number, NEW_SCANS + 1);
+      return history.length <= NEW_SCANS && history.length > 0 && confirmed >= history[0].stamp - 1e-6;
+    };
+    const colours = new Map(frame.tracks.map((row) => [
+      row[Row.ID], isNew(row[Row.ID]) ? this.colour.new : this.colour.track,
+    ]));
+    if (layers.trails) for (const row of frame.tracks) this.drawTrail(frame, row, colours);
+    if (layers.ellipses) for (const row of frame.tracks) this.drawEllipse(row, colours.get(row[Row.ID]));
+    if (layers.tracks) for (const row of frame.tracks) this.drawTrack(row, colours.get(row[Row.ID]));
+    if (this.selected !== null) this.drawSelected(frame);
+    if (layers.labels) this.drawLabels(frame, colours);
+  }
+
+  drawTrail(frame, row, colours) {
+    const { context } = this;
+    const points = this.scene.trail(row[Row.ID], frame.number, this.trailing);
+    if (points.length < 2) return;
+    context.strokeStyle = colours.get(row[Row.ID]);
+    context.globalAlpha = row[Row.ID] === this.selected ? 1 : 0.55;
+    context.lineWidth = row[Row.ID] === this.selected ? 2.5 : 1.5;
+    context.lineJoin = "round";
+    context.beginPath();
+    for (const point of points) context.lineTo(...this.screen(point.x, point.y));
+    context.stroke();
+    context.globalAlpha = 1;
+  }
+
+  drawEllipse(row, colour) {
+    const { context } = this;
+    const [x, y] = this.screen(row[Row.X], row[Row.Y]);
+    context.beginPath();
+    context.ellipse(x, y, row[Row.MAJOR] * this.scale, row[Row.MINOR] * this.scale,
+      -row[Row.ANGLE], 0, 2 * Math.PI);
+    context.globalAlpha = 0.14;
+    context.fillStyle = context.strokeStyle = colour;
+    context.fill();
+    context.globalAlpha = 0.7;
+    context.lineWidth = 1;
+    context.stroke();
+    context.globalAlpha = 1;
+  }
+
+  drawTrack(row, colour) {
+    const { context } = this;
+    const [x, y] = this.screen(row[Row.X], row[Row.Y]);
+    context.fillStyle = context.strokeStyle = colour;
+    context.lineWidth = 2;
+    this.arrow(x, y, ...this.screen(
+      row[Row.X] + row[Row.VX] * this.arrowTime, row[Row.Y] + row[Row.VY] * this.arrowTime));
+    context.beginPath();
+    context.arc(x, y, 4, 0, 2 * Math.PI);
+    context.fill();
+  }
+
+  drawSelected(frame) {
+    const { context, colour, scene } = this;
+    const row = frame.tracks.find((one) => one[Row.ID] === this.selected);
+    if (row) {
+      const [x, y] = this.screen(row[Row.X], row[Row.Y]);
+      context.strokeStyle = colour.accent;
+      context.lineWidth = 2;
+      context.beginPath();
+      context.arc(x, y, 11, 0, 2 * Math.PI);
+      context.stroke();
+    }
+    const hits = ((scene.facts[this.selected] || {}).hits || [])
+      .filter(([stamp]) => stamp <= frame.stamp + 1e-6);
+    context.strokeStyle = context.fillStyle = colour.accent;
+    context.lineWidth = 1.5;
+    context.font = "600 12px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.textBaseline = "middle";
+    hits.forEach(([, hx, hy], order) => {
+      const [x, y] = this.screen(hx, hy);
+      context.strokeRect(x - 5, y - 5, 10, 10);
+      this.text(String(order + 1), x + 8, y - 8);
+    });
+  }
+
+  /* Labels beside their tracks, where none covers another; the selected track's comes first. */
+  drawLabels(frame, colours) {
+    const { context } = this;
+    context.font = "600 13px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.textBaseline = "middle";
+    const taken = [];
+    const free = (box) => taken.every((other) =>
+      box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
+    const rows = [...frame.tracks].sort((one, other) =>
+      (other[Row.ID] === this.selected) - (one[Row.ID] === this.selected));
+    for (const row of rows) {
+      const [x, y] = this.screen(row[Row.X], row[Row.Y]);
+      if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
+      const speed = Math.hypot(row[Row.VX], row[Row.VY]);
+      const label = `${row[Row.ID]}  ${speed.toFixed(1)} m/s`;
+      const width = context.measureText(label).width;
+      const places = [[9, -11], [9, 11], [-9 - width, -11], [-9 - width, 11]]
+        .map(([dx, dy]) => [x + dx, y + dy - 8, x + dx + width, y + dy + 8]);
+      const place = places.find((box) => free(box) && box[0] > 2 && box[2] < this.width - 2) ||
+        places.find(free);
+      if (!place) continue;
+      taken.push(place);
+      context.fillStyle = colours.get(row[Row.ID]);
+      this.text(label, place[0], 0.5 * (place[1] + place[3]));
+    }
+  }
+
+  drawFixed(frame) {
+    const { context, colour } = this;
+    context.strokeStyle = colour.fixed;
+    context.lineWidth = 1.5;
+    for (const row of frame.fixed) {
+      const [x, y] = this.screen(row[Row.X], row[Row.Y]);
+      context.strokeRect(x - 4, y - 4, 8, 8);
+      context.beginPath();
+      context.moveTo(x - 4, y - 4); context.lineTo(x + 4, y + 4);
+      context.stroke();
+    }
+  }
+
+  drawTruth(frame) {
+    const { context, colour, scene } = this;
+    context.strokeStyle = colour.truth;
+    context.lineWidth = 1;
+    context.setLineDash([4, 4]);
+    for (const path of scene.truth) {
+      context.beginPath();
+      for (const [, x, y] of path) context.lineTo(...this.screen(x, y));
+      context.stroke();
+    }
+    context.setLineDash([]);
+    context.lineWidth = 1.5;
+    for (const target of scene.targets(frame.stamp)) {
+      const [x, y] = this.screen(...target);
+      context.beginPath();
+      context.moveTo(x, y - 6); context.lineTo(x + 6, y);
+      context.lineTo(x, y + 6); context.lineTo(x - 6, y);
+      context.closePath();
+      context.stroke();
+    }
+  }
+
+  drawOwnShip(frame) {
+    if (!frame.own_ship) return;
+    const { context, colour } = this;
+    const [x, y] = this.screen(frame.own_ship[0], frame.own_ship[1]);
+    const heading = frame.own_ship[2];
+    context.save();
+    context.translate(x, y);
+    context.fillStyle = colour.ship;
+    context.strokeStyle = colour.plot;
+    context.lineWidth = 1.5;
+    context.beginPath();
+    if (heading === null) {
+      context.arc(0, 0, 6, 0, 2 * Math.PI);
+    } else {
+      context.rotate(-heading);
+      context.moveTo(12, 0); context.lineTo(-7, 6.5); context.lineTo(-4, 0); context.lineTo(-7, -6.5);
+    }
+    context.closePath();
+    context.fill();
+    context.stroke();
+    context.restore();
+  }
+
+  drawScaleBar() {
+    const { context, colour } = this;
+    const length = roundDown(Math.min(160, 0.3 * this.width) / this.scale);
+    const pixels = length * this.scale, x = 16, y = this.height - 18;
+    context.strokeStyle = colour.text;
+    context.fillStyle = colour.text;
+    context.lineWidth = 2;
+    context.beginPath();
+    context.moveTo(x, y - 5); context.lineTo(x, y);
+    context.lineTo(x + pixels, y); context.lineTo(x + pixels, y - 5);
+    context.stroke();
+    context.font = "600 12px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.textBaseline = "bottom";
+    const unit = length >= 1000 ? `${length / 1000} km` : `${Number(length.toPrecision(1))} m`;
+    this.text(unit, x + 4, y - 5);
+  }
+
+  /* A north arrow, or the axes of a frame whose orientation is not known. */
+  drawOrientation(north) {
+    const { context, colour } = this;
+    context.strokeStyle = context.fillStyle = colour.text;
+    context.lineWidth = 1.8;
+    context.font = "600 13px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    if (north) {
+      const x = this.width - 30;
+      this.arrow(x, 58, x, 28);
+      this.text("N", x, 16);
+      return;
+    }
+    const x = this.width - 58, y = 56;
+    this.arrow(x, y, x + 30, y);
+    this.arrow(x, y, x, y - 30);
+    this.text("x", x + 40, y);
+    this.text("y", x, y - 40);
+  }
+
+  arrow(x, y, tipX, tipY) {
+    const { context } = this;
+    const length = Math.hypot(tipX - x, tipY - y);
+    context.beginPath();
+    context.moveTo(x, y); context.lineTo(tipX, tipY);
+    context.stroke();
+    if (length < 8) return;
+    const [ux, uy] = [(tipX - x) / length, (tipY - y) / length];
+    context.beginPath();
+    context.moveTo(tipX + 3 * ux, tipY + 3 * uy);
+    context.lineTo(tipX - 6 * ux - 4 * uy, tipY - 6 * uy + 4 * ux);
+    context.lineTo(tipX - 6 * ux + 4 * uy, tipY - 6 * uy - 4 * ux);
+    context.closePath();
+    context.fill();
+  }
+
+  /* Text with a rim in the background's colour, so that it can be read over anything. */
+  text(words, x, y) {
+    const { context, colour } = this;
+    context.save();
+    context.strokeStyle = colour.plot;
+    context.lineWidth = 4;
+    context.lineJoin = "round";
+    context.strokeText(words, x, y);
+    context.restore();
+    context.fillText(words, x, y);
+  }
+
+  /* The time whose way the arrows show: long enough to be seen, short enough not to cross. */
+  chooseArrowTime(frame) {
+    const speeds = frame.tracks.map((row) => Math.hypot(row[Row.VX], row[Row.VY])).sort((a, b) => a - b);
+    const fast = speeds.length ? speeds[Math.floor(0.8 * (speeds.length - 1))] : 5;
+    const wanted = 45 / Math.max(fast * this.scale, 1e-9);
+    this.arrowTime = ARROW_TIMES.filter((time) => time <= wanted).pop() || ARROW_TIMES[0];
+  }
+
+  /* A layer's sign, for the list of layers. */
+  drawSign(canvas, layer) {
+    const sign = Object.create(this);
+    sign.canvas = canvas;
+    sign.context = canvas.getContext("2d");
+    sign.layers = {};
+    sign.selected = null;
+    sign.center = [0, 0];
+    sign.scale = 1;
+    if (!sign.resize()) return;
+    const { context, colour } = sign;
+    context.clearRect(0, 0, sign.width, sign.height);
+    sign.arrowTime = 1;
+    const row = [0, -6, 0, 16, 0, 11, 6, 0.2, 0];
+    if (layer === "detections") {
+      context.fillStyle = colour.detection;
+      for (const [x, alpha] of [[4, 0.25], [11, 0.5], [18, 0.9]]) {
+        context.globalAlpha = alpha;
+        context.fillRect(x, 7, 4, 4);
+      }
+    } else if (layer === "potential") {
+      sign.drawPotential({ potential: [[-7, 0, 0, 0, 0], [0, 0, 0, 0, 0.5], [7, 0, 0, 0, 1]] });
+    } else if (layer === "tracks") {
+      sign.drawTrack(row, colour.track);
+    } else if (layer === "ellipses") {
+      sign.drawEllipse([0, 0, 0, 0, 0, 11, 6, 0.3], colour.track);
+    } else if (layer === "trails") {
+      context.strokeStyle = colour.track;
+      context.lineWidth = 1.5;
+      context.beginPath();
+      context.moveTo(2, 14); context.quadraticCurveTo(12, 14, 24, 4);
+      context.stroke();
+    } else if (layer === "labels") {
+      context.fillStyle = colour.track;
+      context.font = "600 13px system-ui, sans-serif";
+      context.textBaseline = "middle";
+      context.textAlign = "center";
+      context.fillText("12", 13, 9);
+    } else if (layer === "fixed") {
+      sign.drawFixed({ fixed: [[0, 0, 0]] });
+    } else if (layer === "ownShip" || layer === "follow") {
+      sign.drawOwnShip({ own_ship: [0, 0, layer === "follow" ? null : 0] });
+    } else if (layer === "truth") {
+      context.strokeStyle = colour.truth;
+      context.lineWidth = 1.5;
+      context.strokeRect(9, 5, 8, 8);
+    } else {
+      context.strokeStyle = colour.muted;
+      context.beginPath();
+      context.arc(13, 9, 7, 0, 2 * Math.PI);
+      context.stroke();
+    }
+  }
+}
+
+/* A colour between two of the form #rrggbb. */
+function mixed(from, to, share) {
+  const parts = [1, 3, 5].map((at) => {
+    const [a, b] = [from, to].map((colour) => parseInt(colour.slice(at, at + 2), 16));
+    return Math.round(a + share * (b - a));
+  });
+  return `rgb(${parts.join(",")})`;
+}

@@ -1,0 +1,151 @@
+"use strict";
+
+/* What the page knows: the frames of a source, and the history of each track in them. */
+
+const MAX_FRAMES = 4000; // of a live source; a recording is kept whole
+
+const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8 };
+
+class Scene {
+  constructor() {
+    this.clear();
+  }
+
+  clear() {
+    this.info = {};
+    this.frames = [];
+    this.removed = 0; // frames forgotten before the first one
+    this.facts = {};
+    this.truth = [];
+    this.health = null;
+    this.histories = new Map(); // id: [{number, stamp, x, y, vx, vy}], by increasing number
+    this.span = null; // [min x, min y, max x, max y] of everything seen, m
+  }
+
+  /* Take a message of the server, or a whole recording: see page_state.py. */
+  merge(message) {
+    if (message.all) this.clear();
+    if (message.info) this.info = message.info;
+    if (message.truth) this.truth = message.truth;
+    if ("health" in message) this.health = message.health;
+    if (message.facts) Object.assign(this.facts, message.facts);
+    for (const frame of message.frames || []) this.take(frame);
+  }
+
+  take(frame) {
+    const last = this.frames[this.frames.length - 1];
+    if (last && last.number === frame.number) this.frames.pop();
+    this.frames.push(frame);
+    for (const row of frame.tracks) {
+      let history = this.histories.get(row[Row.ID]);
+      if (!history) this.histories.set(row[Row.ID], history = []);
+      if (history.length && history[history.length - 1].number === frame.number) history.pop();
+      history.push({
+        number: frame.number, stamp: frame.stamp,
+        x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
+      });
+    }
+    if (this.info.kind === "live" && this.frames.length > MAX_FRAMES) this.forget();
+  }
+
+  /* Forget the oldest quarter of the frames, and the tracks that were only in them. */
+  forget() {
+    this.removed += this.frames.splice(0, Math.floor(MAX_FRAMES / 4)).length;
+    const first = this.frames[0].number;
+    for (const [id, history] of this.histories) {
+      const kept = history.filter((point) => point.number >= first);
+      if (kept.length) {
+        this.histories.set(id, kept);
+      } else {
+        this.histories.delete(id);
+        delete this.facts[id];
+      }
+    }
+  }
+
+  /* Positions of a track up to a frame, for the last `scans` scans. */
+  trail(id, number, scans) {
+    const history = this.histories.get(id) || [];
+    let end = history.length;
+    while (end > 0 && history[end - 1].number > number) end -= 1;
+    let begin = end;
+    while (begin > 0 && history[begin - 1].number > number - scans) begin -= 1;
+    return history.slice(begin, end);
+  }
+
+  /* Whether y is north: said by a recording; live where there is an own ship in the frame. */
+  north(frame) {
+    return this.info.north === undefined ? Boolean(frame && frame.own_ship) : this.info.north;
+  }
+
+  /* Truth at a stamp: [x, y] of each target that exists then. */
+  targets(stamp) {
+    const found = [];
+    for (const path of this.truth) {
+      const after = path.findIndex((point) => point[0] >= stamp);
+      if (after < 0 || (after === 0 && path[0][0] > stamp)) continue;
+      const [t1, x1, y1] = path[after];
+      const [t0, x0, y0] = path[Math.max(after - 1, 0)];
+      const share = t1 > t0 ? (stamp - t0) / (t1 - t0) : 0;
+      found.push([x0 + share * (x1 - x0), y0 + share * (y1 - y0)]);
+    }
+    return found;
+  }
+
+  /* Rectangle around what some frames show: [min x, min y, max x, max y], or null. */
+  bounds(frames) {
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    const include = (x, y) => {
+      box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y);
+      box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
+    };
+    for (const frame of frames) {
+      const points = frame.detections;
+      for (let i = 0; i < points.length; i += 2) include(points[i], points[i + 1]);
+      for (const row of frame.tracks) include(row[Row.X], row[Row.Y]);
+      for (const row of frame.fixed) include(row[Row.X], row[Row.Y]);
+      if (frame.own_ship) include(frame.own_ship[0], frame.own_ship[1]);
+    }
+    for (const path of this.truth) for (const [, x, y] of path) include(x, y);
+    return box[0] <= box[2] ? box : null;
+  }
+}
+
+/* ---- words and numbers ---- */
+
+const DATE = 1e8; // a larger stamp is a date, s since 1970
+
+function clock(stamp) {
+  if (stamp < DATE) return `${stamp.toFixed(1)} s`;
+  return `${new Date(1000 * stamp).toISOString().slice(11, 19)} UTC`;
+}
+
+function duration(seconds) {
+  if (!(seconds >= 0)) return "unknown";
+  if (seconds < 120) return `${seconds.toFixed(seconds < 10 ? 1 : 0)} s`;
+  if (seconds < 7200) return `${(seconds / 60).toFixed(seconds < 600 ? 1 : 0)} min`;
+  return `${(seconds / 3600).toFixed(1)} h`;
+}
+
+function distance(meters) {
+  if (meters >= 10000) return `${(meters / 1000).toFixed(1)} km`;
+  if (meters >= 1000) return `${(meters / 1000).toFixed(2)} km`;
+  return `${meters.toFixed(meters < 10 ? 2 : meters < 100 ? 1 : 0)} m`;
+}
+
+/* A direction: clockwise from north where y is north, else from the x axis, counter-clockwise. */
+function direction(dx, dy, north) {
+  const degrees = (north ? Math.atan2(dx, dy) : Math.atan2(dy, dx)) * 180 / Math.PI;
+  return `${String(Math.round((degrees + 360) % 360) % 360).padStart(3, "0")}°`;
+}
+
+function plural(number, word) {
+  return `${number} ${word}${number === 1 ? "" : "s"}`;
+}
+
+/* The largest of 1, 2 and 5 times a power of ten that is at most a number. */
+function roundDown(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  const step = [5, 2, 1].find((factor) => factor * power <= value * (1 + 1e-9)) || 1;
+  return step * power;
+}

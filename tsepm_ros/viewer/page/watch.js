@@ -1,0 +1,361 @@
+"use strict";
+
+/* Where the frames come from, the time that is shown, and the controls. */
+
+const byId = (id) => document.getElementById(id);
+
+const source = document.body.dataset.source;
+const scene = new Scene();
+const plan = new Plan(byId("canvas"), scene);
+const healthPanel = new HealthPanel(byId("health"), byId("entries"), byId("health-chip"));
+const trackList = new TrackList(byId("tracks"), byId("tracks-title"), select);
+const selectedPanel = new SelectedPanel(byId("selected"), plan, () => select(null));
+
+const PANEL_PERIOD = 300; // ms between renewals of the panels while frames come
+const RETRY_PERIODS = [500, 1000, 2000, 5000]; // ms
+const LATE = 5000; // ms after which missing diagnostics are stale
+
+const page = {
+  index: 0, // the frame that is shown
+  playing: source === "live", // live: follow the newest frame
+  connected: source !== "live",
+  failure: "",
+  heard: 0, // when the last frame arrived, ms
+  healthHeard: 0,
+  drawn: false,
+  panels: 0,
+};
+
+/* ---- drawing ---- */
+
+function redraw() {
+  if (page.drawn) return;
+  page.drawn = true;
+  requestAnimationFrame(() => {
+    page.drawn = false;
+    const { frames } = scene;
+    if (page.playing && source === "live") page.index = frames.length - 1;
+    page.index = Math.min(Math.max(page.index, 0), Math.max(frames.length - 1, 0));
+    if (!plan.moved && frames.length) fit();
+    plan.draw(page.index);
+    showTime();
+    const now = performance.now();
+    if (now - page.panels > PANEL_PERIOD || !page.playing) showPanels();
+  });
+}
+
+function fit() {
+  const { frames } = scene;
+  // All of a recording, so that the view stays; of a live source what is shown.
+  const first = source === "live" ? Math.max(page.index - plan.fading + 1, 0) : 0;
+  const last = source === "live" ? page.index + 1 : frames.length;
+  if (source !== "live" && plan.fitted === frames.length && plan.fittedTo === plan.canvas.clientWidth) return;
+  plan.fitted = frames.length;
+  plan.fittedTo = plan.canvas.clientWidth;
+  const step = Math.ceil((last - first) / 400);
+  plan.fit(scene.bounds(frames.slice(first, last).filter((_, k) => k % step === 0)));
+}
+
+function showTime() {
+  const { frames } = scene;
+  const frame = frames[page.index];
+  const slider = byId("slider");
+  slider.max = Math.max(frames.length - 1, 0);
+  slider.value = page.index;
+  slider.disabled = frames.length < 2;
+  byId("back").disabled = page.index <= 0;
+  byId("forward").disabled = page.index >= frames.length - 1;
+  byId("clock").textContent = frame
+    ? `${clock(frame.stamp)} · scan ${source === "live" ? frame.number : `${page.index + 1} of ${frames.length}`}`
+    : "";
+  slider.setAttribute("aria-valuetext", byId("clock").textContent);
+  byId("play").textContent = page.playing ? "Pause" : source === "live" ? "Live" : "Play";
+  const counts = frame
+    ? [plural(frame.tracks.length, "track"), plural(frame.detections.length / 2, "detection"),
+      plural(frame.potential.length, "potential track")].join(", ")
+    : "nothing";
+  plan.canvas.setAttribute("aria-label", `Plan position: ${counts}`);
+}
+
+function showPanels() {
+  page.panels = performance.now();
+  const frame = scene.frames[page.index];
+  document.title = byId("title").textContent = scene.info.title || document.title;
+  healthPanel.show(scene.health, source === "live" && scene.health && silence(page.healthHeard) > LATE);
+  trackList.show(frame, scene, plan.selected);
+  selectedPanel.show(plan.selected, frame, scene);
+  byId("arrows").textContent = `Arrows show the way of ${duration(plan.arrowTime)}.`;
+  showState();
+  showLayers(frame);
+}
+
+const silence = (since) => performance.now() - since;
+
+function showState() {
+  let [words, kind] = ["Recording", "stale"];
+  if (source === "live") {
+    [words, kind] = page.playing ? ["Live", "ok"] : ["Paused", "warn"];
+    const quiet = silence(page.heard) / 1000;
+    if (!page.connected) [words, kind] = ["Not connected", "error"];
+    else if (!scene.frames.length) [words, kind] = ["Waiting", "stale"];
+    else if (page.playing && quiet > 3) words = `Live, last scan ${duration(Math.floor(quiet))} ago`;
+  }
+  byId("state").textContent = words;
+  byId("state").className = `chip ${kind}`;
+  let notice = page.failure;
+  if (!notice && source === "live" && !page.connected) {
+    notice = "The viewer does not answer. The page connects again as soon as it runs.";
+  } else if (!notice && !scene.frames.length) {
+    notice = source === "live"
+      ? `No scan yet. The page waits for ${scene.info.topic || "the tracks"}: is the node track_initiator running, and are its detections published?`
+      : "No scan.";
+  }
+  byId("notice").textContent = notice;
+  byId("notice").hidden = !notice || (scene.frames.length > 0 && page.connected);
+}
+
+function showLayers(frame) {
+  const has = {
+    truth: scene.truth.length > 0,
+    ownShip: Boolean(frame && frame.own_ship), follow: Boolean(frame && frame.own_ship),
+  };
+  for (const [name] of LAYERS) {
+    const item = byId(`layer-${name}`).closest("li");
+    item.hidden = has[name] === false;
+    byId(`layer-${name}`).checked = plan.layers[name];
+  }
+}
+
+/* ---- time ---- */
+
+function show(index) {
+  page.index = index;
+  redraw();
+}
+
+function setPlaying(playing) {
+  page.playing = playing;
+  if (playing && source !== "live") {
+    if (page.index >= scene.frames.length - 1) page.index = 0;
+    step();
+  }
+  redraw();
+  showPanels();
+}
+
+let timer = 0;
+
+/* Show the next frame of a recording when its time comes. */
+function step() {
+  clearTimeout(timer);
+  if (!page.playing || source === "live") return;
+  const { frames } = scene;
+  if (page.index >= frames.length - 1) {
+    setPlaying(false);
+    return;
+  }
+  const rate = Number(byId("speed").value);
+  const gap = frames[page.index + 1].stamp - frames[page.index].stamp;
+  const seconds = rate > 0 ? 1 / rate : Math.min(Math.max(gap, 0), 60);
+  timer = setTimeout(() => {
+    if (!page.playing) return;
+    show(page.index + 1);
+    step();
+  }, 1000 * seconds);
+}
+
+function move(by) {
+  page.playing = false;
+  show(page.index + by);
+  showPanels();
+}
+
+function select(id) {
+  plan.selected = id;
+  redraw();
+  showPanels();
+}
+
+/* ---- controls ---- */
+
+function connectControls() {
+  byId("play").addEventListener("click", () => setPlaying(!page.playing));
+  byId("back").addEventListener("click", () => move(-1));
+  byId("forward").addEventListener("click", () => move(1));
+  byId("slider").addEventListener("input", (event) => {
+    page.playing = false;
+    show(Number(event.target.value));
+  });
+  byId("speed").addEventListener("change", step);
+  byId("speed-label").hidden = source === "live";
+  byId("zoom-in").addEventListener("click", () => { plan.zoom(1.5); redraw(); });
+  byId("zoom-out").addEventListener("click", () => { plan.zoom(1 / 1.5); redraw(); });
+  byId("fit").addEventListener("click", showAll);
+  byId("fading").addEventListener("change", (event) => { plan.fading = Number(event.target.value); redraw(); });
+  byId("trailing").addEventListener("change", (event) => { plan.trailing = Number(event.target.value); redraw(); });
+  byId("theme").addEventListener("click", () => {
+    setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  });
+  const layers = byId("layers");
+  for (const [name, words] of LAYERS) {
+    const box = element("input", { type: "checkbox", id: `layer-${name}`, checked: plan.layers[name] });
+    box.addEventListener("change", () => { plan.layers[name] = box.checked; redraw(); });
+    const sign = element("canvas");
+    sign.setAttribute("aria-hidden", "true");
+    sign.dataset.layer = name;
+    layers.append(element("li", {}, [element("label", {}, [box, sign, element("span", { textContent: words })])]));
+  }
+  new ResizeObserver(redraw).observe(byId("plot"));
+  document.addEventListener("keydown", onKey);
+  connectPointers();
+}
+
+function showAll() {
+  plan.moved = false;
+  plan.fitted = -1;
+  plan.layers.follow = false;
+  redraw();
+  showPanels();
+}
+
+function onKey(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (/^(INPUT|SELECT|BUTTON|SUMMARY)$/.test(event.target.tagName) && event.key !== "Escape") return;
+  const keys = {
+    " ": () => setPlaying(!page.playing),
+    ArrowLeft: () => move(-1),
+    ArrowRight: () => move(1),
+    "+": () => { plan.zoom(1.5); redraw(); },
+    "-": () => { plan.zoom(1 / 1.5); redraw(); },
+    f: showAll,
+    F: showAll,
+    Escape: () => select(null),
+  };
+  if (keys[event.key]) {
+    event.preventDefault();
+    keys[event.key]();
+  }
+}
+
+/* Drag to pan, wheel or two fingers to zoom, click to select. */
+function connectPointers() {
+  const { canvas } = plan;
+  const pointers = new Map();
+  let travelled = 0;
+  const place = (event) => {
+    const box = canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, place(event));
+    if (pointers.size === 1) travelled = 0;
+    canvas.classList.add("dragging");
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    const now = place(event);
+    const others = [...pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
+    pointers.set(event.pointerId, now);
+    travelled += Math.hypot(now[0] - before[0], now[1] - before[1]);
+    if (travelled < 5) return; // a click, not a drag
+    if (others.length) {
+      const [other] = others;
+      const apart = (at) => Math.max(Math.hypot(at[0] - other[0], at[1] - other[1]), 10);
+      plan.zoom(apart(now) / apart(before), 0.5 * (now[0] + other[0]), 0.5 * (now[1] + other[1]));
+      plan.pan(0.5 * (now[0] - before[0]), 0.5 * (now[1] - before[1]));
+    } else {
+      plan.pan(now[0] - before[0], now[1] - before[1]);
+    }
+    redraw();
+  });
+  const end = (event) => {
+    if (!pointers.delete(event.pointerId)) return;
+    if (!pointers.size) canvas.classList.remove("dragging");
+    if (event.type === "pointerup" && !pointers.size && travelled < 5) {
+      select(plan.pick(scene.frames[page.index], ...place(event)));
+    }
+  };
+  canvas.addEventListener("pointerup", end);
+  canvas.addEventListener("pointercancel", end);
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    const lines = event.deltaMode === 1 ? 30 : 1;
+    plan.zoom(Math.exp(-0.0015 * lines * event.deltaY), ...place(event));
+    redraw();
+  }, { passive: false });
+}
+
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  byId("theme").textContent = theme === "dark" ? "Light" : "Dark";
+  plan.readColours();
+  for (const sign of document.querySelectorAll("#layers canvas")) plan.drawSign(sign, sign.dataset.layer);
+  redraw();
+  showPanels();
+}
+
+/* ---- sources ---- */
+
+function take(message) {
+  const removed = scene.removed;
+  scene.merge(message);
+  page.index -= Math.max(scene.removed - removed, 0); // the same frame is shown while paused
+  if (message.frames && message.frames.length) page.heard = performance.now();
+  if (message.health) page.healthHeard = performance.now();
+  redraw();
+}
+
+let failures = 0;
+
+function follow() {
+  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+  const socket = new WebSocket(`${scheme}//${location.host}/updates`);
+  socket.addEventListener("message", (event) => {
+    failures = 0;
+    page.connected = true;
+    take(JSON.parse(event.data));
+  });
+  socket.addEventListener("close", () => {
+    page.connected = false;
+    showPanels();
+    setTimeout(follow, RETRY_PERIODS[Math.min(failures, RETRY_PERIODS.length - 1)]);
+    failures += 1;
+  });
+}
+
+async function replay(text) {
+  take(JSON.parse(await text));
+  show(scene.frames.length - 1); // the result first; Play begins at the beginning
+  showPanels();
+}
+
+/* The recording in the page itself: compressed, in base64. */
+async function embedded() {
+  const bytes = Uint8Array.from(atob(byId("recording").textContent), (sign) => sign.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).text();
+}
+
+function fail(error) {
+  page.failure = `The recording cannot be shown: ${error.message || error}`;
+  showPanels();
+}
+
+function begin() {
+  connectControls();
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
+  setTheme(dark.matches ? "dark" : "light");
+  setInterval(showPanels, 1000);
+  if (source === "live") {
+    follow();
+  } else {
+    replay(source === "embedded" ? embedded() : fetch("recording").then((answer) => answer.text()))
+      .catch(fail);
+  }
+}
+
+begin();

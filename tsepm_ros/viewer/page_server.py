@@ -1,0 +1,308 @@
+"""The server of the page: one page, its files, and a websocket with what changes.
+
+The library is tornado, which ROS has as ``python3-tornado`` (rosbridge uses it): HTTP, websockets
+with flow control, and nothing else to install.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import gzip
+import socket
+import threading
+from typing import Any
+from urllib.parse import urlencode
+
+import tornado.web
+from tornado.httpserver import HTTPServer
+from tornado.netutil import bind_sockets
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from tsepm_ros.settings.viewer_options import ViewerNodeOptions
+from tsepm_ros.viewer.access import Access, token_for
+from tsepm_ros.viewer.page_files import (
+    LIVE,
+    RECORDING,
+    SCRIPTS,
+    STYLE,
+    content_type,
+    page_file,
+    served_page,
+)
+from tsepm_ros.viewer.page_state import PageState
+
+MAX_BROWSERS = 32
+"""Maximum number of connected browsers; further ones are refused."""
+PING_INTERVAL, PING_TIMEOUT = 30.0, 30.0
+"""Times after which a silent browser is asked for a sign of life, and given up, s."""
+MAX_REQUEST = 4096
+"""Largest message and body that a browser may send, bytes."""
+
+ANY_ADDRESS = ("0.0.0.0", "::")
+
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+class PageServer:
+    """Serves the page in a thread of its own.
+
+    Parameters
+    ----------
+    options : ViewerNodeOptions
+    title : str
+    state : PageState, optional
+        Followed by the page while it changes; without it the page replays a recording.
+
+    Attributes
+    ----------
+    url : str
+        Where the page is, with the token if one is demanded.
+    loop : asyncio.AbstractEventLoop
+        For calls in its thread.
+
+    Raises
+    ------
+    ValueError
+        If the server cannot be bound to the host and port of the options.
+    """
+
+    def __init__(
+        self, options: ViewerNodeOptions, title: str, state: PageState | None = None
+    ) -> None:
+        self._sockets = _bound(options.host, options.port)
+        addresses = [bound.getsockname()[0] for bound in self._sockets]
+        port = self._sockets[0].getsockname()[1]
+        token = token_for(addresses, options.token)
+        self.url = _url(options.host, port, token)
+        self._title = title
+        self._state = state
+        self._browsers: set[_Updates] = set()
+        self._settings: dict[str, Any] = {
+            "access": Access.to(options.host, token),
+            "cookie": f"tsepm_token_{port}",
+            "websocket_ping_interval": PING_INTERVAL,
+            "websocket_ping_timeout": PING_TIMEOUT,
+            "websocket_max_message_size": MAX_REQUEST,
+            "default_handler_class": _Nothing,
+            "log_function": lambda handler: None,
+        }
+        self.loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="page server", daemon=True)
+
+    @property
+    def browsers(self) -> int:
+        """Number of connected browsers."""
+        return len(self._browsers)
+
+    def start(self, recording: str = "") -> None:
+        """Serve from now on; `recording`, JSON, is what a page without a state replays."""
+        page = served_page(RECORDING if self._state is None else LIVE, self._title)
+        texts = {"": (page, "page.html")} | {
+            name: (page_file(name), name) for name in (STYLE, *SCRIPTS)
+        }
+        routes: list[Any] = [
+            (f"/{path}", _Text, {"text": text, "name": name})
+            for path, (text, name) in texts.items()
+        ]
+        if self._state is None:
+            compressed = gzip.compress(recording.encode())
+            routes.append(("/recording", _Recording, {"recording": compressed}))
+        else:
+            source = {"state": self._state, "browsers": self._browsers}
+            routes.append(("/updates", _Updates, source))
+            self._state.changed = self._announce
+        self._application = tornado.web.Application(routes, **self._settings)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Close all connections and end the thread."""
+        if self._thread.is_alive():
+            self.loop.call_soon_threadsafe(self.loop.stop)
+            self._thread.join()
+
+    def _announce(self) -> None:
+        if threading.current_thread() is self._thread:
+            self._wake()
+        elif not self.loop.is_closed():
+            with contextlib.suppress(RuntimeError):  # closed since
+                self.loop.call_soon_threadsafe(self._wake)
+
+    def _wake(self) -> None:
+        for browser in self._browsers:
+            browser.changed.set()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self.loop)
+        try:
+            self.loop.run_until_complete(self._serve())
+            self.loop.run_forever()
+            self.loop.run_until_complete(self._close())
+        finally:
+            self.loop.close()
+
+    async def _serve(self) -> None:
+        self._server = HTTPServer(self._application, max_body_size=MAX_REQUEST)
+        self._server.add_sockets(self._sockets)
+
+    async def _close(self) -> None:
+        self._server.stop()
+        for browser in list(self._browsers):
+            browser.close(1001)
+        await self._server.close_all_connections()
+        tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class _Guarded(tornado.web.RequestHandler):
+    """A handler behind the checks of `Access`."""
+
+    def set_default_headers(self) -> None:
+        for name, value in HEADERS.items():
+            self.set_header(name, value)
+        self.clear_header("Server")
+
+    def prepare(self) -> None:
+        access: Access = self.settings["access"]
+        host = self.request.headers.get("Host", "")
+        if not access.allows_host(host):
+            self.refuse(
+                f"The page is not served under the name {host!r}. Use the address that the viewer "
+                "printed, or start the viewer with that name as host."
+            )
+        elif not access.allows_origin(self.request.headers.get("Origin"), host):
+            self.refuse("A page of another site may not ask.")
+        elif not access.allows_token(self.given_token()):
+            self.refuse("The token is missing or wrong. Use the address that the viewer printed.")
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code}\n")
+
+    def given_token(self) -> str:
+        """Token of the request: in its address, or as the cookie that the page has set."""
+        given = self.get_query_argument("token", "") or self.get_cookie(self.settings["cookie"])
+        return given or ""
+
+    def refuse(self, sentence: str) -> None:
+        """Answer that the request is not allowed."""
+        self.set_status(403)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(sentence + "\n")
+
+
+class _Nothing(_Guarded):
+    """Every other path."""
+
+    def get(self) -> None:
+        raise tornado.web.HTTPError(404)
+
+
+class _Text(_Guarded):
+    """The page, or one of its files."""
+
+    def initialize(self, text: str, name: str) -> None:
+        self._text = text
+        self._name = name
+
+    def get(self) -> None:
+        if self.get_query_argument("token", ""):
+            # The cookie takes the token out of the address bar and the history. Lax: a link from
+            # elsewhere may open the page, and no other site can read it.
+            self.set_cookie(
+                self.settings["cookie"], self.given_token(), httponly=True, samesite="Lax"
+            )
+            self.redirect(self.request.path, status=303)
+            return
+        self.set_header("Content-Type", content_type(self._name))
+        self.write(self._text)
+
+
+class _Recording(_Guarded):
+    """The recording."""
+
+    def initialize(self, recording: bytes) -> None:
+        self._recording = recording
+
+    def get(self) -> None:
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        if "gzip" in self.request.headers.get("Accept-Encoding", ""):
+            self.set_header("Content-Encoding", "gzip")
+            self.write(self._recording)
+        else:
+            self.write(gzip.decompress(self._recording))
+
+
+class _Updates(_Guarded, WebSocketHandler):
+    """The websocket of a browser: what changed, as fast as the browser takes it."""
+
+    def initialize(self, state: PageState, browsers: set[_Updates]) -> None:
+        self._state = state
+        self._browsers = browsers
+        self._sender: asyncio.Task[None] | None = None
+        self.changed = asyncio.Event()
+
+    def check_origin(self, origin: str) -> bool:
+        return True  # `prepare` has checked it
+
+    def open(self, *_: str, **__: str) -> None:
+        if len(self._browsers) >= MAX_BROWSERS:
+            self.close(1013, "too many browsers")
+            return
+        self._browsers.add(self)
+        self.changed.set()
+        self._sender = asyncio.create_task(self._send())
+
+    def on_message(self, message: str | bytes) -> None:
+        pass  # the page asks nothing
+
+    def on_close(self) -> None:
+        self._browsers.discard(self)
+        if self._sender is not None:
+            self._sender.cancel()
+
+    async def _send(self) -> None:
+        """Send what changed since the last message, after that has left this machine.
+
+        A browser that reads slowly so gets fewer messages, and no message waits here but one.
+        """
+        version = 0
+        with contextlib.suppress(WebSocketClosedError):
+            while True:
+                await self.changed.wait()
+                self.changed.clear()
+                text, newest = self._state.since(version)
+                if newest != version:
+                    await self.write_message(text)
+                    version = newest
+
+
+def _bound(host: str, port: int) -> list[socket.socket]:
+    try:
+        return bind_sockets(port, host)
+    except (OSError, UnicodeError) as error:
+        in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
+        remedy = "; choose another port, or 0 for any free one" if in_use else ""
+        raise ValueError(
+            f"the page cannot be served on {host}, port {port}: {error}{remedy}"
+        ) from (None)
+
+
+def _url(host: str, port: int, token: str) -> str:
+    name = socket.gethostname() if host in ANY_ADDRESS else host
+    name = f"[{name}]" if ":" in name else name
+    return f"http://{name}:{port}/" + (f"?{urlencode({'token': token})}" if token else "")
