@@ -1,10 +1,9 @@
 """Processor time of the track viewer's server beside a live source.
 
-A process publishes what a track initiator publishes, at a rate: new tracks, detections, held tracks,
-potential tracks, odometry and diagnostics. The viewer is the node as installed, in a process of its
-own; its processor time is that of all its threads, from the system, after it has settled. A third
-process reads the websocket as a browser does, and notes for each frame the time since its scan's
-messages were published.
+A process publishes what a track initiator publishes: new tracks, detections, held tracks, potential
+tracks, odometry and diagnostics. The viewer is the node, in a process of its own; its processor
+time, that of all its threads, is the system's figure. This process reads the websocket as a browser
+does, and notes for each frame the time since the publication of its scan.
 
     python benchmarks/viewer.py [--rate 20] [--tracks 100] [--browsers 1] [--seconds 30]
 """

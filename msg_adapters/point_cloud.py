@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import array
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -61,7 +61,10 @@ def read_fields(
         is not inside the point; if the rows are shorter than their points, or the data than the
         rows.
     """
-    fields = [_field(cloud, name) for name in dict.fromkeys(names)]
+    by_name: dict[str, list[PointField]] = {}
+    for field in cloud.fields:
+        by_name.setdefault(field.name, []).append(field)
+    fields = [_field(by_name, name) for name in dict.fromkeys(names)]
     formats = [_format(field, integers) for field in fields]
     if cloud.height * cloud.width == 0:
         return {field.name: np.empty(0) for field in fields}
@@ -89,11 +92,11 @@ def read_fields(
         }
 
 
-def _field(cloud: PointCloud2, name: str) -> PointField:
+def _field(by_name: Mapping[str, Sequence[PointField]], name: str) -> PointField:
     """Return the only field of a name."""
-    fields = [field for field in cloud.fields if field.name == name]
+    fields = by_name.get(name, ())
     if not fields:
-        available = ", ".join(field.name for field in cloud.fields) or "no fields"
+        available = ", ".join(name for name, some in by_name.items() for _ in some) or "no fields"
         raise MessageError("missing_field", f"field {name!r} is missing; the cloud has {available}")
     if len(fields) > 1:
         raise MessageError("duplicate_field", f"field {name!r} occurs {len(fields)} times")

@@ -160,14 +160,13 @@ def potential_track_markers(
 def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return rows to draw, (k,), and their summed score relative to the threshold, 0 to 1, (k,).
 
-    The scores of tracks with the same newest hit are summed, and the best of them is drawn. A track
-    whose hits are unknown, because it was read from a message, has its own score.
+    The scores of tracks with the same newest hit are summed, and the best of them is drawn.
     """
     scored = np.isfinite(tracks.score)
     if not scored.any():
         return np.arange(len(tracks)), np.zeros(len(tracks))
     best_first = np.flatnonzero(scored)[np.argsort(-tracks.score[scored], kind="stable")]
-    newest = [tracks.hits[row][-1] if tracks.hits[row] else (-1, row) for row in best_first]
+    newest = [tracks.hits[row][-1] for row in best_first]
     _, best, group = np.unique(newest, axis=0, return_index=True, return_inverse=True)
     total = summed(tracks.score[best_first], group.ravel(), len(best))
     rows = best_first[best]

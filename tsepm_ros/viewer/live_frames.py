@@ -18,7 +18,7 @@ from msg_adapters import (
     read_track_cloud,
     time_to_ns,
 )
-from msg_adapters.track_cloud import track_arrays
+from msg_adapters.track_cloud import STATE_FIELDS, track_arrays
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_sample import PoseSample
@@ -36,6 +36,9 @@ MAX_PENDING = 16
 
 MAX_HEADING_VARIANCE = 10.0
 """A heading with a larger variance, rad^2, is unknown: sources write large numbers for that."""
+
+MIN_CELL = 1e-3
+"""Smallest accuracy of potential tracks' positions, m."""
 
 _NO_TRACKS = TrackArrays.of([])
 
@@ -78,8 +81,8 @@ class ScanMessages:
 class LiveFrames:
     """Gathers the messages of each scan to a frame.
 
-    Messages belong together by their stamps. A stamp that goes back is a restart of the source,
-    unless it is one of the last scans'. Fixed echoes are shown until the next message of them.
+    Messages belong together by their stamps. A stamp that goes back on its own topic is a restart
+    of the source. Fixed echoes are shown until the next message of them.
 
     Parameters
     ----------
@@ -91,7 +94,7 @@ class LiveFrames:
         self._report = report
         self._pending: OrderedDict[int, ScanMessages] = OrderedDict()
         self._recent: OrderedDict[int, ScanMessages] = OrderedDict()
-        self._newest: int | None = None
+        self._newest: dict[str, int] = {}  # stamp by topic, ns
         self._number = 0
         self._fixed: tuple[str, TrackArrays] = "", _NO_TRACKS
         self._own_ship: PoseSample | None = None
@@ -105,10 +108,16 @@ class LiveFrames:
     def take(self, topic: str, cloud: Any) -> None:
         """Take a message of one of the CLOUDS; a message that is too late is left out."""
         stamp_ns = time_to_ns(cloud.header.stamp)
+        restart = stamp_ns < self._newest.get(topic, stamp_ns)
+        if restart:
+            self._start_over()
+        last = max(self._newest.values(), default=stamp_ns)
+        self._newest[topic] = stamp_ns
         scan = self._recent.get(stamp_ns)
-        if scan is None:
-            scan = self._begin(stamp_ns)
-        elif stamp_ns != self._newest and stamp_ns not in self._pending:
+        if scan is None and stamp_ns >= last:
+            self._number += 1
+            scan = self._recent[stamp_ns] = ScanMessages(stamp_ns, self._number, restart)
+        if scan is None or (stamp_ns < last and stamp_ns not in self._pending):
             return
         scan.clouds[topic] = cloud
         self._pending[stamp_ns] = scan
@@ -128,16 +137,11 @@ class LiveFrames:
         pending, self._pending = self._pending, OrderedDict()
         return [self._frame(scan) for scan in pending.values()]
 
-    def _begin(self, stamp_ns: int) -> ScanMessages:
-        restart = self._newest is not None and stamp_ns < self._newest
-        if restart:
-            self._recent.clear()
-            self._pending.clear()
-            self._fixed = "", _NO_TRACKS
-        self._number += 1
-        self._newest = stamp_ns
-        scan = self._recent[stamp_ns] = ScanMessages(stamp_ns, self._number, restart)
-        return scan
+    def _start_over(self) -> None:
+        self._pending.clear()
+        self._recent.clear()
+        self._newest.clear()
+        self._fixed = "", _NO_TRACKS
 
     def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame]]:
         for topic, cloud in scan.clouds.items():
@@ -170,15 +174,16 @@ class LiveFrames:
             position = read_fields(cloud, ("position_x", "position_y"))
             scan.detections = np.stack([position["position_x"], position["position_y"]], axis=1)
             return
+        if topic == POTENTIAL:
+            scan.potential = _potential(cloud, scan.stamp)
+            return
         tracks = track_arrays(read_track_cloud(cloud), scan.stamp)
         if topic == FIXED:
             self._fixed = scan.frame_id, tracks
         elif topic == NEW:
             scan.new = tracks
-        elif topic == TRACKS:
-            scan.tracks = tracks
         else:
-            scan.potential = tracks
+            scan.tracks = tracks
 
     def _new_facts(self, scan: ScanMessages) -> dict[str, Frame]:
         """Facts of the tracks that are confirmed by a scan or seen for the first time."""
@@ -195,3 +200,32 @@ class LiveFrames:
             return None
         known = pose.covariance is None or pose.covariance[2, 2] < MAX_HEADING_VARIANCE
         return pose.x, pose.y, pose.yaw if known else math.nan
+
+
+def _potential(cloud: Any, stamp: float) -> TrackArrays:
+    """Read potential tracks, without what the page does not show.
+
+    The message has no hits. Hypotheses in the same place, to the accuracy of their positions, are
+    taken for those of one newest detection, which is then their only hit.
+    """
+    values = read_fields(cloud, (*STATE_FIELDS, "cov_00", "cov_22", "evaluation", "score"))
+    state = np.stack([values[name] for name in STATE_FIELDS], axis=-1)
+    number = len(state)
+    variance = np.nan_to_num(values["cov_00"] + values["cov_22"], posinf=0.0)
+    side = 2.0 * np.sqrt(max(float(np.median(variance)), MIN_CELL**2))
+    with np.errstate(invalid="ignore"):
+        cells = np.nan_to_num(np.floor(state[:, 0::2] / side))
+    _, place = np.unique(cells, axis=0, return_inverse=True)
+    zeros = np.zeros(number, np.int64)
+    return TrackArrays(
+        track_id=np.arange(number),
+        stamp=np.full(number, stamp),
+        state=state,
+        covariance=np.zeros((number, 4, 4)),
+        hits=[((0, index),) for index in place.ravel().tolist()],
+        hit_count=zeros,
+        evaluation=values["evaluation"],
+        score=values["score"],
+        scan_count=zeros,
+        age=np.zeros(number),
+    )

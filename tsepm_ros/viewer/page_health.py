@@ -58,8 +58,8 @@ def health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[str]) 
     for name, number in sorted(dropped.items()):
         reason = reason_of(name)
         lost = f"{number} {reason.lost}{'' if number == 1 else 's'} dropped"
-        sentence = f"{lost}: {reason.meaning or name}"
-        entries.append(_entry(reason.task, Level.WARN, sentence, [("remedy", reason.remedy)]))
+        remedy = f". Remedy: {reason.remedy}" if reason.remedy else ""
+        entries.append(_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}"))
     entries += [_entry(DETECTIONS, Level.OK, note) for note in notes]
     return _health(entries)
 

@@ -16,7 +16,7 @@ const LAYERS = [
   ["trails", "Trails"],
   ["labels", "Track ids and speeds"],
   ["fixed", "Fixed echoes"],
-  ["ownShip", "Own ship"],
+  ["ownShip", "Own ship and its way"],
   ["truth", "Truth"],
   ["rings", "Range rings"],
   ["follow", "Keep own ship centred"],
@@ -35,6 +35,7 @@ class Plan {
     this.trailing = 100;
     this.selected = null;
     this.arrowTime = 60;
+    this.fittedBox = null; // the box of the last `fit`
     this.readColours();
   }
 
@@ -77,8 +78,19 @@ class Plan {
     ];
   }
 
+  /* Whether a box is in the view and not small in it. */
+  suits(box) {
+    if (!box) return true;
+    if (!this.fittedBox || !this.resize()) return false;
+    const [left, bottom] = this.world(0, this.height), [right, top] = this.world(this.width, 0);
+    const inside = box[0] >= left && box[1] >= bottom && box[2] <= right && box[3] <= top;
+    const share = Math.max((box[2] - box[0]) / (right - left), (box[3] - box[1]) / (top - bottom));
+    return inside && share > 0.4;
+  }
+
   fit(box) {
     if (!box || !this.resize()) return;
+    this.fittedBox = box;
     const extent = Math.max(box[2] - box[0], box[3] - box[1], 1);
     this.center = [0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])];
     const width = Math.max(box[2] - box[0], 0.05 * extent);
@@ -131,7 +143,10 @@ class Plan {
       if (this.layers.truth) this.drawTruth(frame);
       if (this.layers.potential) this.drawPotential(frame);
       this.drawTracks(frame);
-      if (this.layers.ownShip) this.drawOwnShip(frame);
+      if (this.layers.ownShip) {
+        this.drawWay(index);
+        this.drawOwnShip(frame);
+      }
     }
     this.drawScaleBar();
     this.drawOrientation(scene.north(frame));
@@ -359,6 +374,23 @@ class Plan {
       context.closePath();
       context.stroke();
     }
+  }
+
+  /* The own ship's way, as long as the trails. */
+  drawWay(index) {
+    const { context, colour, scene } = this;
+    context.strokeStyle = colour.ship;
+    context.globalAlpha = 0.35;
+    context.lineWidth = 1.5;
+    context.beginPath();
+    for (let k = Math.max(index - this.trailing + 1, 0); k <= index; k += 1) {
+      const { own_ship: pose, restart } = scene.frames[k];
+      if (restart) context.beginPath();
+      if (!pose) continue;
+      context.lineTo(...this.screen(pose[0], pose[1]));
+    }
+    context.stroke();
+    context.globalAlpha = 1;
   }
 
   drawOwnShip(frame) {

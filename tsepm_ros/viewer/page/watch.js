@@ -24,6 +24,7 @@ const page = {
   healthHeard: 0,
   drawn: false,
   panels: 0,
+  fitted: "", // what the view of a recording was chosen for
 };
 
 /* ---- drawing ---- */
@@ -36,7 +37,7 @@ function redraw() {
     const { frames } = scene;
     if (page.playing && source === "live") page.index = frames.length - 1;
     page.index = Math.min(Math.max(page.index, 0), Math.max(frames.length - 1, 0));
-    if (!plan.moved && frames.length) fit();
+    if (!plan.moved && !plan.layers.follow && frames.length) fit();
     plan.draw(page.index);
     showTime();
     const now = performance.now();
@@ -44,16 +45,20 @@ function redraw() {
   });
 }
 
+/* Choose the view, until the user does: of a recording all of it, once; live what is shown, if it
+   has left the view or become small in it. */
 function fit() {
   const { frames } = scene;
-  // All of a recording, so that the view stays; of a live source what is shown.
-  const first = source === "live" ? Math.max(page.index - plan.fading + 1, 0) : 0;
-  const last = source === "live" ? page.index + 1 : frames.length;
-  if (source !== "live" && plan.fitted === frames.length && plan.fittedTo === plan.canvas.clientWidth) return;
-  plan.fitted = frames.length;
-  plan.fittedTo = plan.canvas.clientWidth;
-  const step = Math.ceil((last - first) / 400);
-  plan.fit(scene.bounds(frames.slice(first, last).filter((_, k) => k % step === 0)));
+  if (source === "live") {
+    const box = scene.bounds(frames.slice(Math.max(page.index - plan.fading + 1, 0), page.index + 1));
+    if (!plan.suits(box)) plan.fit(box);
+    return;
+  }
+  const size = `${frames.length} ${plan.canvas.clientWidth} ${plan.canvas.clientHeight}`;
+  if (page.fitted === size) return;
+  page.fitted = size;
+  const step = Math.ceil(frames.length / 400);
+  plan.fit(scene.bounds(frames.filter((_, k) => k % step === 0)));
 }
 
 function showTime() {
@@ -103,12 +108,12 @@ function showState() {
   byId("state").textContent = words;
   byId("state").className = `chip ${kind}`;
   let notice = page.failure;
-  if (!notice && source === "live" && !page.connected) {
+  if (source === "live" && !page.connected) {
     notice = "The viewer does not answer. The page connects again as soon as it runs.";
   } else if (!notice && !scene.frames.length) {
     notice = source === "live"
       ? `No scan yet. The page waits for ${scene.info.topic || "the tracks"}: is the node track_initiator running, and are its detections published?`
-      : "No scan.";
+      : "No scan was processed. Health says why.";
   }
   byId("notice").textContent = notice;
   byId("notice").hidden = !notice || (scene.frames.length > 0 && page.connected);
@@ -212,7 +217,8 @@ function connectControls() {
 
 function showAll() {
   plan.moved = false;
-  plan.fitted = -1;
+  page.fitted = "";
+  plan.fittedBox = null;
   plan.layers.follow = false;
   redraw();
   showPanels();
@@ -315,8 +321,11 @@ function follow() {
   const socket = new WebSocket(`${scheme}//${location.host}/updates`);
   socket.addEventListener("message", (event) => {
     failures = 0;
-    page.connected = true;
     take(JSON.parse(event.data));
+    if (!page.connected) {
+      page.connected = true;
+      showPanels();
+    }
   });
   socket.addEventListener("close", () => {
     page.connected = false;
