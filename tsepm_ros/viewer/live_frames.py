@@ -22,7 +22,7 @@ from msg_adapters.track_cloud import STATE_FIELDS, track_arrays
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_sample import PoseSample
-from tsepm_ros.viewer.frames import Frame, make_frame, track_facts
+from tsepm_ros.viewer.page_frames import Frame, make_frame, track_facts
 
 DETECTIONS, NEW, TRACKS = "detections/placed", "tracks", "tracks/current"
 POTENTIAL, FIXED = "potential_tracks", "fixed_echoes"

@@ -8,7 +8,7 @@ from typing import Any
 from tsepm_ros.diagnostics.entries import ENTRIES
 from tsepm_ros.diagnostics.status import Level
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
-from tsepm_ros.viewer.frames import Frame
+from tsepm_ros.viewer.page_frames import Frame
 
 
 def health_of_message(message: Any) -> Frame | None:

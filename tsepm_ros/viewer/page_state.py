@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from tsepm_ros.viewer.frames import Frame, encode
+from tsepm_ros.viewer.page_frames import Frame, encode
 
 MAX_BYTES = 4_000_000
 """Size of the frames that are kept, bytes; the newest frame is always kept."""

@@ -12,7 +12,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session.result import ScanResult, vessel_pose
 from tsepm_ros.session.scan_order import Arrival
-from tsepm_ros.viewer.frames import Frame, encode, make_frame, track_facts
+from tsepm_ros.viewer.page_frames import Frame, encode, make_frame, track_facts
 from tsepm_ros.viewer.page_health import health_of_run
 
 

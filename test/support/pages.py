@@ -1,0 +1,83 @@
+"""Tracks, frames and servers for the tests of the viewer."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from support.patience import WAIT
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.settings.viewer_options import ViewerNodeOptions
+from tsepm_ros.viewer.page_frames import make_frame, track_facts
+from tsepm_ros.viewer.page_server import PageServer
+from tsepm_ros.viewer.page_state import PageState
+
+
+def held(track_id: int, x: float, y: float, vx: float = 3.0, vy: float = 4.0, **more: Any):
+    """A held track at time 100 s."""
+    values = {
+        "stamp": 100.0,
+        "covariance": np.diag([400.0, 1.0, 900.0, 4.0]),
+        "hits": ((0, 1), (2, 0), (3, 3)),
+        "evaluation": 0.5,
+        "score": 10.5,
+        "scan_count": 4,
+        "age": 36.0,
+    }
+    return ConfirmedTrack(track_id=track_id, state=np.array([x, vx, y, vy]), **values | more)
+
+
+def numbered(number: int, *tracks: ConfirmedTrack, **more: Any) -> dict[str, Any]:
+    """A frame with a number; its stamp is 12 s times that."""
+    frame = make_frame(12.0 * number, "odom", tracks=tracks, **more)
+    frame["number"] = number
+    return frame
+
+
+def live_state(frames: int = 0, kept: int = 300, title: str = "Tracks") -> PageState:
+    """A state of a live source with some frames of one track that moves east."""
+    state = PageState({"kind": "live", "title": title, "topic": "/tracks/current"}, kept)
+    for number in range(1, frames + 1):
+        put_moving(state, number)
+    return state
+
+
+def put_moving(state: PageState, number: int) -> None:
+    track = held(7, 100.0 * number, 500.0, 8.0, 0.0)
+    detections = np.array([[-2000.0, -1500.0], [2500.0, 1800.0]])
+    frame = numbered(number, track, detections=detections, own_ship=(0.0, 0.0, 0.5))
+    state.put(frame, track_facts([track], 12.0) if number == 1 else None)
+
+
+@contextmanager
+def served(
+    state: PageState | None = None, recording: str = "", **options: Any
+) -> Iterator[PageServer]:
+    """A running server, by default on a free port of the loopback address."""
+    server = PageServer(ViewerNodeOptions(**{"port": 0, **options}), "Tracks", state)
+    server.start(recording)
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
+def run(work: Callable[[], Any]) -> Any:
+    """Run a coroutine function with a limit against hanging."""
+
+    async def limited() -> Any:
+        return await asyncio.wait_for(work(), WAIT)
+
+    return asyncio.run(limited())
+
+
+async def message(socket: Any) -> dict[str, Any]:
+    """The next message of a websocket."""
+    text = await socket.read_message()
+    assert text is not None, "the server has closed the connection"
+    return json.loads(text)

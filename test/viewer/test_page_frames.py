@@ -1,0 +1,121 @@
+"""A scan as the page draws it."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from support.pages import held
+
+from msg_adapters.track_markers import confidence_ellipse
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.viewer.page_frames import (
+    MAX_POTENTIAL,
+    ellipses,
+    encode,
+    make_frame,
+    potential_rows,
+    track_facts,
+    track_rows,
+)
+
+
+def potential(x: float, score: float, newest: int, threshold: float = 10.0):
+    return held(0, x, 0.0, score=score, evaluation=score - threshold, hits=((0, 0), (1, newest)))
+
+
+def test_a_track_s_row_has_its_state_ellipse_and_speed_error():
+    ((track_id, *numbers),) = track_rows([held(12, 1000.126, -2000.0, 3.0, 4.0)])
+    # Along (0.6, 0.8): 0.36 * 1 + 0.64 * 4 = 2.92 m^2/s^2.
+    axes = 2.4477 * 30.0, 2.4477 * 20.0
+    expected = [1000.13, -2000.0, 3.0, 4.0, *axes, math.pi / 2, math.sqrt(2.92)]
+    assert track_id == 12
+    assert np.abs(numbers) == pytest.approx(np.abs(expected), abs=6e-3)
+
+
+def test_ellipses_are_those_of_the_markers():
+    rng = np.random.default_rng(1)
+    roots = rng.normal(0.0, 40.0, (50, 2, 2))
+    covariances = roots @ roots.transpose(0, 2, 1)
+    for row, covariance in zip(ellipses(covariances), covariances, strict=True):
+        assert row == pytest.approx(confidence_ellipse(covariance), abs=6e-3)
+
+
+def test_what_is_not_finite_is_left_out_and_the_frame_is_json():
+    broken = held(1, math.nan, 0.0)
+    blind = held(2, 5.0, 6.0, covariance=np.full((4, 4), np.inf))
+    frame = make_frame(
+        3.0,
+        "odom",
+        detections=np.array([[1.0, 2.0], [np.nan, 1.0], [np.inf, 0.0]]),
+        tracks=[broken, blind],
+        potential=[broken],
+        fixed=[broken],
+        own_ship=(1.0, 2.0, math.nan),
+    )
+    assert json.loads(encode(frame)) == frame
+    assert frame["detections"] == [1.0, 2.0]
+    assert [row[0] for row in frame["tracks"]] == [2]
+    assert frame["tracks"][0][5:] == [0.0, 0.0, 0.0, 0.0]
+    assert (frame["potential"], frame["fixed"]) == ([], [])
+    assert frame["own_ship"] == [1.0, 2.0, None]
+    assert make_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None
+
+
+def test_the_heading_is_wrapped():
+    assert make_frame(0.0, "", own_ship=(0.0, 0.0, 7.0))["own_ship"][2] == pytest.approx(
+        7.0 - 2.0 * math.pi, abs=1e-3
+    )
+
+
+def test_evidence_is_summed_over_the_hypotheses_of_a_detection_and_the_best_is_drawn_last():
+    tracks = [
+        potential(1.0, 4.0, 0),
+        potential(2.0, 4.0 - math.log(3.0), 0),
+        potential(3.0, 2.0, 1),
+    ]
+    rows = potential_rows(tracks)
+    assert [row[0] for row in rows] == [3.0, 1.0], "one per newest detection"
+    # log(exp(4) + exp(4) / 3) = 4 + log(4 / 3)
+    assert [row[4] for row in rows] == pytest.approx([0.2, 0.43], abs=6e-3)
+
+
+def test_a_method_without_scores_has_no_evidence():
+    (row,) = potential_rows([potential(1.0, math.nan, 0)])
+    assert row[4] is None
+
+
+def test_only_the_nearest_to_confirmation_are_drawn():
+    rows = potential_rows([potential(1.0, 0.001 * k + 1.0, k) for k in range(MAX_POTENTIAL + 50)])
+    assert len(rows) == MAX_POTENTIAL
+    assert rows[-1][4] == max(row[4] for row in rows)
+
+
+def test_facts_of_a_message_say_why_as_far_as_it_tells():
+    facts = track_facts([held(4, 0.0, 0.0)], None)["4"]
+    assert facts == {
+        "first": 64.0,
+        "confirmed": None,
+        "hits": [],
+        "reason": "3 hits in 4 pings; log-likelihood ratio 10.5, threshold 10.0",
+    }
+
+
+@pytest.mark.parametrize(
+    ("score", "evaluation", "reason"),
+    [
+        (math.nan, 1.234, "3 hits in 4 pings; evaluation 1.23"),
+        (math.nan, math.nan, "3 hits in 4 pings"),
+    ],
+)
+def test_facts_of_other_methods(score, evaluation, reason):
+    track = held(4, 0.0, 0.0, score=score, evaluation=evaluation)
+    assert track_facts([track], 100.0)["4"]["reason"] == reason
+
+
+def test_a_tracker_s_own_track_has_no_reason():
+    (track,) = TrackArrays.of([held(4, 0.0, 0.0, hits=(), age=math.nan)])
+    facts = track_facts([track], None)["4"]
+    assert (facts["reason"], facts["first"]) == ("", None)

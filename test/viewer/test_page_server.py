@@ -1,0 +1,275 @@
+"""The server, asked as browsers and others do."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from urllib.parse import urlsplit
+
+import pytest
+from support.pages import live_state, message, numbered, put_moving, run, served
+from support.patience import WAIT
+
+pytest.importorskip("tornado")
+
+from tornado.httpclient import AsyncHTTPClient, HTTPRequest
+from tornado.websocket import websocket_connect
+
+from tsepm_ros.settings.viewer_options import ViewerNodeOptions
+from tsepm_ros.viewer import page_server
+from tsepm_ros.viewer.page_files import SCRIPTS, STYLE
+from tsepm_ros.viewer.page_server import HEADERS, PageServer
+
+TOKEN = "a-token-of-some-length"
+
+
+def get(url: str, **more):
+    """An answer, whatever its status; redirects are not followed."""
+
+    async def ask():
+        request = HTTPRequest(url, follow_redirects=False, request_timeout=WAIT, **more)
+        return await AsyncHTTPClient(force_instance=True).fetch(request, raise_error=False)
+
+    return run(ask)
+
+
+def updates(server: PageServer) -> str:
+    return server.url.replace("http", "ws", 1).replace("/?", "/updates?") + (
+        "" if "?" in server.url else "updates"
+    )
+
+
+def numbers(update) -> list[int]:
+    return [frame["number"] for frame in update.get("frames", [])]
+
+
+def test_the_page_and_its_files_come_with_a_strict_policy():
+    with served(live_state()) as server:
+        for path in ("", STYLE, *SCRIPTS):
+            answer = get(server.url + path)
+            assert answer.code == 200 and answer.body
+            for name, value in HEADERS.items():
+                assert answer.headers[name] == value
+        assert b'data-source="live"' in get(server.url).body
+        assert "default-src 'none'" in HEADERS["Content-Security-Policy"]
+
+
+@pytest.mark.parametrize("path", ["nothing", "../setup.py", "page/watch.js", "recording"])
+def test_nothing_else_is_served(path):
+    with served(live_state()) as server:
+        assert get(server.url + path).code == 404
+
+
+def test_a_recording_is_served_compressed_and_plain():
+    recording = json.dumps({"all": True, "frames": [numbered(1)] * 50})
+    with served(recording=recording) as server:
+        plain = get(server.url + "recording", decompress_response=False)
+        assert plain.body.decode() == recording
+        packed = get(server.url + "recording", decompress_response=True)
+        assert packed.body.decode() == recording
+        assert b'data-source="recording"' in get(server.url).body
+        assert get(server.url + "updates").code == 404
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "192.168.1.5", ""])
+@pytest.mark.parametrize("path", ["", "updates", "nothing"])
+def test_a_name_that_is_not_this_machine_s_is_refused(host, path):
+    """A page that has pointed its own name here (DNS rebinding) reads nothing."""
+    with served(live_state(1)) as server:
+        assert get(server.url + path, headers={"Host": host}).code in (400, 403)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+def test_a_page_of_another_site_is_refused(origin):
+    async def connect():
+        request = HTTPRequest(updates(server), headers={"Origin": origin})
+        with pytest.raises(Exception, match="403"):
+            await websocket_connect(request)
+
+    with served(live_state(1)) as server:
+        run(connect)
+        assert get(server.url, headers={"Origin": origin}).code == 403
+
+
+def test_on_other_addresses_everything_needs_the_token():
+    with served(live_state(1), host="0.0.0.0") as server:
+        parts = urlsplit(server.url)
+        assert len(parts.query) > len("token=") + 30
+        base = f"http://127.0.0.1:{parts.port}/"
+        for path in ("", STYLE, SCRIPTS[0], "updates", "nothing"):
+            assert get(base + path).code == 403
+            assert get(f"{base}{path}?token=wrong").code == 403
+
+        async def connect():
+            with pytest.raises(Exception, match="403"):
+                await websocket_connect(f"ws://127.0.0.1:{parts.port}/updates")
+            open_socket = await websocket_connect(
+                f"ws://127.0.0.1:{parts.port}/updates?{parts.query}"
+            )
+            return await message(open_socket)
+
+        assert numbers(run(connect)) == [1]
+
+
+def test_the_token_of_the_printed_address_becomes_a_cookie():
+    with served(live_state(1), host="127.0.0.1", token=TOKEN) as server:
+        assert server.url.endswith(f"/?token={TOKEN}")
+        base = server.url.partition("?")[0]
+        answer = get(server.url)
+        assert (answer.code, answer.headers["Location"]) == (303, "/")
+        cookie = answer.headers["Set-Cookie"]
+        assert "HttpOnly" in cookie and "SameSite=Lax" in cookie
+        headers = {"Cookie": cookie.partition(";")[0]}
+        assert get(base, headers=headers).code == 200
+        assert get(base + STYLE, headers=headers).code == 200
+        assert get(base, headers={"Cookie": headers["Cookie"] + "x"}).code == 403
+
+        async def connect():
+            request = HTTPRequest(f"ws{base[4:]}updates", headers=headers)
+            return await message(await websocket_connect(request))
+
+        assert numbers(run(connect)) == [1]
+
+
+def test_a_browser_follows_and_one_that_comes_back_gets_the_present_state():
+    state = live_state(2)
+
+    async def follow():
+        first = await websocket_connect(updates(server))
+        assert numbers(await message(first)) == [1, 2]
+        put_moving(state, 3)
+        assert numbers(await message(first)) == [3]
+        first.close()
+        put_moving(state, 4)
+        again = await websocket_connect(updates(server))
+        update = await message(again)
+        assert update["all"] and numbers(update) == [1, 2, 3, 4]
+        assert update["facts"]["7"]["confirmed"] == 12.0
+        again.close()
+        while server.browsers:
+            await asyncio.sleep(0.01)
+
+    with served(state) as server:
+        run(follow)
+
+
+def test_a_browser_that_does_not_read_costs_nothing_and_then_gets_the_newest():
+    state = live_state(0, kept=3)
+    many = [float(k) for k in range(20_000)]
+    frames = 300
+
+    async def read_all():
+        """Connect, let the server write without reading, and count what comes then."""
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=2**26)
+        writer.write(
+            b"GET /updates HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n"
+            b"Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+            b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+        )
+        await reader.readuntil(b"\r\n\r\n")
+        await frame_of(reader)  # the state without frames
+        writer.transport.pause_reading()
+        for number in range(1, frames + 1):
+            state.put(numbered(number) | {"detections": many})
+            await asyncio.sleep(0.001)
+        await asyncio.sleep(0.1)
+        writer.transport.resume_reading()
+        found: list[int] = []
+        while not found or found[-1] < frames:
+            found += numbers(json.loads(await frame_of(reader)))
+        writer.close()
+        return found
+
+    with served(state) as server:
+        port = urlsplit(server.url).port
+        received = run(read_all)
+    assert received[-1] == frames and received == sorted(received)
+    # A message is 0.14 MB; what the system's buffers hold, some MB, is all that can be old.
+    assert len(received) < frames / 2
+
+
+async def frame_of(reader: asyncio.StreamReader) -> bytes:
+    """The payload of the next text message of a websocket, read by hand."""
+    while True:
+        first, length = await reader.readexactly(2)
+        if length == 126:
+            length = int.from_bytes(await reader.readexactly(2), "big")
+        elif length == 127:
+            length = int.from_bytes(await reader.readexactly(8), "big")
+        payload = await reader.readexactly(length)
+        if first & 0x0F == 1:
+            return payload
+
+
+def test_there_are_not_more_browsers_than_allowed(monkeypatch):
+    monkeypatch.setattr(page_server, "MAX_BROWSERS", 2)
+
+    async def connect():
+        sockets = [await websocket_connect(updates(server)) for _ in range(3)]
+        assert [await message(one) for one in sockets[:2]]
+        assert await sockets[2].read_message() is None
+        assert sockets[2].close_code == 1013
+        sockets[0].close()
+        while server.browsers > 1:
+            await asyncio.sleep(0.01)
+        assert await message(await websocket_connect(updates(server)))
+
+    with served(live_state(1)) as server:
+        run(connect)
+
+
+def test_what_a_browser_sends_is_ignored_and_must_be_short():
+    async def talk():
+        browser = await websocket_connect(updates(server))
+        await message(browser)
+        browser.write_message("anything")
+        put_moving(state, 2)
+        assert numbers(await message(browser)) == [2]
+        browser.write_message("x" * 100_000)
+        assert await browser.read_message() is None
+
+    state = live_state(1)
+    with served(state) as server:
+        run(talk)
+
+
+def test_a_port_in_use_is_named():
+    with served(live_state()) as server:
+        port = urlsplit(server.url).port
+        with pytest.raises(ValueError, match=rf"port {port}: .*choose another port"):
+            PageServer(ViewerNodeOptions(port=port), "Tracks", live_state())
+
+
+def test_a_name_that_does_not_exist_is_named():
+    with pytest.raises(ValueError, match=r"cannot be served on no-such-host\.invalid"):
+        PageServer(ViewerNodeOptions(host="no-such-host.invalid", port=0), "Tracks", live_state())
+
+
+def test_the_end_closes_the_connections_and_frees_the_port():
+    async def connect():
+        browser = await websocket_connect(updates(server))
+        await message(browser)
+        server.stop()
+        assert await browser.read_message() is None
+
+    with served(live_state(1)) as server:
+        run(connect)
+        with socket.create_server(("127.0.0.1", urlsplit(server.url).port)):
+            pass
+        server.stop()  # a second time changes nothing
+        put_moving(live_state(1), 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"token": "short"}, "token must have at least 16 characters"),
+        ({"token": "ä" * 20}, "token must be of ASCII characters"),
+        ({"host": ""}, "host must not be empty"),
+        ({"port": 70_000}, "port must be from 0 to 65535"),
+    ],
+)
+def test_options_are_checked(options, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        ViewerNodeOptions(**options)
