@@ -11,6 +11,7 @@ from rclpy.node import Node
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.nodes.track_viewer import TrackViewer
 
 PAGE = Path(__file__).parents[2] / "docs" / "topics.md"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -75,6 +76,7 @@ def recording(folder: Path) -> str:
         ),
         (SonarSimulator, {"publish_clock": True}),
         (ScanPlayer, {"publish_clock": True}),
+        (TrackViewer, {"port": 0}),
     ],
 )
 def test_the_page_has_every_topic_and_service_of_the_node(world, tmp_path, kind, parameters):

@@ -38,10 +38,10 @@ def chromium() -> str:
 
 
 def need_browser() -> None:
-    """Skip the test where there is no browser, or no library to drive it."""
+    """Skip the module where there is no browser, or no library to drive it."""
     pytest.importorskip("tornado")
     if not chromium():
-        pytest.skip("no Chromium: apt-get install chromium")
+        pytest.skip("no Chromium: apt-get install chromium", allow_module_level=True)
 
 
 class Tab:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -81,3 +83,56 @@ async def message(socket: Any) -> dict[str, Any]:
     text = await socket.read_message()
     assert text is not None, "the server has closed the connection"
     return json.loads(text)
+
+
+class Watcher:
+    """A browser's place at a server: what its websocket receives, in a thread of its own."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url.replace("http", "ws", 1).partition("?")[0] + "updates"
+        self.updates: list[dict[str, Any]] = []
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Watcher:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join(WAIT)
+
+    @property
+    def frames(self) -> list[dict[str, Any]]:
+        """The frames so far; a frame that came again counts as it came last."""
+        newest = {
+            frame["number"]: frame for update in self.updates for frame in update.get("frames", [])
+        }
+        return list(newest.values())
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        return {
+            key: fact for update in self.updates for key, fact in update.get("facts", {}).items()
+        }
+
+    @property
+    def health(self) -> dict[str, Any] | None:
+        found = [update["health"] for update in self.updates if update.get("health")]
+        return found[-1] if found else None
+
+    def _run(self) -> None:
+        self._task = self._loop.create_task(self._read())
+        with contextlib.suppress(asyncio.CancelledError):
+            self._loop.run_until_complete(self._task)
+        self._loop.close()
+
+    async def _read(self) -> None:
+        from tornado.websocket import websocket_connect
+
+        socket = await websocket_connect(self._url)
+        try:
+            while True:
+                self.updates.append(await message(socket))
+        finally:
+            socket.close()

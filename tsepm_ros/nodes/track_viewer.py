@@ -8,6 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -24,6 +25,8 @@ from tsepm_ros.viewer.live_frames import CLOUDS, DIAGNOSTICS, OWN_SHIP, TRACKS
 from tsepm_ros.viewer.serving import LiveFeed
 
 CLOUD_DEPTH = 10
+CHECK_PERIOD = 1.0
+"""Time between checks whether anything publishes held tracks, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
@@ -63,6 +66,9 @@ class TrackViewer(Node):
         # Odometry may come much more often than scans: only the newest before a scan is read.
         self.create_subscription(Odometry, OWN_SHIP, self._taking(OWN_SHIP), NEWEST, raw=True)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._taking(DIAGNOSTICS), SOME)
+        # A node without a timer might never notice that the context was shut down by a signal.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(CHECK_PERIOD, self._check_publisher, clock=steady)
         self.get_logger().info(f"open {self._feed.server.url}")
 
     @property
@@ -74,6 +80,9 @@ class TrackViewer(Node):
         """Destroy the node and end the server."""
         self._feed.stop()
         super().destroy_node()
+
+    def _check_publisher(self) -> None:
+        self._feed.published(self.count_publishers(TRACKS) > 0)
 
     def _taking(self, topic: str) -> Callable[[Any], None]:
         """Return the callback of a topic."""

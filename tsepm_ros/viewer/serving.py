@@ -80,6 +80,7 @@ class LiveFeed:
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._own_ship: Any = None
         self._scheduled = False
+        self._published: bool | None = None
         self.server = make_server(options, title, self._state)
         self.server.start()
 
@@ -93,6 +94,12 @@ class LiveFeed:
             self._scheduled = True
             loop = self.server.loop
             loop.call_soon_threadsafe(loop.call_later, GATHERING_TIME, self._show)
+
+    def published(self, known: bool) -> None:
+        """Say whether anything publishes held tracks, for a page that waits for them."""
+        if known != self._published:
+            self._published = known
+            self._state.put_info(published=known)
 
     def stop(self) -> None:
         """End the server."""

@@ -112,11 +112,17 @@ function showState() {
     notice = "The viewer does not answer. The page connects again as soon as it runs.";
   } else if (!notice && !scene.frames.length) {
     notice = source === "live"
-      ? `No scan yet. The page waits for ${scene.info.topic || "the tracks"}: is the node track_initiator running, and are its detections published?`
+      ? waiting(scene.info)
       : "No scan was processed. Health says why.";
   }
   byId("notice").textContent = notice;
   byId("notice").hidden = !notice || (scene.frames.length > 0 && page.connected);
+}
+
+function waiting({ topic, published }) {
+  return published
+    ? `No scan yet. A node publishes ${topic}; the page waits for its first scan.`
+    : `Nothing publishes ${topic || "tracks"} yet. Start the node track_initiator.`;
 }
 
 function showLayers(frame) {

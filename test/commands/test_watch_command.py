@@ -1,0 +1,144 @@
+"""`tsepm watch` of a recording, and the page that `tsepm run` writes."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+
+import numpy as np
+import pytest
+from support.patience import WAIT
+
+from tsepm_ros.commands.cli import main
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A target at 5 m/s along x, 3 km north, seen 8 times by a sensor at rest."""
+    rows = ["time_s,range_m,azimuth_rad"]
+    for k in range(8):
+        x, y = 5.0 * 12.0 * k, 3000.0
+        rows.append(f"{12.0 * k},{np.hypot(x, y)},{np.arctan2(y, x)}")
+    folder = tmp_path / "trial"
+    folder.mkdir()
+    (folder / "detections.csv").write_text("\n".join(rows))
+    return str(folder)
+
+
+def held_by(page: str) -> dict:
+    """The recording in a self-contained page."""
+    data = re.search(r'id="recording">([^<]*)</script>', page)[1]
+    return json.loads(gzip.decompress(base64.b64decode(data)))
+
+
+def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
+    assert main(["run", recording]) == 0
+    plain = capsys.readouterr().out
+    path = tmp_path / "deep" / "run.html"
+    assert main(["run", recording, "--html", str(path)]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == plain
+    assert captured.err == f"page: {path}\n"
+    page = held_by(path.read_text())
+    assert page["info"] == {"kind": "recording", "title": "trial, method score", "north": False}
+    assert len(page["frames"]) == 8
+    ((track_id, facts),) = page["facts"].items()
+    assert facts["confirmed"] == 24.0 and len(facts["hits"]) == 3
+    assert [str(row[0]) for row in page["frames"][-1]["tracks"]] == [track_id]
+
+
+def test_the_page_of_a_scenario_has_its_truth(tmp_path):
+    path = tmp_path / "run.html"
+    assert main(["run", "four_targets", "--html", str(path), "--out", str(tmp_path / "out")]) == 0
+    page = held_by(path.read_text())
+    assert len(page["truth"]) == 4 and page["info"]["north"] is True
+
+
+def test_the_page_says_what_was_dropped(capsys, recording, tmp_path):
+    with open(f"{recording}/detections.csv", "a") as file:
+        file.write("\n90.0,-1.0,0.0\n")
+    path = tmp_path / "run.html"
+    assert main(["run", recording, "--html", str(path)]) == 0
+    health = held_by(path.read_text())["health"]
+    assert health["level"] == 1
+    assert any(entry["message"].startswith("1 detection dropped") for entry in health["entries"])
+
+
+def test_watch_serves_a_recording_until_interrupted(recording):
+    command = [sys.executable, "-m", "tsepm_ros.commands.cli", "watch", recording, "--port", "0"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            line = process.stdout.readline()
+            url = re.fullmatch(r"8 scans; open (http://127\.0\.0\.1:\d+/) \(Ctrl-C ends\)\n", line)[
+                1
+            ]
+            with urllib.request.urlopen(f"{url}recording", timeout=WAIT) as answer:
+                assert len(json.load(answer)["frames"]) == 8
+            time.sleep(0.1)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(WAIT) == 0
+            assert process.stderr.read() == "", "silent where it is not a terminal"
+        finally:
+            process.kill()
+
+
+def refused(capsys, *arguments: str) -> str:
+    assert main(["watch", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("refused: ")
+    return error
+
+
+def test_a_port_in_use_is_refused_before_the_work(capsys, recording):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        assert "choose another port" in refused(capsys, recording, "--port", str(port))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["no_such_thing"], "no_such_thing is neither an existing path nor a shipped scenario"),
+        (["four_targets", "--token", "short"], "token must have at least 16 characters"),
+        (["four_targets", "--port", "70000"], "port must be from 0 to 65535"),
+        (["-p", "max_speed:=5.0"], "-p sets parameters of the processing of a recording"),
+        (["four_targets", "--ros-args", "-r", "a:=b"], "--ros-args is for live topics"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(capsys, arguments, sentence):
+    assert sentence in refused(capsys, *arguments)
+
+
+def test_without_the_server_s_library_the_remedy_is_said(capsys, recording, monkeypatch):
+    monkeypatch.delitem(sys.modules, "tsepm_ros.viewer.page_server", raising=False)
+    monkeypatch.setitem(sys.modules, "tornado.web", None)
+    assert "pip install tornado" in refused(capsys, recording)
+
+
+def test_without_ros_live_topics_are_refused(capsys, monkeypatch):
+    monkeypatch.delitem(sys.modules, "tsepm_ros.nodes.track_viewer", raising=False)
+    monkeypatch.setitem(sys.modules, "rclpy.node", None)
+    monkeypatch.setitem(sys.modules, "diagnostic_msgs.msg", None)
+    assert "live topics need ROS 2" in refused(capsys)
+
+
+def test_no_module_of_ros_is_imported(recording):
+    check = (
+        "import sys\n"
+        "from tsepm_ros.commands.cli import main\n"
+        f"code = main(['run', {recording!r}, '--html', {recording + '/page.html'!r}])\n"
+        "assert code == 0\n"
+        "import tsepm_ros.viewer.page_server\n"
+        "assert not [name for name in sys.modules if name.split('.')[0] == 'rclpy']\n"
+    )
+    subprocess.run([sys.executable, "-c", check], check=True, stdout=subprocess.DEVNULL)

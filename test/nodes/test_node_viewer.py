@@ -1,0 +1,170 @@
+"""The node that shows the live topics on a page."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from support.boat import Boat
+from support.pages import Watcher, held
+from support.patience import WAIT
+from support.ros_world import BEST_EFFORT, RELIABLE
+from support.sonar_driver import pings
+
+pytest.importorskip("tornado")
+
+from msg_adapters import diagnostics, make_header, odometry_message, track_cloud
+from tsepm_ros.diagnostics.status import Level, Status
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.track_viewer import TrackViewer
+from tsepm_ros.own_ship.pose_sample import PoseSample
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def tracks(stamp: float, *held_tracks):
+    header = make_header(round(stamp * 1e9), "odom")
+    return track_cloud(header, [track.predicted(stamp) for track in held_tracks])
+
+
+def test_the_page_shows_what_the_track_initiator_publishes(world):
+    boat = Boat(world, publish_potential_tracks=True)
+    viewer = world.make(TrackViewer, {"port": 0})
+    world.until_connected()
+    with Watcher(viewer.url) as watcher:
+        for number, ping in enumerate(pings(12), 1):
+            boat.driver.ping(ping)
+            world.until(
+                lambda number=number: len(watcher.frames) == number, "the frame of this ping"
+            )
+        world.until(lambda: watcher.frames[-1]["tracks"], "the tracks of the last ping")
+        world.until(lambda: watcher.health, "the health")
+        last = watcher.frames[-1]
+    assert len(last["detections"]) == 2 * 11
+    assert any(frame["potential"] for frame in watcher.frames)
+    target = 3000.0 + 4.0 * 132.0, 1500.0 - 2.0 * 132.0
+    near = [row for row in last["tracks"] if row[1:3] == pytest.approx(target, abs=150.0)]
+    facts = watcher.facts[str(near[0][0])]
+    assert facts["confirmed"] in [frame["stamp"] for frame in watcher.frames]
+    assert re.match(r"5 hits in \d pings", facts["reason"])
+    tasks = {entry["task"] for entry in watcher.health["entries"]}
+    assert {"track initiation", "detections", "clutter"} <= tasks
+
+
+def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
+    publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
+    publisher.publish(tracks(100.0, held(3, 1.0, 2.0)))
+    viewer = world.make(TrackViewer, {"port": 0})
+    with Watcher(viewer.url) as watcher:
+        world.until(lambda: watcher.frames, "the tracks that are held")
+        world.until(
+            lambda: any(update.get("info", {}).get("published") for update in watcher.updates),
+            "that the publisher is known",
+        )
+    assert watcher.frames[0]["tracks"][0][:3] == [3, 1.0, 2.0]
+    assert watcher.facts["3"]["confirmed"] is None
+
+
+@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["volatile", "best_effort"])
+@pytest.mark.parametrize("viewer_first", [True, False], ids=["viewer_first", "source_first"])
+def test_sources_that_offer_less_are_shown_too(world, qos, viewer_first):
+    viewer = world.make(TrackViewer, {"port": 0}) if viewer_first else None
+    publisher = world.observer.create_publisher(PointCloud2, "tracks/current", qos)
+    viewer = viewer or world.make(TrackViewer, {"port": 0})
+    with Watcher(viewer.url) as watcher:
+        world.until(publisher.get_subscription_count, "the viewer to subscribe")
+        world.until_connected()
+        number = 0
+
+        def shown():
+            nonlocal number
+            number += 1
+            publisher.publish(tracks(100.0 + number, held(3, 1.0, 2.0)))
+            return watcher.frames
+
+        world.until(shown, "a frame")
+
+
+def test_the_own_ship_and_its_diagnostics_are_shown(world):
+    viewer = world.make(TrackViewer, {"port": 0})
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    odometry = world.observer.create_publisher(Odometry, "own_ship/odometry", best_effort)
+    current = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
+    health = world.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    world.until_connected()
+    with Watcher(viewer.url) as watcher:
+        number = 0
+
+        def shown():
+            nonlocal number
+            number += 1
+            pose = PoseSample(100.0 + number, 5.0, 6.0, 0.25, None, frame_id="odom")
+            odometry.publish(odometry_message(pose))
+            health.publish(diagnostics(0, "n", [Status("own ship", Level.ERROR, "bad", {})]))
+            current.publish(tracks(100.0 + number))
+            return watcher.health and watcher.frames and watcher.frames[-1]["own_ship"]
+
+        world.until(shown, "own ship and health")
+    assert watcher.frames[-1]["own_ship"] == [5.0, 6.0, 0.25]
+    assert watcher.health["level"] == 2
+
+
+def test_a_message_that_cannot_be_read_is_a_warning(world):
+    viewer = world.make(TrackViewer, {"port": 0})
+    publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
+    world.until_connected()
+    cloud = tracks(100.0, held(3, 1.0, 2.0))
+    cloud.fields = cloud.fields[:3]
+    publisher.publish(cloud)
+    world.until_logged("a message on tracks/current cannot be shown: field 'track_id' is missing")
+    assert viewer.url.startswith("http://127.0.0.1:")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ({"token": "short"}, "token must have at least 16 characters"),
+        ({"host": "no-such-host.invalid"}, "cannot be served on no-such-host.invalid"),
+        ({"prot": 1}, "prot is not a parameter; did you mean port?"),
+    ],
+)
+def test_bad_parameters_are_refused(world, parameters, sentence):
+    with pytest.raises(ParameterError, match=re.escape(sentence)):
+        world.make(TrackViewer, {"port": 0, **parameters})
+
+
+def test_tsepm_watch_serves_the_live_topics_until_interrupted(domain, tmp_path):
+    said = tmp_path / "said.txt"
+    command = [sys.executable, "-m", "tsepm_ros.commands.cli", "watch", "--port", "0"]
+    command += ["--ros-args", "-r", "tracks/current:=/boat/current"]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+    with said.open("wb") as file:
+        process = subprocess.Popen(command, env=environment, stdout=file, stderr=file)
+    try:
+        end = time.monotonic() + WAIT
+        while not (found := re.search(r"open (http://\S+)", said.read_text())):
+            assert time.monotonic() < end and process.poll() is None, said.read_text()
+            time.sleep(0.02)
+        with urllib.request.urlopen(found[1], timeout=WAIT) as page:
+            assert "Tracks on /boat/current" in page.read().decode()
+        with Watcher(found[1]) as watcher:
+            while not watcher.updates:
+                assert time.monotonic() < end
+                time.sleep(0.02)
+        assert json.loads(json.dumps(watcher.updates[0]["info"]))["topic"] == "/boat/current"
+        process.send_signal(signal.SIGINT)
+        assert process.wait(WAIT) == 0
+    finally:
+        process.kill()
+        process.wait()

@@ -1,0 +1,181 @@
+"""Frames from live messages."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.pages import held
+
+pytest.importorskip("sensor_msgs")
+
+from msg_adapters import (
+    PlacedDetections,
+    make_header,
+    odometry_message,
+    placed_detections_cloud,
+    track_cloud,
+)
+from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.viewer.live_frames import (
+    CLOUDS,
+    DETECTIONS,
+    FIXED,
+    MAX_PENDING,
+    NEW,
+    POTENTIAL,
+    TRACKS,
+    LiveFrames,
+)
+
+
+def header(stamp: float, frame_id: str = "odom"):
+    return make_header(round(stamp * 1e9), frame_id)
+
+
+def tracks(stamp: float, *held_tracks, frame_id: str = "odom"):
+    return track_cloud(header(stamp, frame_id), [track.predicted(stamp) for track in held_tracks])
+
+
+def detections(stamp: float, *positions):
+    covariance = np.tile(np.eye(2), (len(positions), 1, 1))
+    placed = PlacedDetections(np.array(positions), covariance, np.zeros(len(positions)))
+    return placed_detections_cloud(header(stamp), placed)
+
+
+class Live(LiveFrames):
+    def __init__(self) -> None:
+        self.errors: list[tuple[str, str]] = []
+        super().__init__(lambda topic, error: self.errors.append((topic, error.reason)))
+
+    def frames(self):
+        return [frame for frame, _ in self.take_frames()]
+
+
+def test_the_messages_of_a_stamp_are_one_frame():
+    live = Live()
+    live.take(NEW, tracks(100.0, held(2, 10.0, 20.0)))
+    live.take(DETECTIONS, detections(100.0, [1.0, 2.0], [3.0, 4.0]))
+    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0), held(2, 10.0, 20.0)))
+    live.take(POTENTIAL, tracks(100.0, held(0, 50.0, 60.0, score=5.0, evaluation=-5.0)))
+    assert live.pending
+    ((frame, facts),) = live.take_frames()
+    assert (frame["number"], frame["stamp"], frame["frame_id"]) == (1, 100.0, "odom")
+    assert frame["detections"] == [1.0, 2.0, 3.0, 4.0]
+    assert [row[0] for row in frame["tracks"]] == [1, 2]
+    assert frame["potential"] == [[50.0, 60.0, 3.0, 4.0, 0.5]]
+    assert (facts["1"]["confirmed"], facts["2"]["confirmed"]) == (None, 100.0)
+    assert facts["2"]["reason"].startswith("3 hits in 4 pings; log-likelihood ratio 10.5")
+    assert not live.pending and not live.errors
+
+
+def test_facts_are_said_once():
+    live = Live()
+    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
+    assert set(live.take_frames()[0][1]) == {"1"}
+    live.take(TRACKS, tracks(112.0, held(1, 0.0, 0.0)))
+    assert live.take_frames()[0][1] == {}
+
+
+def test_what_arrives_late_completes_the_newest_frame():
+    live = Live()
+    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
+    assert live.frames()[0]["detections"] == []
+    live.take(DETECTIONS, detections(100.0, [1.0, 2.0]))
+    (frame,) = live.frames()
+    assert (frame["number"], frame["detections"], len(frame["tracks"])) == (1, [1.0, 2.0], 1)
+
+
+def test_what_arrives_after_the_next_scan_is_left_out():
+    live = Live()
+    live.take(TRACKS, tracks(100.0))
+    live.take(TRACKS, tracks(112.0))
+    assert [frame["number"] for frame in live.frames()] == [1, 2]
+    live.take(DETECTIONS, detections(100.0, [1.0, 2.0]))
+    assert not live.pending
+
+
+def test_a_message_of_a_scan_that_is_not_drawn_yet_is_taken():
+    live = Live()
+    live.take(TRACKS, tracks(100.0))
+    live.take(TRACKS, tracks(112.0))
+    live.take(DETECTIONS, detections(100.0, [1.0, 2.0]))
+    live.take(DETECTIONS, detections(112.0, [3.0, 4.0]))
+    assert [frame["detections"] for frame in live.frames()] == [[1.0, 2.0], [3.0, 4.0]]
+
+
+@pytest.mark.parametrize("again", [0.0, 50.0, 100.0])
+def test_stamps_that_go_back_are_a_restart(again):
+    """Also to stamps that have been before, as of a recording that is played in a loop."""
+    live = Live()
+    for stamp in (0.0, 50.0, 100.0, 112.0):
+        live.take(TRACKS, tracks(stamp, held(1, 0.0, 0.0)))
+        live.take(FIXED, tracks(stamp, held(9, 0.0, 0.0)))
+    live.frames()
+    live.take(TRACKS, tracks(again, held(2, 0.0, 0.0)))
+    (frame,) = live.frames()
+    assert frame["restart"] and frame["number"] == 5 and frame["fixed"] == []
+    live.take(TRACKS, tracks(again + 12.0))
+    assert "restart" not in live.frames()[0]
+
+
+def test_fixed_echoes_stay_until_the_next_message_of_them():
+    live = Live()
+    live.take(FIXED, tracks(100.0, held(9, 5.0, 6.0)))
+    live.frames()
+    live.take(TRACKS, tracks(112.0))
+    assert [row[:3] for row in live.frames()[0]["fixed"]] == [[9, 5.0, 6.0]]
+    live.take(FIXED, tracks(124.0))
+    assert live.frames()[0]["fixed"] == []
+
+
+def test_the_own_ship_is_shown_in_its_own_frame_only():
+    live = Live()
+    pose = PoseSample(100.0, 1.0, 2.0, 0.5, None, frame_id="odom")
+    live.take_own_ship(odometry_message(pose))
+    live.take(TRACKS, tracks(100.0))
+    live.take(TRACKS, tracks(112.0, frame_id="sonar"))
+    first, second = live.frames()
+    assert first["own_ship"] == [1.0, 2.0, 0.5]
+    assert second["own_ship"] is None
+
+
+def test_an_unknown_heading_is_not_shown():
+    live = Live()
+    pose = PoseSample(100.0, 1.0, 2.0, 0.5, np.diag([1.0, 1.0, 0.01]), frame_id="odom")
+    live.take_own_ship(odometry_message(pose, heading_known=False))
+    live.take(TRACKS, tracks(100.0))
+    assert live.frames()[0]["own_ship"] == [1.0, 2.0, None]
+
+
+def test_messages_that_cannot_be_read_are_reported_and_the_rest_is_shown():
+    live = Live()
+    broken = detections(100.0, [1.0, 2.0])
+    broken.fields = broken.fields[:2]
+    live.take(DETECTIONS, broken)
+    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
+    odometry = odometry_message(PoseSample(100.0, 0.0, 0.0, 0.0, None, frame_id="odom"))
+    odometry.pose.pose.position.x = math.nan
+    live.take_own_ship(odometry)
+    (frame,) = live.frames()
+    assert len(frame["tracks"]) == 1
+    assert live.errors == [("own_ship/odometry", "not_finite"), (DETECTIONS, "missing_field")]
+
+
+def test_hypotheses_in_one_place_are_drawn_once_with_their_evidence_summed():
+    live = Live()
+    one_place = [held(k, 1000.0 + k, 1000.0, 3.0 * k, score=4.0, evaluation=-6.0) for k in range(3)]
+    elsewhere = held(3, -4000.0, 0.0, score=6.0, evaluation=-4.0)
+    live.take(POTENTIAL, tracks(100.0, *one_place, elsewhere))
+    rows = live.frames()[0]["potential"]
+    assert [row[4] for row in rows] == pytest.approx([(4.0 + math.log(3.0)) / 10.0, 0.6], abs=6e-3)
+
+
+def test_scans_that_nobody_draws_are_bounded():
+    live = Live()
+    for number in range(1000):
+        for topic in CLOUDS:
+            live.take(topic, tracks(float(number)))
+    frames = live.frames()
+    assert len(frames) == MAX_PENDING and frames[-1]["stamp"] == 999.0

@@ -1,0 +1,393 @@
+"""The page in a real browser: what it shows, and what a user does."""
+
+from __future__ import annotations
+
+import json
+import time
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from support.browser import Browser, Tab, need_browser
+from support.pages import held, live_state, numbered, put_moving, served
+from support.patience import WAIT
+
+from tsepm_ros.viewer.page_files import write_page
+from tsepm_ros.viewer.page_frames import track_facts
+
+need_browser()
+
+SCANS = 12
+EVIL = "<img src=x onerror=\"document.title='run'\"> sea"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as opened:
+        yield opened
+
+
+@pytest.fixture
+def tab(browser) -> Tab:
+    return browser.tab()
+
+
+def recording() -> str:
+    """Track 3 moves east from scan 4 on, track 5 is held in scans 2 to 6."""
+    frames, facts = [], {}
+    for number in range(1, SCANS + 1):
+        tracks = []
+        if number >= 4:
+            tracks.append(held(3, 100.0 * number, 0.0, 8.0, 0.0))
+        if 2 <= number <= 6:
+            tracks.append(held(5, -2000.0, -1000.0, 0.0, -2.0))
+        corners = np.array([[-3000.0, -3000.0], [3000.0, 3000.0]])
+        frames.append(numbered(number, *tracks, detections=corners, own_ship=(0.0, 500.0, 1.57)))
+        frames[-1]["potential"] = [[500.0, 1500.0, 1.0, 2.0, 0.7], [700.0, 900.0, 0.0, 0.0, None]]
+        frames[-1]["fixed"] = [[80, 1000.0, -1500.0, 0.0, 0.0, 10.0, 10.0, 0.0, 0.1]]
+    facts.update(
+        track_facts(
+            [held(3, 0.0, 0.0)],
+            48.0,
+            reasons=["3 hits in 4 pings by the test"],
+            hits=[[[12.0, 100.0, 5.0], [24.0, 200.0, -5.0], [48.0, 400.0, 0.0]]],
+        )
+    )
+    health = {
+        "level": 1,
+        "entries": [
+            {"task": "detections", "level": 1, "message": EVIL, "values": [["scans", "12"]]},
+        ],
+    }
+    return json.dumps(
+        {
+            "all": True,
+            "frames": frames,
+            "facts": facts,
+            "health": health,
+            "info": {"kind": "recording", "title": EVIL, "north": True},
+            "truth": [[[12.0, 100.0, 40.0], [144.0, 1200.0, 40.0]]],
+        }
+    )
+
+
+@pytest.fixture
+def replay(tab, tmp_path) -> Tab:
+    path = tmp_path / "page.html"
+    write_page(path, EVIL, recording())
+    tab.open(path.as_uri())
+    tab.until("scene.frames.length > 0 && byId('clock').textContent")
+    return tab
+
+
+def text(tab: Tab, selector: str) -> str:
+    return tab.value(f"document.querySelector({json.dumps(selector)}).textContent")
+
+
+def settled(tab: Tab) -> None:
+    """Wait until what was asked for is drawn."""
+    tab.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def place(tab: Tab, x: float, y: float) -> list[float]:
+    """Where a point of the plan is on the screen."""
+    return tab.value(
+        f"""(() => {{
+            const box = plan.canvas.getBoundingClientRect();
+            const at = plan.screen({x}, {y});
+            return [at[0] + box.left, at[1] + box.top];
+        }})()"""
+    )
+
+
+def colours(tab: Tab, x: float, y: float, half: int = 9) -> set[str]:
+    """Colours of the plan around a point of it."""
+    return set(
+        tab.value(
+            f"""(() => {{
+                const [x, y] = plan.screen({x}, {y}).map((value) => Math.round(value) - {half});
+                const {{ data }} = plan.context.getImageData(x, y, {2 * half}, {2 * half});
+                const found = new Set();
+                for (let i = 0; i < data.length; i += 4) {{
+                    const parts = [...data.slice(i, i + 3)];
+                    found.add("#" + parts.map((v) => v.toString(16).padStart(2, "0")).join(""));
+                }}
+                return [...found];
+            }})()"""
+        )
+    )
+
+
+def test_the_file_needs_nothing_and_complains_of_nothing(replay):
+    assert replay.complaints == []
+    asked = [url for url in replay.requests if not url.startswith("data:")]
+    assert len(asked) == 1 and asked[0].startswith("file:"), "the page itself"
+
+
+def test_text_of_a_recording_never_becomes_markup(replay):
+    assert text(replay, "#title") == EVIL
+    assert EVIL in text(replay, "#entries")
+    assert replay.value("document.title") == EVIL
+    assert replay.value("document.querySelectorAll('img').length") == 0
+
+
+def test_the_result_is_shown_first_and_the_slider_goes_back(replay):
+    assert text(replay, "#clock") == "144.0 s · scan 12 of 12"
+    assert replay.value("byId('slider').max") == str(SCANS - 1)
+    replay.value("byId('slider').value = 1; byId('slider').dispatchEvent(new Event('input'))")
+    settled(replay)
+    assert text(replay, "#clock") == "24.0 s · scan 2 of 12"
+    replay.until("byId('tracks-title').textContent === 'Tracks (1)'")
+    assert text(replay, "#tracks tbody td") == "5"
+
+
+def test_play_runs_from_the_beginning_to_the_end(replay):
+    replay.value("byId('speed').value = 30")
+    replay.press("#play")
+    replay.until("byId('play').textContent === 'Pause'")
+    replay.until("page.index > 0 && page.index < 11")
+    replay.until("!page.playing")
+    assert text(replay, "#clock") == "144.0 s · scan 12 of 12"
+    assert text(replay, "#play") == "Play"
+
+
+def test_keys_step_and_pause(replay):
+    for key in ("ArrowLeft", "ArrowLeft", "ArrowRight"):
+        replay.call("Input.dispatchKeyEvent", type="keyDown", key=key)
+    settled(replay)
+    assert text(replay, "#clock") == "132.0 s · scan 11 of 12"
+    replay.call("Input.dispatchKeyEvent", type="keyDown", key=" ")
+    assert replay.value("page.playing")
+
+
+def test_each_thing_is_drawn_in_its_place_and_colour(replay):
+    settled(replay)
+    named = replay.value("plan.colour")
+    assert named["track"] in colours(replay, 1200.0, 0.0)
+    assert named["ship"] in colours(replay, 0.0, 500.0)
+    assert named["detection"] not in colours(replay, -2500.0, 2500.0)
+    assert named["truth"] in colours(replay, 1200.0, 40.0)
+    assert named["fixed"] in colours(replay, 1000.0, -1500.0)
+    assert named["track"] not in colours(replay, -2000.0, -1000.0), "track 5 has ended"
+    potential = colours(replay, 500.0, 1500.0)
+    replay.value("plan.layers.potential = false; redraw()")
+    settled(replay)
+    assert colours(replay, 500.0, 1500.0) < potential
+
+
+def test_layers_can_be_hidden(replay):
+    track = replay.value("plan.colour.track")
+    for layer in ("trails", "ellipses", "labels", "tracks"):
+        assert track in colours(replay, 1200.0, 0.0)
+        replay.press(f"#layer-{layer}")
+        settled(replay)
+    assert track not in colours(replay, 1200.0, 0.0, 30)
+
+
+def test_a_click_on_a_track_shows_its_history_and_reason(replay):
+    settled(replay)
+    replay.click(*place(replay, 1200.0, 0.0))
+    replay.until("!byId('selected').hidden")
+    shown = text(replay, "#selected")
+    assert "Track 3" in shown and "held" in shown
+    assert "Confirmed at 48.0 s: 3 hits in 4 pings by the test." in shown
+    assert "Speed8.0 ± 1.0 m/s" in shown and "Course090°" in shown
+    assert "Range1.30 km" in shown and "Bearing113°" in shown
+    assert replay.value("document.querySelectorAll('#selected tbody tr').length") == 3
+    settled(replay)
+    assert replay.value("plan.colour.accent") in colours(replay, 100.0, 5.0), "its first hit"
+    replay.click(*place(replay, -2500.0, 2500.0))
+    replay.until("byId('selected').hidden")
+
+
+def test_a_track_of_the_list_that_has_ended_says_so(replay):
+    replay.value("show(2); showPanels()")
+    replay.until("document.querySelectorAll('#tracks tbody tr').length === 1")
+    replay.press("#tracks tbody button")
+    replay.value("show(10); showPanels()")
+    settled(replay)
+    replay.value("showPanels()")
+    assert "Track 5ended" in text(replay, "#selected")
+    assert "Last held72.0 s" in text(replay, "#selected")
+
+
+def test_wheel_and_drag_change_the_view_about_the_pointer(replay):
+    settled(replay)
+    x, y = place(replay, 1200.0, 0.0)
+    scale = replay.value("plan.scale")
+    replay.mouse("mouseWheel", x, y, deltaX=0, deltaY=-400)
+    replay.until(f"plan.scale > {1.5 * scale}")
+    assert place(replay, 1200.0, 0.0) == pytest.approx([x, y], abs=1.0)
+    replay.mouse("mousePressed", x, y, button="left", clickCount=1)
+    replay.mouse("mouseMoved", x + 60, y + 30, button="left", buttons=1)
+    replay.mouse("mouseReleased", x + 60, y + 30, button="left", clickCount=1)
+    settled(replay)
+    assert place(replay, 1200.0, 0.0) == pytest.approx([x + 60, y + 30], abs=1.0)
+    assert replay.value("byId('selected').hidden"), "a drag selects nothing"
+    replay.press("#fit")
+    settled(replay)
+    assert replay.value("plan.scale") == pytest.approx(scale)
+
+
+def test_two_fingers_zoom(replay):
+    settled(replay)
+    scale = replay.value("plan.scale")
+
+    def touch(kind, *points):
+        replay.call(
+            "Input.dispatchTouchEvent",
+            type=kind,
+            touchPoints=[{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(points)],
+        )
+
+    replay.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    touch("touchStart", (300, 400), (500, 400))
+    for step in range(1, 11):
+        touch("touchMove", (300 - 10 * step, 400), (500 + 10 * step, 400))
+    touch("touchEnd")
+    replay.until(f"plan.scale > {1.7 * scale}")
+    assert replay.value("plan.scale") == pytest.approx(2.0 * scale, rel=0.1)
+
+
+def test_dark_and_light_follow_the_system_and_the_button(browser, tmp_path):
+    path = tmp_path / "page.html"
+    write_page(path, "sea", recording())
+    brightness = {}
+    for theme in ("dark", "light"):
+        tab = browser.tab(theme=theme)
+        tab.open(path.as_uri())
+        assert tab.value("document.documentElement.dataset.theme") == theme
+        red = tab.value("getComputedStyle(document.body).backgroundColor").split("(")[1]
+        brightness[theme] = int(red.split(",")[0])
+        tab.press("#theme")
+        assert tab.value("document.documentElement.dataset.theme") != theme
+    assert brightness["dark"] < 60 < 200 < brightness["light"]
+
+
+def test_a_phone_shows_all_without_scrolling_sideways(replay):
+    replay.size(390, 844, phone=True)
+    settled(replay)
+    assert replay.value("document.documentElement.scrollWidth") <= 390
+    box = replay.value(
+        "(() => { const box = byId('play').getBoundingClientRect();"
+        " return [box.top, box.bottom, innerHeight]; })()"
+    )
+    assert 0 < box[0] < box[1] <= box[2], "the controls are on the screen"
+    small = replay.value(
+        "[...document.querySelectorAll('#controls button, #zoom button')]"
+        ".filter((one) => one.clientHeight < 30).length"
+    )
+    assert small == 0, "buttons that a finger can hit"
+
+
+def test_a_recording_that_cannot_be_read_is_said(tab, tmp_path):
+    path = tmp_path / "page.html"
+    write_page(path, "sea", "{")
+    tab.open(path.as_uri())
+    tab.until("byId('notice').textContent.includes('cannot be shown')")
+
+
+def test_a_served_recording_is_the_same_page(tab):
+    with served(recording=recording()) as server:
+        tab.open(server.url)
+        tab.until("scene.frames.length === 12 && byId('clock').textContent")
+        assert text(tab, "#clock") == "144.0 s · scan 12 of 12"
+        assert tab.complaints == []
+        assert all(url.startswith((server.url, "data:")) for url in tab.requests)
+
+
+def test_a_live_page_follows_pauses_and_goes_on(tab):
+    state = live_state(3)
+    with served(state) as server:
+        tab.open(server.url)
+        tab.until("scene.frames.length === 3 && byId('state').textContent === 'Live'")
+        tab.until("byId('clock').textContent === '36.0 s · scan 3'")
+        put_moving(state, 4)
+        tab.until("byId('clock').textContent === '48.0 s · scan 4'")
+        tab.press("#play")
+        put_moving(state, 5)
+        tab.until("scene.frames.length === 5")
+        settled(tab)
+        assert text(tab, "#clock") == "48.0 s · scan 4" and text(tab, "#state") == "Paused"
+        tab.press("#play")
+        settled(tab)
+        assert text(tab, "#clock") == "60.0 s · scan 5"
+        state.put_health(
+            {
+                "level": 2,
+                "entries": [{"task": "detections", "level": 2, "message": "no scan", "values": []}],
+            }
+        )
+        tab.until("byId('health-chip').textContent === 'Health: Error'")
+        assert tab.complaints == []
+        port = urlsplit(server.url).port
+        assert all(f"127.0.0.1:{port}/" in url or url.startswith("data:") for url in tab.requests)
+
+
+def test_a_live_page_that_was_cut_off_comes_back_with_the_present_state(tab):
+    state = live_state(3)
+    with served(state) as server:
+        port = urlsplit(server.url).port
+        tab.open(server.url)
+        tab.until("scene.frames.length === 3")
+    tab.until("byId('state').textContent === 'Not connected'")
+    with served(live_state(9), port=port):
+        tab.until("scene.frames.length === 9 && byId('state').textContent === 'Live'")
+        tab.until("byId('clock').textContent === '108.0 s · scan 9'")
+
+
+def test_a_live_page_without_scans_says_what_it_waits_for(tab):
+    state = live_state()
+    with served(state) as server:
+        tab.open(server.url)
+        tab.until("byId('notice').textContent.startsWith('Nothing publishes /tracks/current yet')")
+        assert text(tab, "#state") == "Waiting"
+        state.put_info(published=True)
+        tab.until("byId('notice').textContent.includes('waits for its first scan')")
+
+
+def test_a_page_behind_a_token_works(tab):
+    with served(live_state(2), host="127.0.0.1", token="a-token-of-some-length") as server:
+        tab.open(server.url)
+        tab.until("scene.frames.length === 2")
+        assert "token" not in tab.value("location.href")
+        assert tab.complaints == []
+
+
+def test_a_live_page_keeps_a_bounded_history_and_the_paused_frame(tab):
+    state = live_state(2)
+    with served(state) as server:
+        tab.open(server.url)
+        tab.until("scene.frames.length === 2")
+        tab.value(
+            "for (let n = 3; n <= MAX_FRAMES; n += 1) take({frames: [{...scene.frames[0],"
+            " number: n, stamp: n}]})"
+        )
+        tab.value("page.playing = false; page.index = 2000; redraw()")
+        settled(tab)
+        number = tab.value("scene.frames[page.index].number")
+        tab.value("take({frames: [{...scene.frames[0], number: 1e6, stamp: 1e6}]})")
+        assert tab.value("scene.frames.length") == 3001
+        assert tab.value("scene.frames[page.index].number") == number
+        assert tab.value("scene.histories.get(7).length") <= 3001
+
+
+def test_a_hundred_tracks_are_drawn_quickly(tab):
+    """A frame of 100 tracks with trails takes a small part of the 50 ms between frames at 20 Hz."""
+    state = live_state()
+    with served(state) as server:
+        tab.open(server.url)
+        for number in range(1, 121):
+            tracks = [
+                held(k, 80.0 * k - 4000.0 + 5.0 * number, 60.0 * (k % 50), 5.0, 0.0)
+                for k in range(100)
+            ]
+            state.put(numbered(number, *tracks), track_facts(tracks, 12.0) if number == 1 else None)
+            time.sleep(0.002)
+        tab.until("scene.frames.at(-1).number === 120")
+        seconds = tab.value(
+            "(() => { const begin = performance.now();"
+            " for (let k = 0; k < 20; k += 1) plan.draw(scene.frames.length - 1);"
+            " return (performance.now() - begin) / 20000; })()"
+        )
+        assert seconds < WAIT / 100.0

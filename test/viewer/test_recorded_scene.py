@@ -1,0 +1,80 @@
+"""A run as the page replays it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+from support.sessions import session
+
+from tsepm_ros.pictures.run_scene import truth_paths
+from tsepm_ros.replay.offline import recording_results
+from tsepm_ros.replay.simulated_recording import simulated_recording
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.viewer.recorded_scene import RecordedScene
+
+SCENARIO = load_scenario("four_targets")
+
+
+def recorded(scenario=SCENARIO, seed: int = 1):
+    """The page's recording of a run, and the new tracks of the run."""
+    recording, _ = simulated_recording(Simulator(scenario, seed))
+    options = SessionOptions(method="score", own_ship_source="odometry")
+    run = Session(Settings(session=options, sensor=scenario.sensor))
+    scene = RecordedScene("four targets", True, truth_paths(recording.targets))
+    tracks = []
+    for result in recording_results(recording, run, "bow"):
+        scene.add(result, run.initiator)
+        tracks += result.new
+    return json.loads(scene.document(run.dropped)), tracks, run
+
+
+def test_every_scan_and_track_is_there():
+    page, tracks, run = recorded()
+    assert [frame["number"] for frame in page["frames"]] == list(range(1, SCENARIO.scans + 1))
+    assert page["info"] == {"kind": "recording", "title": "four targets", "north": True}
+    assert len(page["truth"]) == 4 and page["health"]["level"] == 0
+    assert set(page["facts"]) == {str(track.track_id) for track in tracks} != set()
+    last = page["frames"][-1]
+    assert [row[0] for row in last["tracks"]] == run.initiator.current.track_id.tolist()
+    assert last["own_ship"][:2] == [0.0, 0.0]
+
+
+def test_a_track_s_hits_and_reason_are_its_own():
+    page, tracks, run = recorded()
+    for track in tracks:
+        facts = page["facts"][str(track.track_id)]
+        assert facts["confirmed"] == track.stamp
+        assert facts["reason"] == run.initiator.reason(track)
+        assert len(facts["hits"]) == len(track.hits)
+        for (stamp, x, y), (scan, detection) in zip(facts["hits"], track.hits, strict=True):
+            frame = page["frames"][scan]
+            assert stamp == frame["stamp"]
+            assert [x, y] == frame["detections"][2 * detection : 2 * detection + 2]
+            predicted = track.predicted(stamp).position
+            assert np.hypot(x - predicted[0], y - predicted[1]) < 1500.0
+
+
+def test_after_a_restart_hits_are_those_of_the_new_run():
+    quiet = dataclasses.replace(SCENARIO, scans=8)
+    recording, _ = simulated_recording(Simulator(quiet, 3))
+    run = session(own_ship_source="none")
+    scene = RecordedScene("twice", False)
+    results = []
+    for _ in range(2):
+        for result in recording_results(recording, run, "bow"):
+            scene.add(result, run.initiator)
+            results.append(result)
+    page = json.loads(scene.document(run.dropped))
+    restart = [k for k, frame in enumerate(page["frames"]) if frame.get("restart")]
+    assert len(restart) == 1 and restart[0] > 0
+    again = [track for result in results[restart[0] :] for track in result.new]
+    assert again
+    for track in again:
+        first = page["facts"][str(track.track_id)]["hits"][0]
+        (scan, detection), frames = track.hits[0], page["frames"][restart[0] :]
+        assert first[1:] == frames[scan]["detections"][2 * detection : 2 * detection + 2]
