@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 
 from tsepm_ros.commands.run_command import add_source_arguments, open_run
 from tsepm_ros.parameters import Value, table
@@ -80,17 +80,13 @@ def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> 
         run = open_run(options, stack)
         recorded = run.recorded_scene()
         server = make_server(viewer, recorded.title)  # before the work: the port may be in use
+        stack.callback(server.stop)
         for result in _with_progress(run.results):
             recorded.add(result, run.session.initiator)
-        page = run.page_of(recorded)
-    server.start(page)
-    print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
-    try:
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        pass
-    finally:
-        server.stop()
+        server.start(run.page_of(recorded))
+        print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
+        with suppress(KeyboardInterrupt):
+            threading.Event().wait()
 
 
 def _with_progress(results: Iterator[ScanResult]) -> Iterable[ScanResult]:

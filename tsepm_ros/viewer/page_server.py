@@ -128,10 +128,13 @@ class PageServer:
         self._thread.start()
 
     def stop(self) -> None:
-        """Close all connections and end the thread."""
+        """Close all connections and end the thread, if it was started; free the port."""
         if self._thread.is_alive():
             self.loop.call_soon_threadsafe(self.loop.stop)
             self._thread.join()
+        self.loop.close()
+        for bound in self._sockets:
+            bound.close()
 
     def _announce(self) -> None:
         if threading.current_thread() is self._thread:

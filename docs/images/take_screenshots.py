@@ -1,0 +1,93 @@
+"""Take the screenshots of docs/watching.md, in a headless Chromium.
+
+    PYTHONPATH=test python docs/images/take_screenshots.py
+
+The live page is that of the nodes: simulator, track initiator and viewer, as processes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
+
+from support.browser import Browser, Tab
+
+FOLDER = Path(__file__).parent
+SCENARIO, SEED = "four_targets", 1
+RATE_FACTOR = 20.0
+PORT = 8471
+SCANS, LAST_STAMP = 16, 180.0
+
+
+def live(browser: Browser) -> None:
+    """The page beside the running nodes, after the scenario's last ping."""
+    nodes = {
+        "track_viewer": [f"port:={PORT}"],
+        "track_initiator": ["own_ship_source:=odometry", "publish_potential_tracks:=true"],
+        "sonar_simulator": [
+            f"scenario:={SCENARIO}",
+            f"seed:={SEED}",
+            f"rate_factor:={RATE_FACTOR}",
+        ],
+    }
+    processes = []
+    try:
+        for name, parameters in nodes.items():
+            given = [part for parameter in parameters for part in ("-p", parameter)]
+            command = [sys.executable, "-m", f"tsepm_ros.nodes.{name}", "--ros-args", *given]
+            processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
+        time.sleep(3.0)
+        tab = browser.tab(theme="dark")
+        tab.open(f"http://127.0.0.1:{PORT}/")
+        tab.until(f"scene.frames.some((frame) => frame.stamp >= {LAST_STAMP})")
+        tab.value("select(3)")
+        tab.picture(FOLDER / "watching_live.png")
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            process.wait(20.0)
+
+
+def shown_recording(tab: Tab, page: Path) -> None:
+    """Open a page and wait until it shows its recording."""
+    tab.open(page.as_uri())
+    tab.until(f"scene.frames.length === {SCANS}")
+
+
+def recorded(browser: Browser) -> None:
+    """The self-contained file, on a desk and on a telephone."""
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "run.html"
+        command = [sys.executable, "-m", "tsepm_ros.commands.cli", "run", SCENARIO]
+        command += ["--seed", str(SEED), "--html", str(page)]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        desk = browser.tab(theme="light")
+        shown_recording(desk, page)
+        # Near the track, so that its hits and their order are seen.
+        desk.value(
+            "select(3); show(11); plan.moved = true;"
+            "plan.center = [scene.frames[11].tracks.find((row) => row[0] === 3)[1],"
+            " scene.frames[11].tracks.find((row) => row[0] === 3)[2]]; plan.scale = 0.28;"
+            "document.querySelector('#selected details').open = true; redraw(); showPanels()"
+        )
+        desk.picture(FOLDER / "watching_recording.png")
+        phone = browser.tab(theme="dark")
+        phone.size(390, 844, phone=True)
+        shown_recording(phone, page)
+        phone.value("select(1)")
+        phone.picture(FOLDER / "watching_phone.png")
+
+
+if __name__ == "__main__":
+    with Browser() as opened:
+        recorded(opened)
+        live(opened)
