@@ -99,6 +99,7 @@ def refused(capsys, *arguments: str) -> str:
     return error
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # tornado's socket
 def test_a_port_in_use_is_refused_before_the_work(capsys, recording):
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]

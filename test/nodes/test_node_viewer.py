@@ -53,8 +53,8 @@ def test_the_page_shows_what_the_track_initiator_publishes(world):
         last = watcher.frames[-1]
     assert len(last["detections"]) == 2 * 11
     assert any(frame["potential"] for frame in watcher.frames)
-    target = 3000.0 + 4.0 * 132.0, 1500.0 - 2.0 * 132.0
-    near = [row for row in last["tracks"] if row[1:3] == pytest.approx(target, abs=150.0)]
+    target = 100.0 * (3000.0 + 4.0 * 132.0), 100.0 * (1500.0 - 2.0 * 132.0)  # cm
+    near = [row for row in last["tracks"] if row[1:3] == pytest.approx(target, abs=15_000.0)]
     facts = watcher.facts[str(near[0][0])]
     assert facts["confirmed"] in [frame["stamp"] for frame in watcher.frames]
     assert re.match(r"5 hits in \d pings", facts["reason"])
@@ -72,7 +72,7 @@ def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
             lambda: any(update.get("info", {}).get("published") for update in watcher.updates),
             "that the publisher is known",
         )
-    assert watcher.frames[0]["tracks"][0][:3] == [3, 1.0, 2.0]
+    assert watcher.frames[0]["tracks"][0][:3] == [3, 100, 200]
     assert watcher.facts["3"]["confirmed"] is None
 
 
@@ -116,7 +116,7 @@ def test_the_own_ship_and_its_diagnostics_are_shown(world):
             return watcher.health and watcher.frames and watcher.frames[-1]["own_ship"]
 
         world.until(shown, "own ship and health")
-    assert watcher.frames[-1]["own_ship"] == [5.0, 6.0, 0.25]
+    assert watcher.frames[-1]["own_ship"] == [500, 600, 250]
     assert watcher.health["level"] == 2
 
 

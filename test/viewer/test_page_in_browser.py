@@ -43,8 +43,8 @@ def recording() -> str:
             tracks.append(held(5, -2000.0, -1000.0, 0.0, -2.0))
         corners = np.array([[-3000.0, -3000.0], [3000.0, 3000.0]])
         frames.append(numbered(number, *tracks, detections=corners, own_ship=(0.0, 500.0, 1.57)))
-        frames[-1]["potential"] = [[500.0, 1500.0, 1.0, 2.0, 0.7], [700.0, 900.0, 0.0, 0.0, None]]
-        frames[-1]["fixed"] = [[80, 1000.0, -1500.0, 0.0, 0.0, 10.0, 10.0, 0.0, 0.1]]
+        frames[-1]["potential"] = [[50_000, 150_000, 1000, 2000, 70], [70_000, 90_000, 0, 0, None]]
+        frames[-1]["fixed"] = [[80, 100_000, -150_000, 0, 0, 1000, 1000, 0, 100]]
     facts.update(
         track_facts(
             [held(3, 0.0, 0.0)],

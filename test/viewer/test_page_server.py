@@ -107,7 +107,9 @@ def test_on_other_addresses_everything_needs_the_token():
             open_socket = await websocket_connect(
                 f"ws://127.0.0.1:{parts.port}/updates?{parts.query}"
             )
-            return await message(open_socket)
+            update = await message(open_socket)
+            open_socket.close()
+            return update
 
         assert numbers(run(connect)) == [1]
 
@@ -127,7 +129,10 @@ def test_the_token_of_the_printed_address_becomes_a_cookie():
 
         async def connect():
             request = HTTPRequest(f"ws{base[4:]}updates", headers=headers)
-            return await message(await websocket_connect(request))
+            browser = await websocket_connect(request)
+            update = await message(browser)
+            browser.close()
+            return update
 
         assert numbers(run(connect)) == [1]
 
@@ -213,7 +218,10 @@ def test_there_are_not_more_browsers_than_allowed(monkeypatch):
         sockets[0].close()
         while server.browsers > 1:
             await asyncio.sleep(0.01)
-        assert await message(await websocket_connect(updates(server)))
+        again = await websocket_connect(updates(server))
+        assert await message(again)
+        for one in (sockets[1], again):
+            one.close()
 
     with served(live_state(1)) as server:
         run(connect)
@@ -234,6 +242,7 @@ def test_what_a_browser_sends_is_ignored_and_must_be_short():
         run(talk)
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # tornado's socket
 def test_a_port_in_use_is_named():
     with served(live_state()) as server:
         port = urlsplit(server.url).port

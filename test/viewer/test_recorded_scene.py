@@ -6,6 +6,7 @@ import dataclasses
 import json
 
 import numpy as np
+import pytest
 from support.sessions import session
 
 from tsepm_ros.pictures.run_scene import truth_paths
@@ -41,7 +42,7 @@ def test_every_scan_and_track_is_there():
     assert set(page["facts"]) == {str(track.track_id) for track in tracks} != set()
     last = page["frames"][-1]
     assert [row[0] for row in last["tracks"]] == run.initiator.current.track_id.tolist()
-    assert last["own_ship"][:2] == [0.0, 0.0]
+    assert last["own_ship"][:2] == [0, 0]
 
 
 def test_a_track_s_hits_and_reason_are_its_own():
@@ -54,7 +55,8 @@ def test_a_track_s_hits_and_reason_are_its_own():
         for (stamp, x, y), (scan, detection) in zip(facts["hits"], track.hits, strict=True):
             frame = page["frames"][scan]
             assert stamp == frame["stamp"]
-            assert [x, y] == frame["detections"][2 * detection : 2 * detection + 2]
+            cm = frame["detections"][2 * detection : 2 * detection + 2]
+            assert [100.0 * x, 100.0 * y] == pytest.approx(cm, abs=0.1)
             predicted = track.predicted(stamp).position
             assert np.hypot(x - predicted[0], y - predicted[1]) < 1500.0
 
@@ -77,4 +79,5 @@ def test_after_a_restart_hits_are_those_of_the_new_run():
     for track in again:
         first = page["facts"][str(track.track_id)]["hits"][0]
         (scan, detection), frames = track.hits[0], page["frames"][restart[0] :]
-        assert first[1:] == frames[scan]["detections"][2 * detection : 2 * detection + 2]
+        cm = frames[scan]["detections"][2 * detection : 2 * detection + 2]
+        assert [100.0 * value for value in first[1:]] == pytest.approx(cm, abs=0.1)

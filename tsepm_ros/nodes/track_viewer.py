@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -25,6 +26,8 @@ from tsepm_ros.viewer.live_frames import CLOUDS, DIAGNOSTICS, OWN_SHIP, TRACKS
 from tsepm_ros.viewer.serving import LiveFeed
 
 CLOUD_DEPTH = 10
+PAUSE = 0.008
+"""Time for the messages of a scan to arrive, s."""
 CHECK_PERIOD = 1.0
 """Time between checks whether anything publishes held tracks, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -38,6 +41,7 @@ class TrackViewer(Node):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_viewer", **AUTO_DECLARE, **node_options)
         options: ViewerNodeOptions = NodeParameters(self, TRACK_VIEWER).options[ViewerNodeOptions]
+        self._gathered = 0.0  # when the last pause ended
         warnings = ThrottledWarnings(self)
         topic = self.resolve_topic_name(TRACKS)
         with refusing():
@@ -89,8 +93,15 @@ class TrackViewer(Node):
 
         def take(message: Any) -> None:
             self._feed.take(topic, message)
+            self._gather()
 
         return take
+
+    def _gather(self) -> None:
+        """Wait for the other messages of a scan, so that the executor wakes up once for all."""
+        if time.monotonic() - self._gathered > 2.0 * PAUSE:
+            time.sleep(PAUSE)
+            self._gathered = time.monotonic()
 
 
 def main(args: Sequence[str] | None = None) -> int:

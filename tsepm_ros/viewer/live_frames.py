@@ -215,14 +215,14 @@ def _potential(cloud: Any, stamp: float) -> TrackArrays:
     side = 2.0 * np.sqrt(max(float(np.median(variance)), MIN_CELL**2))
     with np.errstate(invalid="ignore"):
         cells = np.nan_to_num(np.floor(state[:, 0::2] / side))
-    _, place = np.unique(cells, axis=0, return_inverse=True)
+    _, place = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
     zeros = np.zeros(number, np.int64)
     return TrackArrays(
         track_id=np.arange(number),
         stamp=np.full(number, stamp),
         state=state,
         covariance=np.zeros((number, 4, 4)),
-        hits=[((0, index),) for index in place.ravel().tolist()],
+        hits=[((0, index),) for index in place.tolist()],
         hit_count=zeros,
         evaluation=values["evaluation"],
         score=values["score"],

@@ -1,21 +1,25 @@
 """One scan as the page draws it: a JSON object, the same live, replayed and in a file.
 
+Numbers are integers, which are quicker to write than decimals: positions and semi-axes in cm,
+speeds in mm/s, angles in mrad, evidence in percent. The page converts them to SI.
+
 ============= ===================================================================================
 field         meaning
 ============= ===================================================================================
 ``number``    counts the frames of a source from 1
 ``stamp``     the scan's stamp, s
 ``frame_id``  the fixed frame of all positions
-``own_ship``  x, y (m) and heading (rad from x, counter-clockwise; null: unknown), or null
-``detections``  x and y of each detection in turn, m
-``potential`` a row per potential track: x, y (m), vx, vy (m/s), evidence (0 to 1; null: no score)
-``tracks``    a row per held track: id, x, y (m), vx, vy (m/s), semi-axes of its 95 % ellipse (m)
-              and the angle of the major one (rad), standard deviation of the speed (m/s)
+``own_ship``  x, y and heading (from x, counter-clockwise; null: unknown), or null
+``detections``  x and y of each detection in turn
+``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
+``tracks``    a row per held track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the angle of
+              the major one, standard deviation of the speed
 ``fixed``     as ``tracks``, of fixed echoes
 ``restart``   true if all tracks before it were discarded
 ============= ===================================================================================
 
-What does not change from scan to scan is said once per track, in its facts: see `track_facts`.
+What does not change from scan to scan is said once per track, in its facts, in SI: see
+`track_facts`.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msg_adapters.track_markers import ELLIPSE_SCALE, drawn_candidates
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
@@ -37,7 +42,12 @@ Frame = dict[str, Any]
 MAX_POTENTIAL = 500
 """Potential tracks of a frame, those nearest to confirmation."""
 
-_POSITION_DIGITS, _VELOCITY_DIGITS, _ANGLE_DIGITS = 2, 3, 3
+CENTIMETERS, MILLIMETERS, MILLIRADIANS, PERCENT = 100.0, 1000.0, 1000.0, 100.0
+"""Integers of a frame per m, m/s, rad and 1."""
+
+_ELLIPSE_UNITS = np.array([CENTIMETERS, CENTIMETERS, MILLIRADIANS])
+_LARGEST = 1e15  # a larger number is drawn nowhere
+_SLOWEST = 1e-9  # m/s; slower velocities have no direction
 
 
 def make_frame(
@@ -87,7 +97,7 @@ def make_frame(
     return frame
 
 
-def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[float]]:
+def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
     """Rows of held tracks, see the module's table.
 
     An ellipse of a covariance that is not finite has semi-axes of 0.
@@ -95,26 +105,21 @@ def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[float]]:
     arrays = _finite(tracks)
     if not len(arrays):
         return []
-    position = arrays.covariance[:, 0::2, 0::2]
-    velocity = arrays.covariance[:, 1::2, 1::2]
-    return [
-        [track_id, *numbers]
-        for track_id, numbers in zip(
-            arrays.track_id.tolist(),
-            np.hstack(
-                [
-                    np.round(arrays.state[:, 0::2], _POSITION_DIGITS),
-                    np.round(arrays.state[:, 1::2], _VELOCITY_DIGITS),
-                    ellipses(position),
-                    _speed_std(arrays.state[:, 1::2], velocity)[:, None],
-                ]
-            ).tolist(),
-            strict=True,
-        )
-    ]
+    numbers = np.hstack(
+        [
+            arrays.track_id[:, None],
+            _integers(arrays.state[:, 0::2], CENTIMETERS),
+            _integers(arrays.state[:, 1::2], MILLIMETERS),
+            _integers(ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
+            _integers(
+                speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
+            ),
+        ]
+    )
+    return list(numbers.tolist())
 
 
-def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[float | None]]:
+def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | None]]:
     """Rows of potential tracks, the least likely first, so that the likely ones are drawn on top.
 
     The evidence is the score relative to the threshold for confirmation, as RViz shows it: see
@@ -129,12 +134,12 @@ def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[float | None]]
     state = arrays.state[rows[order]]
     numbers = np.hstack(
         [
-            np.round(state[:, 0::2], _POSITION_DIGITS),
-            np.round(state[:, 1::2], _VELOCITY_DIGITS),
+            _integers(state[:, 0::2], CENTIMETERS),
+            _integers(state[:, 1::2], MILLIMETERS),
+            _integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
         ]
     ).tolist()
-    shares = np.round(np.nan_to_num(evidence[order]), 2).tolist()
-    return [[*row, share if scored else None] for row, share in zip(numbers, shares, strict=True)]
+    return list(numbers) if scored else [[*row[:4], None] for row in numbers]
 
 
 def track_facts(
@@ -212,19 +217,35 @@ def ellipses(covariance: FloatArray) -> FloatArray:
     mean, half_difference = 0.5 * (xx + yy), 0.5 * (xx - yy)
     radius = np.hypot(half_difference, xy)
     variances = np.stack([mean + radius, np.maximum(mean - radius, 0.0)], axis=1)
-    axes = np.round(ELLIPSE_SCALE * np.sqrt(np.maximum(variances, 0.0)), _POSITION_DIGITS)
-    angle = np.round(0.5 * np.arctan2(xy, half_difference), _ANGLE_DIGITS)
-    return np.column_stack([axes, angle])
+    axes = ELLIPSE_SCALE * np.sqrt(np.maximum(variances, 0.0))
+    return np.column_stack([axes, 0.5 * np.arctan2(xy, half_difference)])
 
 
-def _speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Standard deviation of the speed, (n,) m/s: that of the velocity along itself."""
+def speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Standard deviations of speeds.
+
+    Parameters
+    ----------
+    velocity : (n, 2) ndarray
+        m/s.
+    covariance : (n, 2, 2) ndarray
+        m^2/s^2.
+
+    Returns
+    -------
+    (n, 1) ndarray
+        Standard deviation of the velocity along itself, m/s; 0 where the covariance is not finite.
+    """
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    along = velocity / np.maximum(speed, 1e-9)[:, None]
-    along[speed < 1e-9] = np.sqrt(0.5)
+    along = velocity / np.maximum(speed, _SLOWEST)[:, None]
+    along[speed < _SLOWEST] = np.sqrt(0.5)
     variance = np.einsum("ni,nij,nj->n", along, covariance, along)
     variance = np.where(np.isfinite(variance), np.maximum(variance, 0.0), 0.0)
-    return np.asarray(np.round(np.sqrt(variance), _VELOCITY_DIGITS), float)
+    return np.asarray(np.sqrt(variance)[:, None], float)
+
+
+def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
+    return np.rint(np.clip(values * unit, -_LARGEST, _LARGEST)).astype(np.int64)
 
 
 def _finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -233,20 +254,18 @@ def _finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
     return arrays if finite.all() else arrays.where(np.flatnonzero(finite))
 
 
-def _positions(positions: FloatArray | None) -> list[float]:
+def _positions(positions: FloatArray | None) -> list[int]:
     if positions is None or not len(positions):
         return []
     finite = np.isfinite(positions).all(axis=1)
-    return np.round(positions[finite], _POSITION_DIGITS).ravel().tolist()
+    return list(_integers(positions[finite], CENTIMETERS).ravel().tolist())
 
 
-def _pose(pose: Sequence[float] | FloatArray | None) -> list[float | None] | None:
+def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
     if pose is None or not all(math.isfinite(value) for value in pose[:2]):
         return None
-    x, y, heading = pose
-    known = math.isfinite(heading)
-    return [
-        round(float(x), _POSITION_DIGITS),
-        round(float(y), _POSITION_DIGITS),
-        round(math.remainder(heading, math.tau), _ANGLE_DIGITS) if known else None,
-    ]
+    x, y = _integers(np.array(pose[:2]), CENTIMETERS).tolist()
+    heading = float(pose[2])
+    if not math.isfinite(heading):
+        return [x, y, None]
+    return [x, y, round(math.remainder(heading, math.tau) * MILLIRADIANS)]

@@ -29,7 +29,7 @@ class Scene {
     if (message.truth) this.truth = message.truth;
     if ("health" in message) this.health = message.health;
     if (message.facts) Object.assign(this.facts, message.facts);
-    for (const frame of message.frames || []) this.take(frame);
+    for (const frame of message.frames || []) this.take(converted(frame));
   }
 
   take(frame) {
@@ -109,6 +109,25 @@ class Scene {
     for (const path of this.truth) for (const [, x, y] of path) include(x, y);
     return box[0] <= box[2] ? box : null;
   }
+}
+
+/* A frame in SI: the integers of page_frames.py are cm, mm/s, mrad and percent. */
+function converted(frame) {
+  const track = ([id, x, y, vx, vy, major, minor, angle, speedStd]) => [
+    id, 0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy,
+    0.01 * major, 0.01 * minor, 0.001 * angle, 0.001 * speedStd,
+  ];
+  const pose = frame.own_ship;
+  return {
+    ...frame,
+    own_ship: pose && [0.01 * pose[0], 0.01 * pose[1], pose[2] === null ? null : 0.001 * pose[2]],
+    detections: frame.detections.map((value) => 0.01 * value),
+    potential: frame.potential.map(([x, y, vx, vy, evidence]) => [
+      0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy, evidence === null ? null : 0.01 * evidence,
+    ]),
+    tracks: frame.tracks.map(track),
+    fixed: frame.fixed.map(track),
+  };
 }
 
 /* ---- words and numbers ---- */
