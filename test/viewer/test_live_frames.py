@@ -78,6 +78,17 @@ def test_facts_are_said_once():
     assert live.take_frames()[0][1] == {}
 
 
+def test_a_track_stays_known_while_the_held_tracks_of_a_scan_are_on_their_way():
+    live = Live()
+    live.take(NEW, tracks(100.0, held(1, 0.0, 0.0)))
+    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
+    assert live.take_frames()[0][1]["1"]["confirmed"] == 100.0
+    live.take(DETECTIONS, detections(112.0, [1.0, 2.0]))
+    live.take_frames()
+    live.take(TRACKS, tracks(112.0, held(1, 0.0, 0.0)))
+    assert live.take_frames()[0][1] == {}
+
+
 def test_what_arrives_late_completes_the_newest_frame():
     live = Live()
     live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))

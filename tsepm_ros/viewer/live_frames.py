@@ -149,6 +149,7 @@ class LiveFrames:
                 self._read(scan, topic, cloud)
             except MessageError as error:
                 self._report(topic, error)
+        facts = self._new_facts(scan, TRACKS in scan.clouds)
         scan.clouds.clear()
         fixed_frame, fixed = self._fixed
         frame = make_frame(
@@ -162,7 +163,7 @@ class LiveFrames:
             restart=scan.restart,
         )
         frame["number"] = scan.number
-        return frame, self._new_facts(scan)
+        return frame, facts
 
     def _read(self, scan: ScanMessages, topic: str, cloud: Any) -> None:
         scan.frame_id = cloud.header.frame_id
@@ -185,13 +186,16 @@ class LiveFrames:
         else:
             scan.tracks = tracks
 
-    def _new_facts(self, scan: ScanMessages) -> dict[str, Frame]:
-        """Facts of the tracks that are confirmed by a scan or seen for the first time."""
+    def _new_facts(self, scan: ScanMessages, complete: bool) -> dict[str, Frame]:
+        """Facts of the tracks that are confirmed by a scan or seen for the first time.
+
+        `complete`: whether the held tracks have arrived, so that others are forgotten.
+        """
         new_ids, ids = scan.new.track_id.tolist(), scan.tracks.track_id.tolist()
         first_seen = [row for row, key in enumerate(ids) if key not in self._known]
         facts = track_facts(scan.tracks.where(np.array(first_seen, int)), None)
         facts.update(track_facts(scan.new, scan.stamp))
-        self._known = {*ids, *new_ids}
+        self._known = {*ids, *new_ids} if complete else self._known.union(new_ids)
         return facts
 
     def _pose(self, frame_id: str) -> tuple[float, float, float] | None:
