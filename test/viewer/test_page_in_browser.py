@@ -324,6 +324,18 @@ def test_a_live_page_follows_pauses_and_goes_on(tab):
         assert all(f"127.0.0.1:{port}/" in url or url.startswith("data:") for url in tab.requests)
 
 
+def test_health_without_diagnostics_is_stale(tab):
+    state = live_state(1)
+    with served(state) as server:
+        state.put_health({"level": 0, "entries": []})
+        tab.open(server.url)
+        tab.until("byId('health-chip').textContent === 'Health: OK'")
+        tab.value("page.healthHeard -= LATE + 1; showPanels()")
+        assert text(tab, "#health-chip") == "Health: Stale"
+        tab.value("page.healthPeriod = LATE; showPanels()")
+        assert text(tab, "#health-chip") == "Health: OK", "they come rarely"
+
+
 def test_a_live_page_that_was_cut_off_comes_back_with_the_present_state(tab):
     state = live_state(3)
     with served(state) as server:

@@ -13,7 +13,7 @@ const selectedPanel = new SelectedPanel(byId("selected"), plan, () => select(nul
 
 const PANEL_PERIOD = 300; // ms between renewals of the panels while frames come
 const RETRY_PERIODS = [500, 1000, 2000, 5000]; // ms
-const LATE = 5000; // ms after which missing diagnostics are stale
+const LATE = 5000; // ms, at least, after which missing diagnostics are stale
 
 const page = {
   index: 0, // the frame that is shown
@@ -22,6 +22,7 @@ const page = {
   failure: "",
   heard: 0, // when the last frame arrived, ms
   healthHeard: 0,
+  healthPeriod: 0, // between the last two diagnostics, ms
   drawn: false,
   panels: 0,
   fitted: "", // what the view of a recording was chosen for
@@ -86,7 +87,8 @@ function showPanels() {
   page.panels = performance.now();
   const frame = scene.frames[page.index];
   document.title = byId("title").textContent = scene.info.title || document.title;
-  healthPanel.show(scene.health, source === "live" && scene.health && silence(page.healthHeard) > LATE);
+  const late = silence(page.healthHeard) > Math.max(LATE, 3 * page.healthPeriod);
+  healthPanel.show(scene.health, source === "live" && late);
   trackList.show(frame, scene, plan.selected);
   selectedPanel.show(plan.selected, frame, scene);
   byId("arrows").textContent = `Arrows show the way of ${duration(plan.arrowTime)}.`;
@@ -316,7 +318,10 @@ function take(message) {
   scene.merge(message);
   page.index -= Math.max(scene.removed - removed, 0); // the same frame is shown while paused
   if (message.frames && message.frames.length) page.heard = performance.now();
-  if (message.health) page.healthHeard = performance.now();
+  if (message.health) {
+    page.healthPeriod = page.healthHeard ? silence(page.healthHeard) : 0;
+    page.healthHeard = performance.now();
+  }
   redraw();
 }
 
