@@ -42,7 +42,7 @@ from msg_adapters import (
 )
 from tsepm_ros.diagnostics.entries import ENTRIES
 from tsepm_ros.diagnostics.status import Level, Status
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.own_ship.pose_sample import PoseSample
 
 SETTLING = 5.0
@@ -50,25 +50,28 @@ PATIENCE = 60.0
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
-def tracks_at(stamp: float, number: int, first_id: int = 0) -> TrackArrays:
+def tracks_at(stamp: float, number: int) -> list[ConfirmedTrack]:
     """Tracks that move on straight lines."""
     rng = np.random.default_rng(number)
     position = rng.uniform(-8000.0, 8000.0, (number, 2))
     velocity = rng.uniform(-8.0, 8.0, (number, 2))
     state = np.empty((number, 4))
     state[:, 0::2], state[:, 1::2] = position + stamp % 600.0 * velocity, velocity
-    return TrackArrays(
-        track_id=first_id + np.arange(number),
-        stamp=np.full(number, stamp),
-        state=state,
-        covariance=np.tile(np.diag([2500.0, 1.0, 3600.0, 1.0]), (number, 1, 1)),
-        hits=[()] * number,
-        hit_count=np.full(number, 4),
-        evaluation=np.full(number, -1.0),
-        score=np.full(number, 9.0),
-        scan_count=np.full(number, 5),
-        age=np.full(number, 60.0),
-    )
+    covariance = np.diag([2500.0, 1.0, 3600.0, 1.0])
+    return [
+        ConfirmedTrack(
+            track_id=track_id,
+            stamp=stamp,
+            state=row,
+            covariance=covariance,
+            hits=((0, 0), (1, 0), (3, 0), (4, 0)),
+            evaluation=-1.0,
+            score=9.0,
+            scan_count=5,
+            age=60.0,
+        )
+        for track_id, row in enumerate(state)
+    ]
 
 
 def publish(options: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
 from tsepm_ros.settings.tables import TRACK_VIEWER
 from tsepm_ros.settings.viewer_options import ViewerNodeOptions
-from tsepm_ros.viewer.live_frames import CLOUDS, DIAGNOSTICS, OWN_SHIP, TRACKS
+from tsepm_ros.viewer.live_frames import CLOUDS, DIAGNOSTICS, FIXED, OWN_SHIP, TRACKS
 from tsepm_ros.viewer.serving import LiveFeed
 
 CLOUD_DEPTH = 10
@@ -62,7 +62,7 @@ class TrackViewer(Node):
                 self._taking(name),
                 qos,
                 durability=DurabilityPolicy.TRANSIENT_LOCAL
-                if name == TRACKS
+                if name in (TRACKS, FIXED)
                 else DurabilityPolicy.VOLATILE,
             )
             for name in CLOUDS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from msg_adapters import (
     read_track_cloud,
     time_to_ns,
 )
-from msg_adapters.track_cloud import STATE_FIELDS, track_arrays
+from msg_adapters.track_cloud import STATE_FIELDS, TRACK_DTYPE, track_arrays
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_sample import PoseSample
@@ -212,24 +212,15 @@ def _potential(cloud: Any, stamp: float) -> TrackArrays:
     The message has no hits. Hypotheses in the same place, to the accuracy of their positions, are
     taken for those of one newest detection, which is then their only hit.
     """
-    values = read_fields(cloud, (*STATE_FIELDS, "cov_00", "cov_22", "evaluation", "score"))
-    state = np.stack([values[name] for name in STATE_FIELDS], axis=-1)
-    number = len(state)
+    names = (*STATE_FIELDS, "cov_00", "cov_22", "evaluation", "score")
+    values = read_fields(cloud, names)
+    records = np.zeros(len(values["score"]), TRACK_DTYPE)
+    for name in names:
+        records[name] = values[name]
+    tracks = track_arrays(records, stamp)
     variance = np.nan_to_num(values["cov_00"] + values["cov_22"], posinf=0.0)
     side = 2.0 * np.sqrt(max(float(np.median(variance)), MIN_CELL**2))
     with np.errstate(invalid="ignore"):
-        cells = np.nan_to_num(np.floor(state[:, 0::2] / side))
+        cells = np.nan_to_num(np.floor(tracks.state[:, 0::2] / side))
     _, place = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
-    zeros = np.zeros(number, np.int64)
-    return TrackArrays(
-        track_id=np.arange(number),
-        stamp=np.full(number, stamp),
-        state=state,
-        covariance=np.zeros((number, 4, 4)),
-        hits=[((0, index),) for index in place.tolist()],
-        hit_count=zeros,
-        evaluation=values["evaluation"],
-        score=values["score"],
-        scan_count=zeros,
-        age=np.zeros(number),
-    )
+    return replace(tracks, hits=[((0, index),) for index in place.tolist()])

@@ -62,7 +62,7 @@ class RecordedScene:
             detections=detections,
             tracks=result.current,
             potential=initiator.potential_tracks(),
-            fixed=getattr(initiator, "fixed_echoes", ()),
+            fixed=result.fixed_echoes,
             own_ship=vessel_pose(result.scan, self._mounting_yaw),
             restart=result.arrival is Arrival.RESTART,
         )
