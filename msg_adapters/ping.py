@@ -16,6 +16,9 @@ from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.arcs import Arc, arc_of
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 
+MAX_TURN = 2.5 * np.pi
+"""Largest angle of a driver that counts from any axis and does not wrap, rad: a turn from there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Ping:
@@ -163,6 +166,7 @@ def good_detections(
         height=selected_or_none(height),
         axes=axes,
         beams=beams or arc_of(azimuth),
+        beyond_turn=int(np.count_nonzero(np.abs(azimuth[kept]) > MAX_TURN)),
     )
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
 

@@ -31,9 +31,23 @@ def ns_to_time(nanoseconds: int) -> Time:
     from builtin_interfaces.msg import Time
 
     seconds, rest = divmod(int(nanoseconds), NANOSECONDS_PER_SECOND)
-    if not -(2**31) <= seconds < 2**31:
-        raise ValueError(f"stamp must be within 32-bit seconds; got {seconds} s")
+    check_seconds(seconds)
     return Time(sec=seconds, nanosec=rest)
+
+
+def check_seconds(seconds: int) -> None:
+    """Refuse the whole seconds of a stamp that a time message cannot have.
+
+    Raises
+    ------
+    ValueError
+        If the seconds do not fit 32 bits with a sign.
+    """
+    if not -(2**31) <= seconds < 2**31:
+        raise ValueError(
+            f"stamp must be within 32-bit seconds, as in ROS messages; got {seconds} s (is it in "
+            "milliseconds or nanoseconds?)"
+        )
 
 
 def ns_to_seconds(nanoseconds: int) -> float:

@@ -10,11 +10,23 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 Value = bool | int | float | str
+
+MIN_LIKENESS = 0.6
+"""Smallest ratio, as in difflib, of an unknown name and a name that it may be meant for."""
+
+MAX_DEGREES = 360.0
+"""Largest angle that is taken for degrees."""
+
+MAX_SHOWN = 80
+"""Most characters of a refused value in a message."""
+
+MAX_NAMES = 4
+"""Most names in a question for the name that is meant."""
 
 
 @dataclass(frozen=True)
@@ -92,11 +104,11 @@ class Parameter:
         value = self.spelled(value)
         typed: Value = self._typed(value, name)
         if self.choices and typed not in self.choices:
-            raise ValueError(f"{name} must be {self.bounds}; got {value!r}")
+            raise ValueError(f"{name} must be {self.bounds}; got {shown(value)}")
         if isinstance(typed, int | float) and not isinstance(typed, bool):
             inside = self.minimum <= typed <= self.maximum and not (self.positive and typed <= 0)
             if not inside:
-                raise ValueError(f"{name} must be {self.bounds or 'a number'}; got {value!r}")
+                raise ValueError(self.out_of_bounds(value, name))
         return typed
 
     def spelled(self, value: Any) -> Any:
@@ -105,14 +117,31 @@ class Parameter:
             return value
         return ("on" if value else "off") if isinstance(value, bool) else f"{value!r}"
 
+    def out_of_bounds(self, value: float, name: str = "") -> str:
+        """The sentence that refuses a number, with a question if it may be in degrees."""
+        sentence = f"{name or self.name} must be {self.bounds or 'a number'}; got {shown(value)}"
+        radians = math.radians(value) if abs(value) <= MAX_DEGREES else math.nan
+        if self.unit != "rad" or not (self.minimum <= radians <= self.maximum):
+            return sentence
+        return f"{sentence} (in rad; {value:g} degrees are {radians:.4g} rad)"
+
+    def allows(self, value: Any) -> bool:
+        """Whether `check` accepts the value."""
+        try:
+            self.check(value)
+        except ValueError:
+            return False
+        return True
+
     def _typed(self, value: Any, name: str) -> Any:
         if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
             value = value.item()  # a NumPy scalar
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):
             value = _as_float(value)
         if type(value) is not self.type:
-            expected = {float: "a number", int: "an integer", bool: "true or false", str: "a text"}
-            raise ValueError(f"{name} must be {expected[self.type]}; got {value!r}")
+            kinds = {float: "a number", int: "an integer", bool: "true or false", str: "a text"}
+            expected = kinds[self.type] + (f", {self.bounds}" if self.choices else "")
+            raise ValueError(f"{name} must be {expected}; got {shown(value)}")
         return value
 
 
@@ -132,9 +161,87 @@ def parameter(default: Value, description: str, **details: Any) -> Any:
 
 
 def unknown_parameter(name: str, known: Collection[str]) -> str:
-    """Return the error message for an unknown name, with the closest name of `known`."""
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"{name} is not a parameter{f'; did you mean {near[0]}?' if near else ''}"
+    """Return the error message for an unknown name, with the closest names of `known`.
+
+    A name without its group is close to every name that ends in it.
+    """
+    return f"{name} is not a parameter{meant_name(name, known)}"
+
+
+def meant_name(name: str, known: Collection[str]) -> str:
+    """The question for the known names that an unknown name may be meant for; may be empty."""
+    return _question(
+        [other for other in known if _leaf(other) == _leaf(name)] or _nearest(name, known)
+    )
+
+
+def check_value(name: str, value: Any, rows: Mapping[str, Parameter]) -> Value:
+    """Return the value of a parameter in its type; see `Parameter.check`.
+
+    Parameters
+    ----------
+    name : str
+        Full name, a key of `rows`.
+    value : object
+    rows : mapping of str to Parameter
+        The table by full name.
+
+    Raises
+    ------
+    ValueError
+        If the value is not allowed. Where a parameter of another group has the same name and
+        another type, which the value fits, the message asks for that parameter: a user who sets
+        ``clutter_density`` to 2e-4 means ``sensor.clutter_density``.
+    """
+    try:
+        return rows[name].check(value, name)
+    except ValueError as error:
+        raise ValueError(f"{error}{meant_instead(name, value, rows)}") from None
+
+
+def meant_instead(name: str, value: Any, rows: Mapping[str, Parameter]) -> str:
+    """The question for the parameter of another group that a refused value fits; may be empty."""
+    return _question(
+        [
+            other
+            for other, row in rows.items()
+            if other != name
+            and _leaf(other) == _leaf(name)
+            and row.type is not rows[name].type
+            and row.allows(value)
+        ]
+    )
+
+
+def shown(value: object) -> str:
+    """A refused value for a message, at most `MAX_SHOWN` characters of it."""
+    text = repr(value)
+    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
+
+
+def _leaf(name: str) -> str:
+    return name.rpartition(".")[2]
+
+
+def _nearest(name: str, known: Collection[str]) -> list[str]:
+    """The names closest to an unknown name, compared with and without their groups."""
+
+    def likeness(other: str) -> float:
+        matcher = difflib.SequenceMatcher(b=name.lower().replace("-", "_"))
+        ratios = []
+        for text in {other, _leaf(other)}:
+            matcher.set_seq1(text)
+            ratios.append(matcher.ratio())
+        return max(ratios)
+
+    ratios = {other: likeness(other) for other in known}
+    best = max(ratios.values(), default=0.0)
+    return [other for other, ratio in ratios.items() if ratio == best >= MIN_LIKENESS]
+
+
+def _question(names: Sequence[str]) -> str:
+    named = ", ".join([*names[:MAX_NAMES], *(["..."] if len(names) > MAX_NAMES else [])])
+    return f"; did you mean {named}?" if names else ""
 
 
 def table(group: type | object) -> Iterator[Parameter]:

@@ -37,12 +37,12 @@ def test_methods_are_listed_with_what_they_are(capsys):
 @pytest.mark.parametrize("node", ["track_initiator", "sonar_simulator", "scan_player"])
 def test_parameters_are_a_parameter_file(capsys, node):
     assert main(["parameters", node]) == 0
-    assert list(yaml.safe_load(capsys.readouterr().out)) == [node]
+    assert list(yaml.safe_load(capsys.readouterr().out)) == ["/**"]
 
 
 def test_the_parameters_of_all_nodes_are_one_file_and_one_page(capsys):
     assert main(["parameters", "all"]) == 0
-    assert list(yaml.safe_load(capsys.readouterr().out)) == list(NODES)
+    assert list(yaml.safe_load(capsys.readouterr().out)) == [f"/**/{node}" for node in NODES]
     assert main(["parameters", "all", "--markdown"]) == 0
     assert capsys.readouterr().out == as_page(NODES)
 
@@ -70,6 +70,68 @@ def test_what_was_only_noticed_is_said_too(capsys, recording, tmp_path):
     path.write_text(path.read_text() + "\n9000.0,3000.0,0.0\n")
     assert main(["run", recording]) == 0
     assert "note: long gap before 9000.000 s" in capsys.readouterr().err
+
+
+def test_a_run_that_drops_every_scan_fails_with_the_remedy(capsys, recording, tmp_path):
+    (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n500.0,0.0,0.0\n600.0,0.0,0.0\n")
+    assert main(["run", recording]) == 1
+    error = capsys.readouterr().err
+    assert "dropped: 8 own_ship_stale" in error
+    last = error.splitlines()[-1]
+    assert last.startswith("failed: every scan was dropped, 8 as own_ship_stale")
+    assert "Compare the clocks of sonar and navigation" in last
+
+
+def test_a_run_that_drops_one_scan_of_many_does_not_fail(capsys, recording, tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text("scan," + path.read_text().replace("\n", "\n0,", 1))
+    rows = (path.read_text().splitlines())[1:]
+    lines = [f"{number},{row.removeprefix('0,')}" for number, row in enumerate(rows)]
+    path.write_text("\n".join(["scan,time_s,range_m,azimuth_rad", *lines, "9,84.0,3000.0,0.5"]))
+    assert main(["run", recording]) == 0
+    assert "dropped: 1 scan_same_stamp" in capsys.readouterr().err
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_gets_a_table_and_a_pipe_csv(capsys, recording, monkeypatch):
+    assert main(["run", recording]) == 0
+    (row,) = csv.DictReader(io.StringIO(capsys.readouterr().out))
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    assert main(["run", recording]) == 0
+    heading, line = terminal.getvalue().splitlines()
+    assert " ".join(heading.split()) == "time [s] id x [m] y [m] speed [m/s] course [deg] reason"
+    values = line.split()
+    assert values[:2] == ["24.000", row["track_id"]]
+    assert [float(value) for value in values[2:5]] == pytest.approx(
+        [float(row["state_x"]), float(row["state_y"]), 5.0], abs=0.06
+    )
+    assert line.endswith(row["reason"])
+
+
+def test_held_tracks_are_written_scan_by_scan(recording, tmp_path):
+    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
+    with (tmp_path / "out" / "current.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["stamp"]) for row in rows] == [24.0 + 12.0 * k for k in range(6)]
+    assert len({row["track_id"] for row in rows}) == 1
+    for row in rows:
+        assert float(row["state_x"]) == pytest.approx(5.0 * float(row["stamp"]), abs=1.0)
+        assert float(row["cov_00"]) > 0.0
+    assert "reason" not in rows[0]
+
+
+def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
+    rows = [f"{12.0 * k},{1000.0 + 100 * n},{10.0 * n - 45.0}" for k in range(8) for n in range(10)]
+    (tmp_path / "detections.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
+    assert main(["run", str(tmp_path), "-p", "sensor.azimuth_std:=0.5"]) == 0
+    error = capsys.readouterr().err
+    assert error.count("are they in degrees?") == 1
+    assert "note: sensor.azimuth_std is 0.5 rad, which is 29 degrees" in error
 
 
 SMALL = """
@@ -258,6 +320,11 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
         (["evaluate", "box", "box"], "box is given twice"),
         (["evaluate", "box", "-p", "min_hits=4"], "min_hits=4"),
         (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "/nowhere is neither"),
+        (["run", "box", "-p", "clutter_density:=2e-4"], "did you mean sensor.clutter_density?"),
+        (["run", "box", "-p", "max_range:=300.0"], "did you mean sensor.max_range?"),
+        (["evaluate", "--scene", "name:="], "scenario.name must be a text"),
+        (["evaluate", "--scene", "name:=../up"], "scenario.name must be a text"),
+        (["run", "box", "-p", "max_speed:=" + "[" * 5000], "is not a value"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_a_sentence(

@@ -164,7 +164,7 @@ def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path)
     assert "78.54 km^2" in said and "\nfeasible: " in said
     text = file.read_text()
     assert "method: score" in text and "sensor.clutter_density: 1.0e-07" in text
-    values = yaml.safe_load(text)["track_initiator"]["ros__parameters"]
+    values = yaml.safe_load(text)["/**"]["ros__parameters"]
     assert settings_from(make_groups(TRACK_INITIATOR, values)).session.method == "score"
     assert {"score.window", "score.false_tracks_per_hour", "max_speed"} <= set(values)
 

@@ -366,3 +366,10 @@ print(sorted(loaded & {"rclpy", "rpyutils", "sensor_msgs", "matplotlib", "distri
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=WAIT
     )
     assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr
+
+
+def test_a_figure_of_the_sensor_is_asked_for_where_it_belongs():
+    with pytest.raises(ValueError, match=r"clutter_density must be a text.*sensor.clutter_density"):
+        make_initiator("score", sensor=SensorModel(), clutter_density=2e-4)
+    with pytest.raises(ValueError, match=r"max_range is not an option.*mean sensor.max_range"):
+        make_initiator("score", sensor=SensorModel(), max_range=300.0)

@@ -184,6 +184,13 @@ REFUSED = [
     pytest.param(TrackInitiator, "sensor.min_range", 9000.0, "max_range", id="no_coverage"),
     pytest.param(TrackInitiator, "maxspeed", 4.0, "did you mean max_speed", id="misspelt_name"),
     pytest.param(TrackInitiator, "min_hits", 4, "tsepm.min_hits", id="name_without_its_group"),
+    pytest.param(
+        TrackInitiator, "clutter_density", 2e-4, "mean sensor.clutter_density", id="density"
+    ),
+    pytest.param(TrackInitiator, "sensor.max_rnge", 9.0, "mean sensor.max_range", id="misspelt"),
+    pytest.param(
+        TrackInitiator, "sensor.azimuth_max", 120.0, "120 degrees are 2.094 rad", id="degrees"
+    ),
     pytest.param(SonarSimulator, "rate_factor", 0.0, "above 0", id="no_rate"),
     pytest.param(SonarSimulator, "seed", -1, "at least 0", id="negative_seed"),
     pytest.param(SonarSimulator, "scenario", "nowhere", "four_targets", id="unknown_scenario"),
@@ -376,6 +383,14 @@ def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):
     assert (result.successful, seen, changed) == (False, [20.0], [])
     assert result.reason == "max_speed cannot be used: ZeroDivisionError('no')"
     assert node.get_parameter("max_speed").value == 10.0
+
+
+def test_radians_that_look_like_degrees_are_asked_about_once(world):
+    world.make(TrackInitiator, {"sensor.azimuth_std": 1.0})
+    world.until_logged("sensor.azimuth_std is 1 rad", "57 degrees", level=30)
+    assert set_parameters(world, max_speed=20.0, sensor__azimuth_std=0.5) == ["", ""]
+    world.until_logged("sensor.azimuth_std is 0.5 rad", level=30)
+    assert sum("sensor.azimuth_std is 1 rad" in line for line in world.logged(30)) == 1
 
 
 def test_the_same_value_again_keeps_potential_tracks(world):

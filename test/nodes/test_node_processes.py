@@ -13,6 +13,7 @@ from support.patience import WAIT
 from support.ros_process import RosProcess
 from support.sonar_driver import Driver, pings, points, stamp_ns
 
+from tsepm_ros.settings.tables import NODES, full_table
 from tsepm_ros.simulation import Simulator, load_scenario
 
 SECOND = 10**9
@@ -252,6 +253,36 @@ def test_a_bad_command_line_ends_an_executable_with_2_and_a_sentence(start, argu
     assert process.exit_code() == 2, process.said
     assert "Traceback" not in process.said
     assert arguments[-1] in process.said.splitlines()[-1]
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help_is_usage_with_the_parameters_before_ros_starts(start, flag):
+    """A log folder that cannot be made shows that ROS would have started."""
+    script = (
+        "import sys, rclpy; sys.argv = ['x', '{flag}']; rclpy.init = None\n"
+        "from tsepm_ros.nodes.{name} import main; sys.exit(main())"
+    )
+    for name in EXECUTABLES:
+        process = start(name, script=script.format(flag=flag, name=name))
+        assert process.exit_code() == 0, process.said
+        text = process.said
+        assert text.startswith(f"usage: ros2 run tsepm_ros {name}")
+        for part in (f"tsepm parameters {name}", "docs/parameters.md", "--ros-args"):
+            assert part in text.replace("\n  ", " ")
+        for row in full_table(NODES[name]):
+            assert row.name.rpartition(".")[2] in text
+
+
+def test_an_argument_outside_of_ros_args_is_refused(start):
+    """ROS itself ignores it: a user who forgets --ros-args would get the defaults."""
+    script = (
+        "import sys; sys.argv = ['track_initiator', '-p', 'max_speed:=5.0']\n"
+        "from tsepm_ros.nodes.track_initiator import main; sys.exit(main())"
+    )
+    process = start("track_initiator", script=script)
+    assert process.exit_code() == 2
+    [sentence] = process.said.splitlines()
+    assert "'-p'" in sentence and "--ros-args" in sentence
 
 
 def test_a_parameter_file_sets_parameters_of_an_executable(world, start, tmp_path):

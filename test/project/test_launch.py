@@ -64,7 +64,7 @@ def _parameters(element, executable, resolved):
     for one in element.iter("param"):
         if one.get("from"):
             text = Path(resolved(one.get("from"))).read_text(encoding="utf-8")
-            parameters |= yaml.safe_load(text)[executable]["ros__parameters"]
+            parameters |= yaml.safe_load(text)["/**"]["ros__parameters"]
     for one in element.iter("param"):
         if one.get("name"):
             value = resolved(one.get("value"))
@@ -76,7 +76,7 @@ def _parameters(element, executable, resolved):
 def own_file(tmp_path):
     path = tmp_path / "mine.yaml"
     mine = {"own_ship_source": "tf", "fixed_frame": "map", "publish_potential_tracks": True}
-    path.write_text(yaml.safe_dump({"track_initiator": {"ros__parameters": mine}}))
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": mine}}))
     return str(path)
 
 

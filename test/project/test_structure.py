@@ -11,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LAYERS = (
+    "tsepm_ros.whole_files",
     "tsepm_ros.parameters",
     "tsepm_ros.numerics",
     "tsepm_ros.sensing",

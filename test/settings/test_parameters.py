@@ -125,7 +125,7 @@ def test_allowed_values_are_taken_in_the_parameter_s_type(name, value, taken):
         ("shift", 2.1, "shift must be from -2 to 2; got 2.1"),
         ("any", math.nan, "any must be a number; got nan"),
         ("mode", "Fast", "mode must be one of slow, fast; got 'Fast'"),
-        ("mode", 1, "mode must be a text; got 1"),
+        ("mode", 1, "mode must be a text, one of slow, fast; got 1"),
         ("name", None, "name must be a text; got None"),
     ],
 )

@@ -16,6 +16,7 @@ from tsepm_ros.settings.rendering import as_markdown, as_yaml
 from tsepm_ros.settings.tables import NODES, TRACK_INITIATOR, full_table, make_groups, settings_from
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
+METHOD_NAMES = f"one of {', '.join(METHODS)}"
 CONFIG = Path(__file__).parents[2] / "config"
 
 
@@ -28,8 +29,8 @@ def test_no_name_comes_twice(node):
 @EVERY_NODE
 def test_yaml_reads_back_as_the_defaults_with_their_types(node):
     content = yaml.safe_load(as_yaml(node, NODES[node]))
-    assert list(content) == [node]
-    values = content[node]["ros__parameters"]
+    assert list(content) == ["/**"], "it fits any name and namespace of the node"
+    values = content["/**"]["ros__parameters"]
     expected = {row.name: row.default for row in full_table(NODES[node])}
     assert values == expected
     assert {name: type(value) for name, value in values.items()} == {
@@ -39,7 +40,7 @@ def test_yaml_reads_back_as_the_defaults_with_their_types(node):
 
 @EVERY_NODE
 def test_the_groups_made_from_the_yaml_are_the_defaults(node):
-    values = yaml.safe_load(as_yaml(node, NODES[node]))[node]["ros__parameters"]
+    values = yaml.safe_load(as_yaml(node, NODES[node]))["/**"]["ros__parameters"]
     assert make_groups(NODES[node], values) == make_groups(NODES[node], {})
 
 
@@ -101,12 +102,42 @@ def test_groups_are_made_from_full_names():
         ({"maxspeed": 5.0}, "maxspeed is not a parameter; did you mean max_speed?"),
         ({"sensor": 5}, "sensor is not a parameter"),
         ({"sensor.": 5}, "sensor. is not a parameter"),
+        (
+            {"clutter_density": 2e-4},
+            "clutter_density must be a text, one of given, estimated; got 0.0002; "
+            "did you mean sensor.clutter_density?",
+        ),
+        (
+            {"sensor.clutter_density": "given"},
+            "sensor.clutter_density must be a number; got 'given'; did you mean clutter_density?",
+        ),
+        (
+            {"clutter_density": -1.0},
+            "clutter_density must be a text, one of given, estimated; got -1.0",
+        ),
+        ({"max_range": 300.0}, "max_range is not a parameter; did you mean sensor.max_range?"),
+        ({"max_rnge": 300.0}, "max_rnge is not a parameter; did you mean sensor.max_range?"),
+        ({"sensor.max_speed": 3.0}, "sensor.max_speed is not a parameter; did you mean max_speed?"),
+        (
+            {"false_tracks_per_hour": 3.0},
+            "false_tracks_per_hour is not a parameter; did you mean score.false_tracks_per_hour?",
+        ),
+        (
+            {"sensor.azimuth_max": 120.0},
+            "sensor.azimuth_max must be from -6.28319 to 6.28319; got 120.0 (in rad; 120 degrees "
+            "are 2.094 rad)",
+        ),
+        ({"method": "x" * 9000}, f"method must be {METHOD_NAMES}; got 'xxx"),
     ],
 )
 def test_refusals_have_the_full_name(values, sentence):
     with pytest.raises(ValueError) as refused:
         make_groups(TRACK_INITIATOR, values)
     assert str(refused.value).startswith(sentence)
+    assert len(str(refused.value)) < 400, "a long value is cut short"
+    assert ("did you mean" in str(refused.value)) == ("did you mean" in sentence) or (
+        "is not a parameter" in sentence
+    )
 
 
 FROM_NORTH = {"bearing_reference": "north"}

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros.analysis.workers import Progress, silent
+from tsepm_ros.whole_files import write_text, written_whole
 
 
 class RunFile:
@@ -50,12 +51,12 @@ class RunFile:
         folder.mkdir(parents=True, exist_ok=True)
         lines = self._whole_lines()
         if not lines:
-            self.path.write_text(text + "\n", encoding="utf-8")
+            write_text(self.path, text + "\n")
         elif self._parsed(lines[0]) != json.loads(text):
             raise ValueError(
                 f"{self.path} was made by another version, method, options, scenario or seed"
             )
-        self.results: dict[int, Any] = dict(map(self._parsed, lines[1:]))
+        self.results: dict[int, Any] = dict(map(self._run, lines[1:]))
 
     def append(self, index: int, result: Any) -> None:
         """Add a run and write it at once."""
@@ -70,14 +71,27 @@ class RunFile:
         content = self.path.read_bytes()
         whole = content[: content.rfind(b"\n") + 1]
         if len(whole) < len(content):
-            self.path.write_bytes(whole)
+            with written_whole(self.path) as temporary:
+                temporary.write_bytes(whole)
         return whole.splitlines()
 
     def _parsed(self, line: bytes) -> Any:
         try:
             return json.loads(line)
-        except ValueError:
-            raise ValueError(f"{self.path} is damaged: {line[:40]!r} is not a run") from None
+        except (ValueError, RecursionError):
+            raise self._damage(line) from None
+
+    def _run(self, line: bytes) -> tuple[int, Any]:
+        """The index and the result of a run."""
+        run = self._parsed(line)
+        if not isinstance(run, list) or len(run) != 2 or type(run[0]) is not int:
+            raise self._damage(line)
+        return run[0], run[1]
+
+    def _damage(self, line: bytes) -> ValueError:
+        return ValueError(
+            f"{self.path} is damaged: {line[:40]!r} is not a run; remove the line or the file"
+        )
 
 
 def complete(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import signal
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -10,6 +14,9 @@ from typing import Any, TypeVar
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
+
+WATCH_PERIOD = 0.5
+"""Time between a worker's checks of its parent, s."""
 
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
 """Passes an iterable of a given length through and shows its progress."""
@@ -27,6 +34,25 @@ def with_progress(results: Iterable[Any], total: int) -> Iterable[Any]:
     except ImportError:
         return results
     return tqdm(results, total=total, unit="run", disable=None)
+
+
+def _attach_to_parent() -> None:
+    """Prepare a worker process, which ends with the process that started it.
+
+    An interrupt from the terminal reaches all processes; the starting process ends the others. If
+    it is killed, nobody does, so each worker watches it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_with_parent(process: int) -> None:
+    """End this process once its parent, whose id is given, has ended."""
+    parent = multiprocessing.parent_process()
+    while os.getppid() == process and parent is not None and parent.is_alive():
+        time.sleep(WATCH_PERIOD)
+    os._exit(1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +97,7 @@ class Workers:
         elif self.processes == 1:
             yield from map(function, jobs)
         else:
-            # An interrupt from the terminal reaches all processes; this process ends the others.
-            ignored = (signal.SIGINT, signal.SIG_IGN)
-            with ProcessPoolExecutor(self.processes, None, signal.signal, ignored) as pool:
+            with ProcessPoolExecutor(self.processes, initializer=_attach_to_parent) as pool:
                 yield from pool.map(function, jobs, chunksize=chunk)
 
     def _distributed(

@@ -5,16 +5,20 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from tsepm_ros.commands.design_command import add_design_arguments, run_design
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
+from tsepm_ros.commands.failure import CommandFailed
 from tsepm_ros.commands.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.commands.run_command import add_recording_arguments, run_recording
 from tsepm_ros.commands.watch_command import add_watch_arguments, run_watch
 from tsepm_ros.methods.registry import METHODS
-from tsepm_ros.settings.rendering import as_markdown, as_page, as_yaml
+from tsepm_ros.settings.rendering import ANY_NODE, as_markdown, as_page, as_yaml
 from tsepm_ros.settings.tables import NODES
 
 AddArguments = Callable[[argparse.ArgumentParser], None]
@@ -22,6 +26,8 @@ Command = Callable[[argparse.Namespace], None]
 
 INTERRUPTED = 130
 """Exit code of a process that was ended by an interrupt."""
+TERMINATED = 143
+"""Exit code of a process that was ended by SIGTERM."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,9 +37,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0; 2 with a message on stderr if an argument is not allowed; 1 if a file cannot be read or
-        written; 130 if interrupted.
+        written, or every scan was dropped; 130 if interrupted, 143 if terminated.
     """
-    arguments = sys.argv[1:] if arguments is None else arguments
+    with _ending_on_termination():
+        return _run(sys.argv[1:] if arguments is None else arguments)
+
+
+@contextmanager
+def _ending_on_termination() -> Iterator[None]:
+    """End by an exception at SIGTERM: temporary files are removed, and workers end."""
+
+    def end(number: int, _: object) -> None:
+        raise SystemExit(TERMINATED)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _run(arguments: Sequence[str]) -> int:
     options = _parser().parse_args(arguments)
     options.line = shlex.join(["tsepm", *arguments])
     try:
@@ -46,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except OSError as error:
+    except (OSError, CommandFailed) as error:
         print(f"failed: {error}", file=sys.stderr)
         return 1
     return 0
@@ -80,7 +107,9 @@ def _add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
 def _parameters(options: argparse.Namespace) -> None:
     nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
     if not options.markdown:
-        print("\n".join(as_yaml(node, groups) for node, groups in nodes.items()), end="")
+        keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
+        files = [as_yaml(node, groups, keys[node]) for node, groups in nodes.items()]
+        print("\n".join(files), end="")
     elif options.node == "all":
         print(as_page(NODES), end="")
     else:

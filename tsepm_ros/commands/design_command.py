@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 from pathlib import Path
 
 import yaml
@@ -24,10 +25,14 @@ from tsepm_ros.design.search import Candidate
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import Value
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.session.angle_units import questions
+from tsepm_ros.settings.rendering import ANY_NODE
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 from tsepm_ros.settings.value_text import parse_values
+from tsepm_ros.whole_files import write_text
 
 MAX_REMEDY_RUNS = 100
 """Maximum number of targets simulated for each proposed change."""
@@ -69,6 +74,8 @@ def run_design(options: argparse.Namespace) -> None:
     values = parse_values(options.parameter)
     _check(options, values)
     groups = make_groups(TRACK_INITIATOR, values)
+    for question in questions(groups[SensorModel], groups[Mounting]):
+        print(f"note: {question}", file=sys.stderr)
     case = _case(options, groups[SensorModel], groups[CommonOptions])
     score, tsepm = groups[ScoreOptions], groups[TsepmOptions]
     target_rate = score.false_tracks_per_hour
@@ -138,7 +145,7 @@ def _write_parameters(
     own = ("window", "false_tracks_per_hour") if best.method == "score" else ("min_hits", "window")
     chosen: dict[str, Value] = {"method": best.method, "max_speed": best.options["max_speed"]}
     chosen |= {f"{best.method}.{name}": best.options[name] for name in own}
-    content = {"track_initiator": {"ros__parameters": {**values, **chosen}}}
+    content = {ANY_NODE: {"ros__parameters": {**values, **chosen}}}
     text = f"# {options.line}\n{yaml.safe_dump(content, sort_keys=False)}"
-    Path(options.write).write_text(text, encoding="utf-8")
+    write_text(Path(options.write), text)
     print(f"written: {options.write}")

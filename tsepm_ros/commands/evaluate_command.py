@@ -21,6 +21,7 @@ from tsepm_ros.commands.arguments import (
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import load_scenario
+from tsepm_ros.whole_files import opened_whole, write_text
 
 
 def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,8 +87,8 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
 
 def _write(plan: Plan, evaluated: Sequence[Evaluated], folder: Path, command: str) -> None:
     report, table = folder / "evaluation.md", folder / "evaluation.csv"
-    report.write_text(markdown(plan, evaluated, command), encoding="utf-8")
-    with table.open("w", encoding="utf-8", newline="") as file:
+    write_text(report, markdown(plan, evaluated, command))
+    with opened_whole(table) as file:
         write_csv(plan, evaluated, file)
     written = [report, table, *_pictures(plan, evaluated, folder)]
     print("written: " + ", ".join(map(str, written)))

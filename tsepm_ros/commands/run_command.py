@@ -6,14 +6,16 @@ import argparse
 import dataclasses
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tsepm_ros.analysis.simulated_run import judge_starts
 from tsepm_ros.analysis.truth import origins_of
 from tsepm_ros.commands.arguments import add_values, scenario_names
+from tsepm_ros.commands.failure import CommandFailed
+from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
 from tsepm_ros.pictures.run_scene import RunScene, ScanView, truth_paths
@@ -31,7 +33,10 @@ from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.replay.recording import read_recording
 from tsepm_ros.replay.simulated_recording import simulated_recording
-from tsepm_ros.replay.track_files import TrackBag, TrackTable
+from tsepm_ros.replay.track_files import CurrentTable, TrackBag, TrackTable, TrackWriter
+from tsepm_ros.replay.track_listing import TrackListing
+from tsepm_ros.session.angle_units import questions
+from tsepm_ros.session.drop_reasons import reason_of
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
@@ -40,6 +45,7 @@ from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.viewer.page_files import write_page
 from tsepm_ros.viewer.recorded_scene import RecordedScene
+from tsepm_ros.whole_files import opened_whole
 
 TOPIC_OPTIONS = {
     DETECTIONS: "detections",
@@ -55,7 +61,9 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm run`."""
     add_source_arguments(parser)
     parser.add_argument(
-        "--out", type=Path, help="folder for tracks.csv, tracks.mcap and picture.png"
+        "--out",
+        type=Path,
+        help="folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
     )
     parser.add_argument("--picture", type=Path, help="plan-position picture, such as run.png")
     parser.add_argument("--animation", type=Path, help="plan-position animation, a .gif file")
@@ -103,6 +111,8 @@ class Run:
         First message by reason.
     duration : float
         Duration of the recording, s.
+    processed : int
+        Number of scans that were processed so far.
     mounting_yaw : float or None
         As in `ScanView.of`.
     """
@@ -114,6 +124,7 @@ class Run:
     judge: Callable[[RunScene], None] = lambda scene: None
     notes: dict[str, str] = field(default_factory=dict)
     duration: float = 0.0
+    processed: int = 0
     mounting_yaw: float | None = 0.0
 
     def recorded_scene(self) -> RecordedScene:
@@ -193,7 +204,10 @@ def _session(
     def note(reason: str, sentence: str) -> None:
         notes.setdefault(reason, sentence)
 
-    session = Session(settings_from(groups), note)
+    settings = settings_from(groups)
+    for question in questions(settings.sensor, settings.mounting):
+        note(question, question)
+    session = Session(settings, note)
     if session.settings.session.own_ship_source == "tf":
         raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
     return session, groups[InitiatorNodeOptions], notes
@@ -294,16 +308,11 @@ def _process(
     scene = RunScene(run.title, truth=run.truth)
     needs_scene = _needs_scene(options)
     with ExitStack() as stack:
-        file = sys.stdout
-        if options.out:
-            path = options.out / "tracks.csv"
-            file = stack.enter_context(path.open("w", encoding="utf-8", newline=""))
-        table = TrackTable(file, run.session.settings.make_initiator().reason)
-        bag = stack.enter_context(_track_bag(options.out)) if options.out else None
+        writers = _writers(options.out, run.session.settings.make_initiator().reason, stack)
         for result in run.results:
-            table.write(result)
-            if bag is not None:
-                bag.write(result)
+            run.processed += 1
+            for writer in writers:
+                writer.write(result)
             if recorded is not None:
                 recorded.add(result, run.session.initiator)
             if needs_scene:
@@ -314,26 +323,57 @@ def _process(
     return scene
 
 
-def _track_bag(folder: Path) -> TrackBag | nullcontext[None]:
+def _writers(
+    folder: Path | None, reason: Callable[[ConfirmedTrack], str], stack: ExitStack
+) -> list[TrackWriter]:
+    """Writers of the files in a folder, or else of the standard output."""
+    if folder is None:
+        if sys.stdout.isatty():
+            return [TrackListing(sys.stdout, reason)]
+        return [TrackTable(sys.stdout, reason)]
+    tracks = stack.enter_context(opened_whole(folder / "tracks.csv"))
+    current = stack.enter_context(opened_whole(folder / "current.csv"))
+    writers: list[TrackWriter] = [TrackTable(tracks, reason), CurrentTable(current)]
     try:
-        return TrackBag(folder / "tracks.mcap")
+        writers.append(stack.enter_context(TrackBag(folder / "tracks.mcap")))
     except ImportError:
         print("no tracks.mcap: it needs rosbags, see the extra bags", file=sys.stderr)
-        return nullcontext()
+    return writers
 
 
 def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespace) -> None:
+    """Print notes, drops and the speed.
+
+    Raises
+    ------
+    CommandFailed
+        If every scan was dropped.
+    """
     dropped = run.session.dropped
     for reason, sentence in run.notes.items():
         if reason not in dropped:
             print(f"note: {sentence}", file=sys.stderr)
     for reason, number in sorted(dropped.items()):
         print(f"dropped: {number} {reason}", file=sys.stderr)
+    scans = [reason for reason in dropped if reason_of(reason).lost == "scan"]
+    if scans and not run.processed:
+        raise CommandFailed(_failure(run, scans))
     if options.out:
         print(
             f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {run.duration:.1f} s "
             f"in {seconds:.2f} s, {run.duration / seconds:.0f} times faster than real time"
         )
+
+
+def _failure(run: Run, reasons: Sequence[str]) -> str:
+    """The sentence for a run whose scans were all dropped, with the remedy of the main reason."""
+    dropped = run.session.dropped
+    reason = max(reasons, key=dropped.__getitem__)
+    described = reason_of(reason)
+    return (
+        f"every scan was dropped, {dropped[reason]} as {reason}: "
+        f"{run.notes.get(reason, described.meaning)}. Remedy: {described.remedy}"
+    )
 
 
 def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:

@@ -19,6 +19,7 @@ from tsepm_ros.methods.score.score_method import Score
 from tsepm_ros.methods.sequential import Sequential
 from tsepm_ros.methods.split_merge import SplitMerge
 from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
+from tsepm_ros.parameters import check_value, meant_name, table
 from tsepm_ros.sensing.sensor import SensorModel
 
 METHODS: dict[str, type[Method]] = {
@@ -56,10 +57,15 @@ def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
     kind = METHODS[method]
     known = option_names(method)
     unknown = sorted(set(options) - known)
+    rows = {row.name: row for group in (CommonOptions, kind.Options) for row in table(group)}
+    rows |= {f"sensor.{row.name}": row for row in table(SensorModel)}
     if unknown:
         raise ValueError(
-            f"{unknown[0]} is not an option of method {method!r}; it has {', '.join(sorted(known))}"
+            f"{unknown[0]} is not an option of method {method!r}; it has "
+            f"{', '.join(sorted(known))}{meant_name(unknown[0], rows)}"
         )
+    for name in options.keys() & rows.keys():
+        check_value(name, options[name], rows)
     common = {field.name for field in dataclasses.fields(CommonOptions)}
     return kind(
         sensor,

@@ -17,7 +17,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from tsepm_ros.parameters import Parameter, Value, unknown_parameter
+from tsepm_ros.parameters import Parameter, Value, meant_instead, unknown_parameter
 from tsepm_ros.settings.tables import Groups, full_table, make_groups
 
 _INT64 = 2**63 - 1
@@ -123,10 +123,15 @@ class NodeParameters:
             else:
                 self._node.declare_parameter(row.name, spelled, _descriptor(row), True)
         except InvalidParameterTypeException:
-            allowed = _TYPE_HINTS[row.type]
-            raise ParameterError(f"{row.name} must be {allowed}; got {given!r}") from None
+            raise ParameterError(self._wrong_type(row, given)) from None
         except InvalidParameterValueException:
-            raise ParameterError(f"{row.name} must be {row.bounds}; got {given!r}") from None
+            raise ParameterError(row.out_of_bounds(given)) from None
+
+    def _wrong_type(self, row: Parameter, value: Any) -> str:
+        """The sentence that refuses a value of another type."""
+        allowed = _TYPE_HINTS[row.type] + (f", {row.bounds}" if row.choices else "")
+        meant = meant_instead(row.name, value, self._rows)
+        return f"{row.name} must be {allowed}; got {value!r}{meant}"
 
     def _values(self) -> dict[str, Value]:
         return {name: self._node.get_parameter(name).value for name in self._rows}
@@ -142,8 +147,7 @@ class NodeParameters:
             if row is None:
                 continue  # another part of the node has declared it
             if parameter.type_ is not _ROS_TYPES[row.type]:
-                allowed = _TYPE_HINTS[row.type]
-                reason = f"{parameter.name} must be {allowed}; got {parameter.value!r}"
+                reason = self._wrong_type(row, parameter.value)
                 return SetParametersResult(successful=False, reason=reason)
             changes[parameter.name] = parameter.value
         if not changes:

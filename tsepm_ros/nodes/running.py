@@ -14,6 +14,7 @@ from rclpy.task import Future
 from tsepm_ros.nodes.node_parameters import ParameterError
 
 EXIT_BAD_PARAMETER = 2
+HELP = ("--help", "-h")
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -22,7 +23,7 @@ def clock_time(node: Node) -> float:
     return float(node.get_clock().now().nanoseconds * 1e-9)
 
 
-def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage: str = "") -> int:
     """Run a node until it is interrupted, or until its future `finished`, if any, is done.
 
     Parameters
@@ -31,12 +32,27 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         Returns the node.
     args : sequence of str, optional
         Command-line arguments; those of the process if not given.
+    usage : str, optional
+        Text for the argument ``--help`` or ``-h``, which prints it before ROS starts.
 
     Returns
     -------
     int
-        Exit code: 0 after SIGINT, SIGTERM or the node's own end; 2 for a refused parameter.
+        Exit code: 0 after SIGINT, SIGTERM, the node's own end or ``--help``; 2 for a refused
+        argument or parameter.
     """
+    given = sys.argv[1:] if args is None else args
+    if not set(HELP).isdisjoint(given):
+        print(usage)
+        return 0
+    stray = _stray_argument(given)
+    if stray:
+        print(
+            f"refused: {stray!r} is not an argument of this program; parameters and remappings "
+            "follow --ros-args, such as --ros-args -p max_speed:=5.0 (--help explains)",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_PARAMETER
     # No KeyboardInterrupt, which can be raised anywhere: a signal shuts rclpy's context down. The
     # list holds signals that arrive before the context exists.
     signals: list[int] = []
@@ -56,6 +72,17 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         for number in ENDING_SIGNALS:
             # The interpreter restores its own handlers before it ends, but keeps SIG_IGN.
             signal.signal(number, signal.SIG_IGN)
+
+
+def _stray_argument(arguments: Sequence[str]) -> str:
+    """The first option outside of ``--ros-args ... --``, which ROS would ignore; may be empty."""
+    to_ros = False
+    for argument in arguments:
+        if argument in ("--ros-args", "--"):
+            to_ros = argument == "--ros-args"
+        elif not to_ros and (argument.startswith("-") or ":=" in argument):
+            return argument
+    return ""
 
 
 def _run(make_node: Callable[[], Node]) -> int:

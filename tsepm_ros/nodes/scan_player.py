@@ -13,6 +13,7 @@ from tsepm_ros.nodes.played_bag import PlayedBag
 from tsepm_ros.nodes.played_recording import PlayedRecording
 from tsepm_ros.nodes.running import run
 from tsepm_ros.replay.bag import is_bag
+from tsepm_ros.settings.node_help import help_text
 from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
 from tsepm_ros.settings.tables import SCAN_PLAYER
 
@@ -38,7 +39,7 @@ class ScanPlayer(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(ScanPlayer, args)
+    return run(ScanPlayer, args, help_text("scan_player", __doc__))
 
 
 if __name__ == "__main__":

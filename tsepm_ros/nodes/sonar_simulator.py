@@ -11,6 +11,7 @@ from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
 from tsepm_ros.nodes.playback import Playback
 from tsepm_ros.nodes.played_scenario import PlayedScenario
 from tsepm_ros.nodes.running import run
+from tsepm_ros.settings.node_help import help_text
 from tsepm_ros.settings.node_options import PlaybackOptions, SimulatorNodeOptions
 from tsepm_ros.settings.tables import SONAR_SIMULATOR
 
@@ -27,7 +28,7 @@ class SonarSimulator(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(SonarSimulator, args)
+    return run(SonarSimulator, args, help_text("sonar_simulator", __doc__))
 
 
 if __name__ == "__main__":

@@ -24,12 +24,17 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import clock_time, run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
+from tsepm_ros.nodes.track_announcements import TrackAnnouncements
 from tsepm_ros.nodes.track_outputs import TrackOutputs
+from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.replay.message_input import MessageInput
+from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.session.angle_units import questions
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.session.refusal import FAILURES
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
+from tsepm_ros.settings.node_help import help_text
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, settings_from
 
@@ -50,11 +55,15 @@ class TrackInitiator(Node):
         ).options
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._warnings = ThrottledWarnings(self)
+        self._asked: set[str] = set()
+        self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
         self._input = MessageInput(self._session, options, self.get_logger().warning)
         self._health = Health(parameters[DiagnosticsOptions])
         qos = QosWatch(self)
         self._outputs = TrackOutputs(self, self._session, qos, options.publish_potential_tracks)
+
+        self._announced = TrackAnnouncements(self.get_logger().info)
 
         self._subscribe_own_ship(qos)
         self._tracked = OfferedSubscription(
@@ -129,6 +138,7 @@ class TrackInitiator(Node):
                 self._session.drop("internal_error", f"a scan was not published: {error!r}")
             else:
                 self._health.processed(result.statistics.detections, latency, self._now())
+            self._announced.announce(result, self._session.initiator.reason)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         header = make_header(self.get_clock().now().nanoseconds, self._session.fixed_frame)
@@ -145,11 +155,19 @@ class TrackInitiator(Node):
     def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
         if not self._session.configure(settings_from(parameters)):
             self.get_logger().info("parameters changed: potential tracks start over")
+        self._ask(parameters)
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._input.options = options
         self._outputs.with_potential_tracks = options.publish_potential_tracks
         self._health.options = parameters[DiagnosticsOptions]
         self._diagnostics.set_period(options.diagnostics_period)
+
+    def _ask(self, parameters: Mapping[type[Any], Any]) -> None:
+        """Log questions about parameters that look like degrees, each once."""
+        for question in questions(parameters[SensorModel], parameters[Mounting]):
+            if question not in self._asked:
+                self._asked.add(question)
+                self.get_logger().warning(question)
 
     def _report(self, reason: str, sentence: str) -> None:
         self._warnings.warn(reason, sentence, self._session.dropped[reason])
@@ -161,7 +179,7 @@ class TrackInitiator(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(TrackInitiator, args)
+    return run(TrackInitiator, args, help_text("track_initiator", __doc__))
 
 
 if __name__ == "__main__":

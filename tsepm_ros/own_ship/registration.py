@@ -43,6 +43,8 @@ class SensorScan:
         Convention of the sensor frame's axes, a key of `attitude.AXES`.
     beams : Arc or None
         The azimuths that the message looked at, as far as it shows; None where it has none.
+    beyond_turn : int
+        Number of detections whose angle was beyond a full turn as received.
     """
 
     scan: Scan
@@ -53,6 +55,7 @@ class SensorScan:
     height: FloatArray | None = None
     axes: str = "body"
     beams: Arc | None = None
+    beyond_turn: int = 0
 
 
 def at_rest(sensor_scan: SensorScan) -> Scan:

@@ -21,6 +21,7 @@ from tsepm_ros.analysis.measures import SECONDS_PER_HOUR
 from tsepm_ros.analysis.operating_curve import MIN_FALSE_STARTS, Curve
 from tsepm_ros.analysis.performance import Evaluated
 from tsepm_ros.pictures.point_labels import PointLabel, label_points
+from tsepm_ros.whole_files import written_whole
 
 # Colours that stay apart for colour-blind readers (Okabe and Ito).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -64,7 +65,8 @@ def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> list[Pat
             for axis, evaluation in zip(figure.axes, evaluated, strict=True):
                 label_points(axis, _point_labels(evaluation))
         written.append(folder / f"{name}_{kind}.png")
-        figure.savefig(written[-1], dpi=DOTS_PER_INCH)
+        with written_whole(written[-1]) as temporary:
+            figure.savefig(temporary, dpi=DOTS_PER_INCH)
         plt.close(figure)
     return written
 

@@ -30,6 +30,7 @@ from tsepm_ros.pictures.run_scene import (
     position_at,
     velocity_seconds,
 )
+from tsepm_ros.whole_files import written_whole
 
 NEW_TRACK_COLOUR = "#b5179e"
 FADING_SCANS = 8
@@ -39,7 +40,7 @@ LAST_FRAME_REPEATS = 4
 """Number of times that the last frame is shown."""
 MAX_FRAMES = 400
 """Maximum frames of an animation; of a longer run only every n-th scan is shown."""
-_MIN_DATE = 1e8  # a larger stamp is a date, s since 1970
+_MIN_DATE, _MAX_DATE = 1e8, 2.5e11  # stamps between these are dates, s since 1970
 
 
 def animate(scene: RunScene, path: Path, max_frames: int = MAX_FRAMES) -> int:
@@ -70,7 +71,7 @@ def animate(scene: RunScene, path: Path, max_frames: int = MAX_FRAMES) -> int:
     figure, axes = plt.subplots(figsize=(9.5, 10.0), layout="constrained")
     figure.legend(handles=_legend(scene, seconds), loc="outside lower center", ncols=3, fontsize=9)
     writer = PillowWriter(fps=FRAMES_PER_SECOND)
-    with writer.saving(figure, str(path), dpi=80):
+    with written_whole(path) as temporary, writer.saving(figure, str(temporary), dpi=80):
         for index in shown:
             _draw(axes, scene, index, seconds, limits, confirmed_since=index - shown.step + 1)
             for _ in range(LAST_FRAME_REPEATS if index == shown[-1] else 1):
@@ -132,7 +133,7 @@ def _ids(views: Iterable[ScanView]) -> set[int]:
 
 
 def _time(stamp: float) -> str:
-    if stamp < _MIN_DATE:
+    if not _MIN_DATE <= stamp < _MAX_DATE:
         return f"{stamp:.1f} s"
     return datetime.fromtimestamp(stamp, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 

@@ -24,6 +24,7 @@ from matplotlib.patheffects import withStroke
 
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.pictures.run_scene import RunScene, velocity_seconds
+from tsepm_ros.whole_files import written_whole
 
 ELLIPSE_FACTOR = 2.447746830680816
 """Axes of the 95 % ellipse of a bivariate Gaussian, in standard deviations."""
@@ -125,8 +126,11 @@ def save(picture: PlanPicture, path: Path, insets: Sequence[FloatArray] = ()) ->
     """Draw the picture into a file; the suffix gives the format."""
     figure = draw(picture, insets)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    try:
+        with written_whole(path) as temporary:
+            figure.savefig(temporary, dpi=110)
+    finally:
+        plt.close(figure)
 
 
 def _scene(axes: Axes, picture: PlanPicture, inset: bool = False) -> None:

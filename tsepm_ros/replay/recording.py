@@ -27,6 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import shown
 
 DETECTION_COLUMNS = {
     "range_m": "range",
@@ -156,7 +157,7 @@ def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Ta
     names = [name.strip() for name in rows[0]] if rows else []
     missing = [name for name in required if name not in names]
     if missing:
-        raise ValueError(f"{path.name} has no column {missing[0]!r}; it has {names}")
+        raise ValueError(f"{path.name} has no column {missing[0]!r}; it has {shown(names)}")
     values = np.empty((len(rows) - 1, len(names)))
     for number, row in enumerate(rows[1:]):
         try:
@@ -165,7 +166,7 @@ def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Ta
             values[number] = [float(cell) for cell in row]
         except ValueError:
             raise ValueError(
-                f"{path.name}, line {number + 2}: expected {len(names)} numbers, got {row}"
+                f"{path.name}, line {number + 2}: expected {len(names)} numbers, got {shown(row)}"
             ) from None
     for name in names:
         if name in finite and not np.isfinite(values[:, names.index(name)]).all():

@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, TextIO
+from typing import Any, Protocol, TextIO
 
 import numpy as np
 
 from msg_adapters.point_cloud import point_fields
-from msg_adapters.stamps import NANOSECONDS_PER_SECOND
+from msg_adapters.stamps import NANOSECONDS_PER_SECOND, check_seconds
 from msg_adapters.track_cloud import COVARIANCE_FIELDS, STATE_FIELDS, track_points
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.replay.bag import POINTS
 from tsepm_ros.session.result import ScanResult
+from tsepm_ros.whole_files import move_whole, remove, temporary_beside
 
 COLUMNS = (
     *("stamp", "track_id"),
     *STATE_FIELDS,
     *COVARIANCE_FIELDS,
     *("evaluation", "score", "hit_count", "scan_count", "age"),
-    *("stationary_probability", "reason"),
+    "stationary_probability",
 )
+
+
+class TrackWriter(Protocol):
+    """Writes the tracks of a run, scan by scan."""
+
+    def write(self, result: ScanResult) -> None:
+        """Write the tracks of one scan."""
 
 
 class TrackTable:
@@ -40,26 +47,45 @@ class TrackTable:
     def __init__(self, file: TextIO, reason: Callable[[ConfirmedTrack], str]) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._reason = reason
-        self._writer.writerow(COLUMNS)
+        self._writer.writerow([*COLUMNS, "reason"])
 
     def write(self, result: ScanResult) -> None:
         """Write the tracks that were confirmed by one scan."""
         for track in result.new:
-            self._writer.writerow(
-                [
-                    repr(track.stamp),
-                    track.track_id,
-                    *track.state.tolist(),
-                    *track.covariance.ravel().tolist(),
-                    track.evaluation,
-                    track.score,
-                    len(track.hits),
-                    track.scan_count,
-                    track.age,
-                    track.stationary_probability,
-                    self._reason(track),
-                ]
-            )
+            self._writer.writerow([*_row(track), self._reason(track)])
+
+
+class CurrentTable:
+    """Writes the tracks that are held at each scan as CSV, a row per scan and track.
+
+    Parameters
+    ----------
+    file : text file
+    """
+
+    def __init__(self, file: TextIO) -> None:
+        self._writer = csv.writer(file, lineterminator="\n")
+        self._writer.writerow(COLUMNS)
+
+    def write(self, result: ScanResult) -> None:
+        """Write the tracks that are held after one scan; their stamp is the scan's."""
+        self._writer.writerows(_row(track) for track in result.current)
+
+
+def _row(track: ConfirmedTrack) -> list[object]:
+    """The values of COLUMNS."""
+    return [
+        repr(track.stamp),
+        track.track_id,
+        *track.state.tolist(),
+        *track.covariance.ravel().tolist(),
+        track.evaluation,
+        track.score,
+        len(track.hits),
+        track.scan_count,
+        track.age,
+        track.stationary_probability,
+    ]
 
 
 class TrackBag:
@@ -85,15 +111,17 @@ class TrackBag:
 
         self._path = path
         self._store = get_typestore(Stores.ROS2_JAZZY)
-        self._folder = TemporaryDirectory(dir=path.parent)
-        self._writer = Writer(
-            Path(self._folder.name) / "bag", version=9, storage_plugin=StoragePlugin.MCAP
-        )
-        self._writer.open()
-        self._new, self._current, self._fixed = (
-            self._writer.add_connection(topic, POINTS, typestore=self._store)
-            for topic in ("/tracks", "/tracks/current", "/fixed_echoes")
-        )
+        self._bag = temporary_beside(path).with_suffix("")
+        self._writer = Writer(self._bag, version=9, storage_plugin=StoragePlugin.MCAP)
+        try:
+            self._writer.open()
+            self._new, self._current, self._fixed = (
+                self._writer.add_connection(topic, POINTS, typestore=self._store)
+                for topic in ("/tracks", "/tracks/current", "/fixed_echoes")
+            )
+        except BaseException:
+            self._abort()
+            raise
 
     def __enter__(self) -> TrackBag:
         """Return the bag itself."""
@@ -101,27 +129,41 @@ class TrackBag:
 
     def __exit__(self, kind: object, *_: object) -> None:
         """Close the file and move it to its path."""
-        with self._folder:
+        try:
             if kind is None:
                 self._writer.close()
-                os.replace(Path(self._folder.name) / "bag" / "bag.mcap", self._path)
-            else:
-                self._writer.abort()
+                [file] = self._bag.glob("*.mcap")
+                move_whole(file, self._path)
+        finally:
+            self._abort()
+
+    def _abort(self) -> None:
+        """Close the temporary bag, if it is open, and remove it."""
+        with suppress(Exception):  # whatever the failed writer raises
+            self._writer.abort()
+        remove(self._bag)
 
     def write(self, result: ScanResult) -> None:
-        """Write the messages of one scan."""
+        """Write the messages of one scan.
+
+        Raises
+        ------
+        ValueError
+            If the stamp does not fit a ROS message.
+        """
         log_ns = max(result.stamp_ns, 0)
         for topic, tracks in (
             (self._new, result.new),
             (self._current, result.current),
             (self._fixed, result.fixed_echoes),
         ):
-            message = self._cloud(result.stamp_ns, result.frame_id, tracks)
+            message = self._cloud(result.stamp_ns, result.frame_id, tracks)  # checks the stamp
             self._writer.write(topic, log_ns, self._store.serialize_cdr(message, POINTS))
 
     def _cloud(self, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
         types = self._store.types
         seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
+        check_seconds(seconds)
         stamp = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
         points, is_dense = track_points(tracks)
         point_field = types["sensor_msgs/msg/PointField"]

@@ -11,6 +11,7 @@ from typing import Any
 
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.text_tables import markdown_table
+from tsepm_ros.whole_files import opened_whole, write_text, written_whole
 
 Cell = str | int | float | Estimate
 DOTS_PER_INCH = 100
@@ -69,7 +70,7 @@ class Table:
             any(isinstance(row[index], Estimate) for row in self.rows)
             for index in self._column_indices
         ]
-        with path.open("w", encoding="utf-8", newline="") as file:
+        with opened_whole(path) as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(
                 heading
@@ -151,7 +152,7 @@ def write(parts: Sequence[Part], report: Path) -> list[Path]:
             texts.append(_picture_text(part, path, drawn))
         else:
             texts.append(part)
-    report.write_text("\n\n".join(texts) + "\n", encoding="utf-8")
+    write_text(report, "\n\n".join(texts) + "\n")
     return written
 
 
@@ -171,5 +172,6 @@ def _draw(picture: Picture, path: Path) -> bool:
     figure = Figure(figsize=picture.size, layout="constrained")
     FigureCanvasAgg(figure)
     picture.draw(figure)
-    figure.savefig(path, dpi=DOTS_PER_INCH)
+    with written_whole(path) as temporary:
+        figure.savefig(temporary, dpi=DOTS_PER_INCH)
     return True

@@ -23,6 +23,7 @@ from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.session.angle_units import AngleUnits
 from tsepm_ros.session.clocks import Now
 from tsepm_ros.session.downstream_input import DownstreamInput
 from tsepm_ros.session.frames import Frames
@@ -89,6 +90,7 @@ class Session:
         self._frames = Frames(options, moves=self._own_ship.moves)
         self._downstream = DownstreamInput()
         self._land = LandInput()
+        self._angles = AngleUnits()
         self.dropped: Counter[str] = Counter()
         self.arrived_stamp: float | None = None
         self.arrivals = 0
@@ -209,6 +211,7 @@ class Session:
         if self._refused(self._frames.refuse_scan(arrived) or self._refuse_size(arrived.scan)):
             return
         self._frames.take_scan(arrived)
+        self._report_all(self._angles.judge(arrived))
         scans, remarks, changed = self._sweep.take(arrived, now)
         if changed:
             self._order.reset()

@@ -8,10 +8,16 @@ from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.settings.tables import Groups, full_table
 from tsepm_ros.settings.value_text import yaml_text
 
+ANY_NODE = "/**"
+"""Key of a parameter file that fits a node of any name in any namespace."""
 
-def as_yaml(node: str, groups: Groups) -> str:
-    """A ROS parameter file with the default of every parameter."""
-    lines = [f"{node}:", "  ros__parameters:"]
+
+def as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
+    """A ROS parameter file with the default of every parameter of a node.
+
+    By default the key fits any node that gets the file, also under another name or in a namespace.
+    """
+    lines = [f"# Parameters of {node}", f"{key}:", "  ros__parameters:"]
     for row in full_table(groups):
         note = ", ".join(part for part in (row.unit, row.bounds) if part)
         lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")

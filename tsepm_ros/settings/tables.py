@@ -9,7 +9,7 @@ from typing import Any
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.parameters import Parameter, Value, table, unknown_parameter
+from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 from tsepm_ros.settings.node_options import (
@@ -63,10 +63,11 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
         If a name is unknown, or a value is not allowed by itself or in combination with another;
         the message has the full name.
     """
-    known = {row.name for row in full_table(groups)}
-    for name in values:
-        if name not in known:
-            raise ValueError(unknown_parameter(name, known))
+    rows = {row.name: row for row in full_table(groups)}
+    for name, value in values.items():
+        if name not in rows:
+            raise ValueError(unknown_parameter(name, rows))
+        check_value(name, value, rows)
     options = {}
     for prefix, group in groups:
         given = {

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import yaml
 
-from tsepm_ros.parameters import Value
+from tsepm_ros.parameters import Value, shown
 
 EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
 """A number with an exponent, with or without a decimal point."""
@@ -35,10 +35,10 @@ def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
     for assignment in assignments:
         name, separator, text = assignment.partition(":=")
         if not separator or not name:
-            raise ValueError(f"a parameter must have the form NAME:=VALUE; got {assignment!r}")
+            raise ValueError(f"a parameter must have the form NAME:=VALUE; got {shown(assignment)}")
         try:
             exponential = EXPONENT.fullmatch(text.strip())
             values[name] = float(text) if exponential else yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise ValueError(f"{name}: {text!r} is not a value") from None
+        except (yaml.YAMLError, RecursionError, ValueError):  # a date such as 2026-13-01
+            raise ValueError(f"{name}: {shown(text)} is not a value") from None
     return values

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -13,12 +14,16 @@ import numpy as np
 import yaml
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import shown
 from tsepm_ros.sensing.plot_features import NAMES
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation.own_ship_motion import Motion, OwnShipMotion, WaypointMotion
 from tsepm_ros.simulation.scenario import ClutterPatch, Scenario, TargetArea
 
 MAX_SCANS = 10_000_000
+
+FILE_NAME = re.compile(r"[^/\\\x00-\x1f]{1,100}")
+"""Names of scenarios: a part of the names of files."""
 
 
 def shipped_scenarios() -> list[str]:
@@ -57,7 +62,7 @@ def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenar
         raise ValueError(f"scenario must be a .yaml file or one of {known}; got {name!r}")
     try:
         content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"scenario {name!r} is not valid YAML: {problem}") from None
     return scenario_from(_changed(content, changes or {}, name), name)
@@ -68,7 +73,7 @@ def _changed(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, A
     content = dict(_mapping(content, f"scenario {name!r}"))
     for full_name, value in changes.items():
         section, separator, key = full_name.partition(".")
-        if separator:
+        if separator and key:
             value = {**_mapping(content.get(section, {}), section), key: value}
         content[section] = value
     return content
@@ -102,6 +107,11 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     for key in ("areas", "target_features"):
         if key in values:
             raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
+    if not isinstance(values["name"], str) or not FILE_NAME.fullmatch(values["name"]):
+        raise ValueError(
+            "scenario.name must be a text without / and control characters, since files are named "
+            f"after it; got {shown(values['name'])}"
+        )
     scenario: Scenario = _section(Scenario, values, "scenario")
     if not 1 <= scenario.scans <= MAX_SCANS:
         raise ValueError(f"scenario.scans must be from 1 to {MAX_SCANS}; got {scenario.scans}")
@@ -119,14 +129,14 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
 
 def _mapping(content: Any, where: str) -> dict[str, Any]:
     if not isinstance(content, dict):
-        raise ValueError(f"{where} must be a mapping of keys to values; got {content!r}")
+        raise ValueError(f"{where} must be a mapping of keys to values; got {shown(content)}")
     return content
 
 
 def _entries(content: Any, where: str, of: str = "") -> list[tuple[str, Any]]:
     """The entries of a list, each with its name."""
     if not isinstance(content, list):
-        raise ValueError(f"{where} must be a list{of}; got {content!r}")
+        raise ValueError(f"{where} must be a list{of}; got {shown(content)}")
     return [(f"{where}[{index}]", entry) for index, entry in enumerate(content)]
 
 
@@ -156,7 +166,7 @@ def _number(value: Any, kind: str, where: str) -> float | int:
     if kind == "float" and isinstance(value, float) and math.isfinite(value):
         return value
     expected = "a finite number (YAML needs the point: 1.0e-6)" if kind == "float" else "an integer"
-    raise ValueError(f"{where} must be {expected}; got {value!r}")
+    raise ValueError(f"{where} must be {expected}; got {shown(value)}")
 
 
 def _own_ship(values: dict[str, Any]) -> Motion:
@@ -201,7 +211,7 @@ def _patches(entries: Any) -> tuple[ClutterPatch, ...]:
         box = _intervals(_mapping(entry, where).get("box"), 2, f"{where}.box")
         patch: ClutterPatch = _section(ClutterPatch, {**entry, "box": box}, where)
         if patch.density < 0.0:
-            raise ValueError(f"{where}.density must be at least 0; got {patch.density!r}")
+            raise ValueError(f"{where}.density must be at least 0; got {shown(patch.density)}")
         patches.append(patch)
     return tuple(patches)
 
@@ -214,7 +224,7 @@ def _radians(content: Any, where: str) -> dict[str, Any]:
         try:
             converted[key.removesuffix("_deg")] = np.deg2rad(np.asarray(value, float)).tolist()
         except (TypeError, ValueError):
-            raise ValueError(f"{where}.{key} must be in degrees; got {value!r}") from None
+            raise ValueError(f"{where}.{key} must be in degrees; got {shown(value)}") from None
     return converted
 
 
@@ -222,7 +232,7 @@ def _intervals(value: Any, count: int, where: str) -> tuple[float, ...]:
     """Bounds of intervals, low and high of each."""
     numbers = _numbers(value, 2 * count, where).tolist()
     if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
-        raise ValueError(f"{where} must go from low to high; got {value!r}")
+        raise ValueError(f"{where} must go from low to high; got {shown(value)}")
     return tuple(numbers)
 
 
@@ -232,5 +242,5 @@ def _numbers(value: Any, count: int, where: str) -> FloatArray:
     except (TypeError, ValueError):
         array = np.zeros(0)
     if array.shape != (count,) or not np.isfinite(array).all():
-        raise ValueError(f"{where} must be a list of {count} finite numbers; got {value!r}")
+        raise ValueError(f"{where} must be a list of {count} finite numbers; got {shown(value)}")
     return array

@@ -1,0 +1,75 @@
+"""Log lines of confirmed tracks: readable, and never a flood."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.boat import Boat
+from support.sonar_driver import pings, points
+
+from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.nodes.track_announcements import MAX_LINES, PERIOD, TrackAnnouncements, announcement
+
+STATE = np.array([100.0, 3.0, -50.0, 4.0])
+
+
+def track(number: int) -> ConfirmedTrack:
+    return ConfirmedTrack(number, 1.0, STATE, np.eye(4), ((0, 0), (1, 2)), 0.0)
+
+
+def test_a_line_has_the_id_the_place_the_speed_the_hits_and_the_reason():
+    assert announcement(track(7), "odom", "2 hits in 2 pings; because") == (
+        "track 7 confirmed at x 100.0 m, y -50.0 m in odom, 5.0 m/s towards 53 deg from x: "
+        "2 hits in 2 pings; because"
+    )
+
+
+class Spoken(list):
+    """Lines of announcements at set times."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.time = 0.0
+        self._announced = TrackAnnouncements(self.append, lambda: self.time)
+        self.number = 0
+
+    def confirm(self, number: int) -> None:
+        new = [track(self.number + index) for index in range(number)]
+        self.number += number
+        self._announced.announce(SimpleNamespace(new=new, frame_id="odom"), lambda _: "why")
+
+
+def test_fifty_at_once_are_ten_lines_and_a_sum():
+    spoken = Spoken()
+    spoken.confirm(50)
+    assert len(spoken) == MAX_LINES + 1
+    assert [line.split()[1] for line in spoken[:-1]] == [str(n) for n in range(MAX_LINES)]
+    assert spoken[-1].startswith("40 more confirmed tracks (ids 10 to 49)")
+
+
+@pytest.mark.parametrize("each", [1, 3, 50])
+def test_a_flood_over_many_pings_stays_readable_and_every_track_is_counted(each):
+    spoken = Spoken()
+    for _ in range(1000):
+        spoken.confirm(each)
+        spoken.time += 0.1
+    spoken.time += PERIOD
+    spoken.confirm(0)
+    periods = 1000 * 0.1 / PERIOD
+    assert len(spoken) <= (periods + 1) * (MAX_LINES + 2)
+    singles = sum(line.startswith("track ") for line in spoken)
+    left_out = sum(int(re.match(r"(\d+) more", line)[1]) for line in spoken if "more" in line)
+    assert singles + left_out == 1000 * each
+
+
+def test_the_node_logs_each_confirmed_track(world):
+    boat = Boat(world)
+    received = boat.send(pings(16))
+    [point] = [point for message in received for point in points(message)][:1]
+    line = world.until_logged(f"track {point['track_id']} confirmed at", level=20)
+    assert f"x {point['state_x']:.1f} m, y {point['state_y']:.1f} m in sonar" in line
+    assert f"{np.hypot(point['state_vx'], point['state_vy']):.1f} m/s" in line
+    assert re.search(r"\d+ hits in \d+ pings", line)

@@ -1,0 +1,80 @@
+"""Log lines of confirmed tracks, at a limited rate."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.session.result import ScanResult
+
+MAX_LINES = 10
+"""Most lines of tracks per period."""
+PERIOD = 10.0
+"""Time over which the lines are counted, s."""
+
+
+def announcement(track: ConfirmedTrack, frame_id: str, reason: str) -> str:
+    """One line of a confirmed track: its id, place, speed and course, and the reason.
+
+    The course is counter-clockwise from the x axis of the fixed frame; the reason begins with the
+    hits.
+    """
+    x, vx, y, vy = track.state.tolist()
+    course = math.degrees(math.atan2(vy, vx))
+    return (
+        f"track {track.track_id} confirmed at x {x:.1f} m, y {y:.1f} m in {frame_id}, "
+        f"{math.hypot(vx, vy):.1f} m/s towards {course:.0f} deg from x: {reason}"
+    )
+
+
+class TrackAnnouncements:
+    """Says a line for each confirmed track, at most `MAX_LINES` per `PERIOD`.
+
+    Of the tracks left out, one line per period says the number and the ids.
+
+    Parameters
+    ----------
+    say : callable
+        Called with each line.
+    clock : callable, optional
+        Returns the time, s.
+    """
+
+    def __init__(
+        self, say: Callable[[str], None], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._say = say
+        self._clock = clock
+        self._begin = -math.inf
+        self._lines = 0
+        self._left_out: list[int] = []
+        self._summed = False
+
+    def announce(self, result: ScanResult, reason: Callable[[ConfirmedTrack], str]) -> None:
+        """Announce the new tracks of a scan; `reason` returns why a track was confirmed."""
+        if self._clock() - self._begin >= PERIOD:
+            self._say_left_out()
+            self._begin, self._lines, self._summed = self._clock(), 0, False
+        for track in result.new:
+            if self._lines < MAX_LINES:
+                self._lines += 1
+                self._say(announcement(track, result.frame_id, reason(track)))
+            else:
+                self._left_out.append(track.track_id)
+        if not self._summed:
+            self._summed = bool(self._left_out)
+            self._say_left_out()
+
+    def _say_left_out(self) -> None:
+        """Say how many tracks were left out since this was said last."""
+        if not self._left_out:
+            return
+        first, last, number = self._left_out[0], self._left_out[-1], len(self._left_out)
+        which = f"id {first}" if number == 1 else f"ids {first} to {last}"
+        self._say(
+            f"{number} more confirmed track{'s' if number > 1 else ''} ({which}), not listed one "
+            f"by one: above {MAX_LINES} lines in {PERIOD:.0f} s; all are on tracks"
+        )
+        self._left_out.clear()

@@ -1,0 +1,105 @@
+"""Files that are written whole or not at all.
+
+The content goes to a temporary file in the same folder, which is synchronised to the disk and then
+renamed: a reader sees the earlier file or the new one, also after a kill or on a full disk.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+_TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)-[0-9a-f]{8}\.part(\.\w+)?")
+
+
+def temporary_beside(path: Path) -> Path:
+    """A free path in the folder of a file, with the same suffix, for its content until it is whole.
+
+    Temporary files and folders that processes which no longer exist have left of the same file are
+    removed.
+    """
+    for other in path.parent.glob(f".{_escaped(path.name)}.*"):
+        found = _TEMPORARY.fullmatch(other.name)
+        if found and found["name"] == path.name and not _exists(int(found["process"])):
+            remove(other)
+    name = f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part{path.suffix}"
+    return path.parent / name
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write to; at the end of the block the file is moved to `path`.
+
+    If the block ends with an error, the temporary file is removed and `path` is as before. A path
+    that is no regular file, such as /dev/stdout, is given itself.
+    """
+    path = Path(os.path.realpath(path))  # a link stays a link
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    temporary = temporary_beside(path)
+    try:
+        yield temporary
+        move_whole(temporary, path)
+    finally:
+        remove(temporary)
+
+
+@contextmanager
+def opened_whole(path: Path) -> Iterator[TextIO]:
+    """Give a text file to write to, UTF-8 without conversion of line ends; see `written_whole`."""
+    with (
+        written_whole(path) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
+        yield file
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text as UTF-8; see `written_whole`."""
+    with opened_whole(path) as file:
+        file.write(text)
+
+
+def move_whole(temporary: Path, path: Path) -> None:
+    """Synchronise a temporary file to the disk and move it to its path in the same folder."""
+    _synchronise(temporary)
+    os.replace(temporary, path)
+    _synchronise(path.parent)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder with its content, if it exists."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _synchronise(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _escaped(name: str) -> str:
+    return re.sub(r"([*?\[])", r"[\1]", name)
+
+
+def _exists(process: int) -> bool:
+    """Whether a process of this machine has this id."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # it belongs to somebody else
+        return True
+    return True
