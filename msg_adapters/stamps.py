@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from msg_adapters.errors import MessageError
+
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
     from std_msgs.msg import Header
@@ -16,7 +18,17 @@ NANOSECONDS_PER_SECOND = 1_000_000_000
 
 
 def time_to_ns(time: Time) -> int:
-    """Return the nanoseconds of a time message."""
+    """Return the nanoseconds of a time message.
+
+    Raises
+    ------
+    MessageError
+        If `nanosec` is a second or more, which no clock gives.
+    """
+    if not 0 <= time.nanosec < NANOSECONDS_PER_SECOND:
+        raise MessageError(
+            "stamp_invalid", f"nanosec of a stamp must be below 1e9; got {time.nanosec}"
+        )
     return int(time.sec) * NANOSECONDS_PER_SECOND + int(time.nanosec)
 
 

@@ -8,12 +8,14 @@ starboard.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from msg_adapters.detection_types import register, register_writer
+from msg_adapters.errors import MessageError
 from msg_adapters.ping import Ping, good_detections
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, time_to_ns
@@ -109,8 +111,11 @@ def _position(detection: Detection3D, best: Any) -> tuple[float, float, float]:
 
 
 def _time_after(stamp_ns: int, detection: Detection3D) -> float:
-    """Return the time after the array's stamp, s; 0 if the detection has no stamp."""
-    own = time_to_ns(detection.header.stamp)
+    """Return the time after the array's stamp, s; 0 without a stamp, nan for an invalid stamp."""
+    try:
+        own = time_to_ns(detection.header.stamp)
+    except MessageError:
+        return math.nan  # dropped as time_offset_not_finite
     return (own - stamp_ns) / NANOSECONDS_PER_SECOND if own else 0.0
 
 

@@ -7,7 +7,14 @@ import math
 import pytest
 from builtin_interfaces.msg import Time
 
-from msg_adapters import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
+from msg_adapters import (
+    MessageError,
+    make_header,
+    ns_to_seconds,
+    ns_to_time,
+    seconds_to_ns,
+    time_to_ns,
+)
 
 
 @pytest.mark.parametrize(
@@ -59,3 +66,10 @@ def test_seconds_that_are_not_finite_are_refused(seconds):
 def test_header_has_stamp_and_frame(over_the_wire):
     header = over_the_wire(make_header(12_000_000_034, "sonar"))
     assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (12, 34, "sonar")
+
+
+@pytest.mark.parametrize("nanosec", [10**9, 2**32 - 1])
+def test_a_stamp_of_a_second_of_nanoseconds_is_refused(nanosec):
+    with pytest.raises(MessageError, match=f"nanosec of a stamp must be below 1e9; got {nanosec}"):
+        time_to_ns(Time(sec=5, nanosec=nanosec))
+    assert time_to_ns(Time(sec=5, nanosec=10**9 - 1)) == 6 * 10**9 - 1

@@ -430,3 +430,15 @@ def test_drops_add_up_by_reason(world):
     received += boat.send(SENT[WHEN:])
     assert world.dropped() == Counter(case.reason for case in UNUSABLE.values())
     assert_same(received, confirmed(SENT))
+
+
+@pytest.mark.parametrize("nanosec", [10**9, 2**32 - 1])
+def test_a_stamp_that_no_clock_gives_is_dropped_and_counted(world, nanosec):
+    boat = Boat(world)
+    received = boat.send(SENT[:WHEN])
+    bad = message(SENT[WHEN])
+    bad.header.stamp.sec, bad.header.stamp.nanosec = 2**31 - 1, nanosec
+    boat.driver.publisher.publish(bad)
+    world.until(lambda: world.dropped().get("stamp_invalid") == 1, "the drop")
+    assert_same([*received, *boat.send(SENT[WHEN:])], confirmed(SENT))
+    assert world.dropped() == {"stamp_invalid": 1}

@@ -13,7 +13,10 @@ from support.sessions import (
     session,
 )
 
+from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.session.frames import MAX_NOTICED, Frames
+from tsepm_ros.settings.session_options import SessionOptions
 
 
 def test_without_own_ship_scans_are_processed_at_once_in_the_detections_frame():
@@ -100,3 +103,17 @@ def test_own_ship_data_that_names_no_frame_needs_one_that_is_given(given):
     sail(one, 0.0, frame_id="")
     assert one.dropped == ({} if given else {"own_ship_empty_frame": 1})
     assert (one.fixed_frame, one.own_ship_stamp) == (given, 0.0 if given else None)
+
+
+def test_the_frames_that_were_noticed_are_bounded():
+    """A source that names another frame with each message neither grows nor repeats for ever."""
+    frames = Frames(SessionOptions(own_ship_source="odometry"), moves=True)
+    noticed = 0
+    for number in range(10 * MAX_NOTICED):
+        frames.take_pose(
+            PoseSample(1.0, 0.0, 0.0, 0.0, frame_id="map", child_frame_id=f"f{number}")
+        )
+        noticed += frames.mounting_notice("sonar", Mounting()) is not None
+        assert frames.mounting_notice("sonar", Mounting()) is None
+        assert frames.remembered <= MAX_NOTICED
+    assert noticed == 10 * MAX_NOTICED

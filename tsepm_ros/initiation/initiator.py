@@ -110,7 +110,9 @@ class Initiator:
         """Observe a scan, let the method step on it, and hold the new tracks, with their ids."""
         observed = self.front_end.observe(scan, limit)
         step = self.method.step(observed)
-        step = dataclasses.replace(step, tracks=self._within_max_speed(step.tracks))
+        # First proper: what follows inverts the covariances.
+        tracks = self._within_max_speed(step.tracks.proper()).proper()
+        step = dataclasses.replace(step, tracks=tracks)
         existence = step.existence
         if existence is None:
             existence = np.full(len(step.tracks), NEW_TRACK_EXISTENCE)
@@ -159,12 +161,12 @@ class Initiator:
     @property
     def current(self) -> TrackArrays:
         """Every published track held, at the last scan's stamp."""
-        return self.maintenance.current
+        return self.maintenance.current.proper()
 
     @property
     def fixed_echoes(self) -> TrackArrays:
         """What stands still, with `min_speed`: places, and `since` when."""
-        return self.maintenance.fixed_echoes
+        return self.maintenance.fixed_echoes.proper()
 
     def potential_tracks(self) -> TrackArrays:
         """Hypotheses with at least two hits that may yet be confirmed, at the last scan's stamp.
@@ -173,7 +175,7 @@ class Initiator:
         """
         if self._observed is None:
             return TrackArrays.of([])
-        return self.method.potential_tracks(self._observed)
+        return self.method.potential_tracks(self._observed).proper()
 
     def reason(self, track: ConfirmedTrack) -> str:
         """Why a track was confirmed, in a sentence, as the method's options are now."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.kalman import predict
+from tsepm_ros.numerics.covariances import proper
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +127,11 @@ class TrackArrays(Sequence[ConfirmedTrack]):
                 [track.stationary_probability for track in tracks], float
             ),
         )
+
+    def proper(self) -> TrackArrays:
+        """The tracks with covariances that are positive definite, see `covariances.proper`."""
+        covariance = proper(self.covariance) if len(self) else self.covariance
+        return self if covariance is self.covariance else replace(self, covariance=covariance)
 
     def __len__(self) -> int:
         """Number of tracks."""

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.covariances import solve
 from tsepm_ros.sensing.conversion import major_sigma
 from tsepm_ros.stages.paths import NO_HIT
 
@@ -70,7 +71,7 @@ def agrees_with_older(
     track, older = _pairs_with_older(state[:, 0::2])
     difference = state[track] - state[older]
     difference_covariance = covariance[track] + covariance[older]
-    scaled = np.linalg.solve(difference_covariance, difference[..., None])[..., 0]
+    scaled = solve(difference_covariance, difference)
     near = np.einsum("pi,pi->p", difference, scaled) <= SAME_DISTANCE
     near &= (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
     if known is not None:

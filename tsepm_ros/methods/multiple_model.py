@@ -44,6 +44,7 @@ from tsepm_ros.initiation.path_following import PathFollower
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.covariances import correlated_beyond_one, proper
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.sensing.conversion import major_sigma, rotated
@@ -121,6 +122,11 @@ class Banks(Paths):
         state, covariance = kalman.update(
             state, covariance, elapsed, innovation, innovation_covariance
         )
+        # P - K S K' loses its definiteness to rounding where the detection is far more accurate
+        # than the prediction; the error would grow from scan to scan.
+        lost = correlated_beyond_one(covariance)
+        if lost.any():
+            covariance[lost] = proper(covariance[lost])
         density = density.reshape(n, number)
         likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
         # A floor, so that no filter is lost to rounding.

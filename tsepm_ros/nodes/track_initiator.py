@@ -55,7 +55,7 @@ class TrackInitiator(Node):
         ).options
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._warnings = ThrottledWarnings(self)
-        self._asked: set[str] = set()
+        self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
         self._input = MessageInput(self._session, options, self.get_logger().warning)
@@ -164,10 +164,11 @@ class TrackInitiator(Node):
 
     def _ask(self, parameters: Mapping[type[Any], Any]) -> None:
         """Log questions about parameters that look like degrees, each once."""
-        for question in questions(parameters[SensorModel], parameters[Mounting]):
+        asked = questions(parameters[SensorModel], parameters[Mounting])
+        for question in asked:
             if question not in self._asked:
-                self._asked.add(question)
                 self.get_logger().warning(question)
+        self._asked = asked
 
     def _report(self, reason: str, sentence: str) -> None:
         self._warnings.warn(reason, sentence, self._session.dropped[reason])

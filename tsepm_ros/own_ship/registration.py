@@ -10,6 +10,7 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
@@ -17,6 +18,11 @@ from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.sensing.arcs import Arc
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
+
+MAX_ECHO_TIME = 60.0
+"""Time from a ping to the reflection of its echo, s, that no sonar reaches: 90 km of range."""
+MAX_TRANSMIT_OFFSET = 3600.0
+"""Time of a ping after the stamp of its scan, s, that no sweep reaches."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,42 @@ def echo_span(sensor_scan: SensorScan) -> tuple[float, float]:
     sent = np.zeros(1) if sensor_scan.transmit_offset is None else sensor_scan.transmit_offset
     times = np.concatenate([[0.0], sent, 2.0 * scan.time_offset - sent])
     return scan.stamp + float(times.min()), scan.stamp + float(times.max())
+
+
+def usable_echoes(sensor_scan: SensorScan) -> NDArray[np.bool_]:
+    """Which echoes' times are near enough to their ping's, and the ping's to the stamp, (n,).
+
+    A scan waits for the poses at all of its times, so a wrong time must not stay in it.
+    """
+    scan = sensor_scan.scan
+    offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+    sent = sensor_scan.transmit_offset
+    sent = np.zeros(len(scan)) if sent is None else sent
+    return (np.abs(offset - sent) < MAX_ECHO_TIME) & (np.abs(sent) < MAX_TRANSMIT_OFFSET)
+
+
+def selected(sensor_scan: SensorScan, kept: NDArray[np.bool_]) -> SensorScan:
+    """A scan before its registration with some of its detections."""
+
+    def select(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else values[kept]
+
+    scan = sensor_scan.scan
+    return dataclasses.replace(
+        sensor_scan,
+        scan=Scan.trusted(
+            stamp=scan.stamp,
+            range=scan.range[kept],
+            azimuth=scan.azimuth[kept],
+            range_std=select(scan.range_std),
+            azimuth_std=select(scan.azimuth_std),
+            time_offset=select(scan.time_offset),
+            features={name: values[kept] for name, values in scan.features.items()},
+            group=None if scan.group is None else scan.group[kept],
+        ),
+        transmit_offset=select(sensor_scan.transmit_offset),
+        height=select(sensor_scan.height),
+    )
 
 
 def _arrival_times(sensor_scan: SensorScan) -> FloatArray:

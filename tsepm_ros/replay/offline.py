@@ -11,6 +11,7 @@ from msg_adapters import MessageError, read_track_cloud, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
+from tsepm_ros.own_ship.registration import SensorScan, usable_echoes
 from tsepm_ros.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.recorded_scan import read_recorded_scan
@@ -61,7 +62,7 @@ def recording_results(
         )
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
-        until = recorded.time + _longest_echo(ping.scan.time_offset) + MIN_SAMPLE_PERIOD
+        until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
         last = session.own_ship_stamp
         while motions and (last is None or last < until):
             last = motions[0].time
@@ -122,18 +123,21 @@ def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
         try:
             cloud = bag.read(message)
             points = read_track_cloud(cloud)
+            stamp = 1e-9 * time_to_ns(cloud.header.stamp)
         except MessageError:
             continue  # only pictures use the truth
-        stamp = 1e-9 * time_to_ns(cloud.header.stamp)
         for point in points:
             row = (stamp, float(point["state_x"]), float(point["state_y"]))
             paths.setdefault(int(point["track_id"]), []).append(row)
     return [np.array(path) for path in paths.values()]
 
 
-def _longest_echo(time_offset: FloatArray | None) -> float:
-    """Time from the transmit to the arrival of the last echo, s."""
-    return 0.0 if time_offset is None else 2.0 * float(time_offset.max(initial=0.0))
+def _longest_echo(sensor_scan: SensorScan) -> float:
+    """Time from the transmit to the arrival of the last usable echo, s."""
+    time_offset = sensor_scan.scan.time_offset
+    if time_offset is None:
+        return 0.0
+    return 2.0 * float(time_offset[usable_echoes(sensor_scan)].max(initial=0.0))
 
 
 def _pose(motion: RecordedMotion, frame_id: str) -> PoseSample:

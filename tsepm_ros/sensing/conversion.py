@@ -34,6 +34,10 @@ DETECTION = np.dtype(
 """A converted detection, with the fields for re-evaluating its covariance elsewhere."""
 
 
+MIN_VARIANCE_SHARE = 1e-11
+"""Smallest variance of a position as a share of the largest: axes of 3e-6 to 1."""
+
+
 def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLike) -> FloatArray:
     """Convert range and azimuth to a Cartesian position without bias.
 
@@ -85,7 +89,7 @@ def position_covariance(
         along  = (r^2 + s_r^2) (1 + b^4) / (2 b^2) - r^2
         across = (r^2 + s_r^2) (1 - b^4) / (2 b^2)
 
-    rotated by the azimuth.
+    rotated by the azimuth. Neither is below `MIN_VARIANCE_SHARE` of the other.
 
     Parameters
     ----------
@@ -104,7 +108,9 @@ def position_covariance(
     along = 2.0 * square * np.sinh(0.5 * angle_variance) ** 2
     along = along + range_variance * np.cosh(angle_variance)
     across = (square + range_variance) * np.sinh(angle_variance)
-    return rotated(along, across, azimuth)
+    # Beyond this ratio the rotation and sums of covariances lose the smaller to rounding.
+    least = MIN_VARIANCE_SHARE * np.maximum(along, across)
+    return rotated(np.maximum(along, least), np.maximum(across, least), azimuth)
 
 
 def rotated(along: ArrayLike, across: ArrayLike, azimuth: ArrayLike) -> FloatArray:

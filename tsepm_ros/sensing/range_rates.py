@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.covariances import inverse
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -309,7 +310,7 @@ def fitted(
         bias, curvature = _curvature(current_covariance, time_after_state, sight, distance)
         jacobian = _gradients(time_after_state, by_position, sight) * rated[..., None]
         cross = prior_covariance @ np.swapaxes(jacobian, 1, 2)
-        gain = cross @ np.linalg.inv(jacobian @ cross + noise + curvature * both)
+        gain = cross @ inverse(jacobian @ cross + noise + curvature * both)
         innovation = np.where(rated, hits["range_rate"] - rate - bias, 0.0)[..., None]
         innovation = innovation - jacobian @ (prior - current)[..., None]
         current = prior + (gain @ innovation)[..., 0]

@@ -91,6 +91,9 @@ _SINGLE = {
     "package_not_installed": DropReason(
         DETECTIONS, "scan", "the package of the type is not installed", "Install the package"
     ),
+    "stamp_invalid": DropReason(
+        DETECTIONS, "scan", "`nanosec` of the stamp is a second or more", _DRIVER
+    ),
     "too_many_detections": DropReason(
         DETECTIONS,
         "scan",
@@ -168,6 +171,13 @@ _SINGLE = {
         "the frame of the detection's header differs from that of the message",
         "Use one frame per message in the detector",
     ),
+    "echo_too_late": DropReason(
+        DETECTIONS,
+        "detection",
+        "the sensor moves, and the echo's time is a minute or more from its ping's, or the ping "
+        "an hour or more from the stamp",
+        _DRIVER + ": `time_offset` is in seconds, after `header.stamp`",
+    ),
     "own_ship_missing": DropReason(
         OWN_SHIP,
         "scan",
@@ -231,6 +241,9 @@ _SINGLE = {
     ),
     "tracked_bad_id": DropReason(
         TRACKER, "report", "a `track_id` is not an integer from 0 to 2^32 - 1", _TRACKER
+    ),
+    "tracked_stamp_invalid": DropReason(
+        TRACKER, "report", "`nanosec` of the stamp is a second or more", _TRACKER
     ),
     "tracked_frame": DropReason(
         TRACKER,

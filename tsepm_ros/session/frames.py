@@ -11,6 +11,9 @@ from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.refusal import Notice, Refusal
 from tsepm_ros.settings.session_options import SessionOptions
 
+MAX_NOTICED = 100
+"""Pairs of frames that are remembered as noticed: a source may name a new frame each time."""
+
 
 class Frames:
     """The frames in use: from the options, else from the first messages.
@@ -40,6 +43,11 @@ class Frames:
         self.fixed = self.options.fixed_frame
         self.sensor = self.options.sensor_frame
         self.own_ship = ""
+
+    @property
+    def remembered(self) -> int:
+        """Number of pairs of frames whose assumed mounting was noticed, at most MAX_NOTICED."""
+        return len(self._noticed)
 
     def named(self, arrived: SensorScan) -> SensorScan:
         """Return a scan with its frame; an empty frame becomes the frame of the options, if any."""
@@ -110,6 +118,8 @@ class Frames:
             return None
         if pair in self._noticed:
             return None
+        if len(self._noticed) == MAX_NOTICED:
+            self._noticed.clear()
         self._noticed.add(pair)
         return Notice(
             "mounting",

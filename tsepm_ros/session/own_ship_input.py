@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory
 from tsepm_ros.own_ship.pose_sample import PoseSample
@@ -83,6 +85,21 @@ class OwnShipInput:
         if self._is_ahead(stamp):
             self.poses.clear()
         self.restarted = True
+
+    def without_late_echoes(self, arrived: SensorScan) -> tuple[SensorScan, Refusal | None]:
+        """Leave out the echoes at times for which a moving sensor's scan would wait in vain."""
+        if not self.moves:
+            return arrived, None
+        usable = registration.usable_echoes(arrived)
+        lost = len(usable) - int(np.count_nonzero(usable))
+        if not lost:
+            return arrived, None
+        refusal = Refusal(
+            "echo_too_late",
+            f"{lost} detections dropped: {registration.MAX_ECHO_TIME:g} s or more from their ping",
+            lost,
+        )
+        return registration.selected(arrived, usable), refusal
 
     def must_wait(self, arrived: SensorScan, waiting: float) -> bool:
         """Whether a scan that waited for a time (s) needs poses that may still arrive."""

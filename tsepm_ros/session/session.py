@@ -211,6 +211,8 @@ class Session:
         if self._refused(self._frames.refuse_scan(arrived) or self._refuse_size(arrived.scan)):
             return
         self._frames.take_scan(arrived)
+        arrived, refusal = self._own_ship.without_late_echoes(arrived)
+        self._report_all(refusal)
         self._report_all(self._angles.judge(arrived))
         scans, remarks, changed = self._sweep.take(arrived, now)
         if changed:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.covariances import inverse
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import (
     covariance_at,
@@ -189,7 +190,7 @@ def weighted(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    information = _inverse(covariances)  # (n, m, 2, 2)
+    information = inverse(covariances)  # (n, m, 2, 2)
     residual = positions - positions_at(start, time_after_state)
     weighted_residual = (information @ residual[..., None])[..., 0]
     correction, covariance = _solve(time_after_state, information, weighted_residual)
@@ -304,7 +305,7 @@ def _polar_information(
     covariance = jacobian @ pose_error_covariance(offset, hits["sensor_pose_covariance"]) @ across
     covariance[..., 0, 0] += range_variance_at(hits, range_, sensor)
     covariance[..., 1, 1] += np.square(hits["azimuth_std"])
-    information = _inverse(covariance)
+    information = inverse(covariance)
     measured_range, measured_azimuth = measured_polar(hits)
     error = np.stack([measured_range - range_, wrap(measured_azimuth - np.arctan2(y, x))], axis=-1)
     gradient = (information @ error[..., None])[..., 0]
@@ -345,20 +346,9 @@ def _solve(
     order = np.add.outer([0, 1], [0, 1])  # t^a t^b = t^(a + b)
     normal = moments[:, order].transpose(0, 3, 1, 4, 2).reshape(n, 4, 4)
     right = np.einsum("nam,nmp->npa", powers[:, :2], gradient).reshape(n, 4)
-    covariance = _inverse(normal)
+    covariance = inverse(normal)
     covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
     return (covariance @ right[..., None])[..., 0], covariance
-
-
-@np.errstate(invalid="ignore")
-def _inverse(matrices: FloatArray) -> FloatArray:
-    """Inverse of each matrix; nan for a singular matrix: the track has no fit."""
-    try:
-        inverse = np.linalg.inv(matrices)
-    except np.linalg.LinAlgError:
-        singular = np.linalg.slogdet(matrices)[0] == 0.0
-        inverse = np.linalg.inv(np.where(singular[..., None, None], np.nan, matrices))
-    return inverse.astype(np.float64, copy=False)
 
 
 def positions_at(state: FloatArray, time_after_state: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.covariances import solve
 from tsepm_ros.numerics.gaussian import gate_factor
 
 MERGINGS = ("moments", "refit")
@@ -207,7 +208,7 @@ def close(
     near = np.asarray((np.square(difference) <= bound).all(axis=1))
     rows = np.flatnonzero(near)
     total = covariances[first[rows]] + covariances[second[rows]]
-    solved = np.linalg.solve(total, difference[rows][..., None])[..., 0]
+    solved = solve(total, difference[rows])
     near[rows] = (difference[rows] * solved).sum(axis=1) <= threshold
     return near
 
