@@ -19,6 +19,8 @@ from fixed_threads import BUILD
 from peer_timing import time_peers
 from scenes import DENSITIES, calm_density, make_scene
 
+from tsepm_ros.whole_files import write_text
+
 CALM = "calm"
 
 
@@ -69,7 +71,7 @@ def main() -> None:
     print("\n" + requirements_text(requirements(timings)))
     options.output.mkdir(parents=True, exist_ok=True)
     content = as_json(timings, {key: str(value) for key, value in vars(options).items()})
-    (options.output / "clutter.json").write_text(content + "\n", encoding="utf-8")
+    write_text(options.output / "clutter.json", content + "\n")
     print(f"\nwritten: {options.output / 'clutter.json'}")
 
 

@@ -49,6 +49,7 @@ from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.simulation import load_scenario
+from tsepm_ros.whole_files import written_whole
 
 METHODS = ("score", "tsepm")
 SCENARIO, SCANS = "four_targets", 16
@@ -278,7 +279,8 @@ def draw(results: dict[str, Followed], path: Path) -> None:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=80)
+    with written_whole(path) as temporary:
+        figure.savefig(temporary, dpi=80)
     plt.close(figure)
 
 

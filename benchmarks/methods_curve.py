@@ -20,6 +20,7 @@ from matplotlib.axes import Axes
 
 from tsepm_ros.analysis.intervals import Estimate, error_bars
 from tsepm_ros.analysis.text_tables import markdown_table
+from tsepm_ros.whole_files import written_whole
 
 Row = Mapping[str, str]
 COLUMNS = 5
@@ -90,7 +91,8 @@ def draw(rows: Sequence[Row], methods: Sequence[str], horizons: Sequence[str], p
         f"seed {rows[0]['seed']}, 95 % intervals; grey: all methods after {horizons[-1]} scans",
         fontsize=11,
     )
-    figure.savefig(path, dpi=100)
+    with written_whole(path) as temporary:
+        figure.savefig(temporary, dpi=100)
 
 
 def table(rows: Sequence[Row], method: str, horizons: Sequence[str]) -> str:

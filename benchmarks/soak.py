@@ -25,6 +25,7 @@ from contenders import RawScan, Sea, make_contender
 from scipy.stats import linregress
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.whole_files import write_text
 
 NAME = "tsepm-5/8"
 PART = 1000
@@ -134,7 +135,7 @@ def main() -> None:
     )
     options.output.mkdir(parents=True, exist_ok=True)
     target = options.output / "soak.json"
-    target.write_text(json.dumps(soak, indent=1) + "\n", encoding="utf-8")
+    write_text(target, json.dumps(soak, indent=1) + "\n")
     print(f"written: {target}")
 
 

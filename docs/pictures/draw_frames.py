@@ -18,6 +18,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 
+from tsepm_ros.whole_files import written_whole
+
 FOLDER = Path(__file__).parent
 INK, HULL, SENSOR, TARGET, FIXED = "#222222", "#9aa5b1", "#1f6fb4", "#c0392b", "#2e7d32"
 EAST, NORTH = 0.0, math.pi / 2
@@ -140,7 +142,8 @@ def draw_frames() -> None:
         ha="center",
     )
     figure.subplots_adjust(left=0.01, right=0.99, top=0.94, bottom=0.08, wspace=0.02)
-    figure.savefig(FOLDER / "frames.png", dpi=100)
+    with written_whole(FOLDER / "frames.png") as temporary:
+        figure.savefig(temporary, dpi=100)
     plt.close(figure)
 
 
@@ -181,7 +184,8 @@ def draw_echo() -> None:
     axes.set_ylim(-0.8, 1.32)
     axes.axis("off")
     figure.subplots_adjust(left=0.01, right=0.99, top=0.99, bottom=0.01)
-    figure.savefig(FOLDER / "echo_times.png", dpi=100)
+    with written_whole(FOLDER / "echo_times.png") as temporary:
+        figure.savefig(temporary, dpi=100)
     plt.close(figure)
 
 

@@ -89,3 +89,16 @@ def test_a_line_damaged_in_the_middle_is_refused(file, tmp_path):
     file.path.write_bytes(b"".join([*lines[:2], b'[1, {"tar\n', *lines[3:]]))
     with pytest.raises(ValueError, match="is damaged"):
         run_file(tmp_path, BOX, POINT, 1)
+
+
+@pytest.mark.parametrize(
+    "line", ["5", "[1]", '["a", {}]', "null", '{"a": 1}', "[" * 100_000, "[true, 1]"]
+)
+def test_a_line_that_is_no_run_is_named(tmp_path, line):
+    file = RunFile(tmp_path, ["box"], {"version": 1})
+    file.append(0, {"a": 1})
+    with file.path.open("a") as content:
+        content.write(line + "\n")
+    with pytest.raises(ValueError, match=r"is damaged: .* is not a run") as error:
+        RunFile(tmp_path, ["box"], {"version": 1})
+    assert len(str(error.value)) < 400

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+import signal
+import subprocess
 import sys
 
 import numpy as np
@@ -132,6 +135,50 @@ def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
     error = capsys.readouterr().err
     assert error.count("are they in degrees?") == 1
     assert "note: sensor.azimuth_std is 0.5 rad, which is 29 degrees" in error
+
+
+def test_stamps_beyond_ros_times_are_one_sentence_and_leave_no_file(capsys, recording, tmp_path):
+    pytest.importorskip("rosbags")
+    path = tmp_path / "detections.csv"
+    rows = path.read_text().splitlines()
+    shifted = [f"{1.7e12 + 12 * k},{row.partition(',')[2]}" for k, row in enumerate(rows[1:])]
+    path.write_text("\n".join([rows[0], *shifted]))
+    out = tmp_path / "out"
+    assert main(["run", recording, "--out", str(out)]) == 2
+    [sentence] = capsys.readouterr().err.splitlines()
+    assert "32-bit seconds" in sentence and "milliseconds" in sentence
+    assert list(out.iterdir()) == []
+    assert main(["run", recording]) == 0, "CSV has no such limit"
+
+
+def test_a_run_that_is_killed_leaves_no_half_file_and_the_next_cleans_up(scenario, tmp_path):
+    pytest.importorskip("rosbags")
+    out = tmp_path / "out"
+    script = (
+        "import os, signal, sys\n"
+        "from tsepm_ros.commands.cli import main\n"
+        "from tsepm_ros.session.session import Session\n"
+        "before = Session.process\n"
+        "def process(self, *args, **options):\n"
+        "    for number, result in enumerate(before(self, *args, **options)):\n"
+        "        if result.scan.stamp > 50: os.kill(os.getpid(), signal.{0})\n"
+        "        yield result\n"
+        "Session.process = process\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    arguments = ["run", scenario, "--out", str(out)]
+    for number, code, left in ((signal.SIGKILL, -9, 3), (signal.SIGTERM, 143, 0)):
+        command = [sys.executable, "-c", script.format(number.name), *arguments]
+        assert subprocess.run(command, capture_output=True).returncode == code
+        assert not [name for name in os.listdir(out) if not name.startswith(".")]
+        assert len(os.listdir(out)) == left
+    assert main(arguments) == 0
+    names = sorted(os.listdir(out))
+    assert [name for name in names if name != "picture.png"] == [
+        "current.csv",
+        "tracks.csv",
+        "tracks.mcap",
+    ]
 
 
 SMALL = """

@@ -270,3 +270,12 @@ class TestJoyride:
             distance = np.hypot(x - target.state[0], y - target.state[2])
             near += bool((distance < 60.0).any())
         assert near / 238 == pytest.approx(0.80, abs=0.05)
+
+
+def test_a_refused_row_is_cut_short(tmp_path):
+    (tmp_path / "detections.csv").write_text("time_s,range_m,azimuth_rad\n1,2," + "x" * 10**5)
+    with pytest.raises(
+        ValueError, match=r"line 2: expected 3 numbers, got \['1', '2', 'xxx"
+    ) as error:
+        read_recording(tmp_path)
+    assert len(str(error.value)) < 200

@@ -339,3 +339,10 @@ def test_values_of_a_scenario_can_be_changed():
 def test_a_change_is_checked_like_the_file(name, value, said):
     with pytest.raises(ValueError, match=said):
         load_scenario("box", {name: value})
+
+
+def test_deep_yaml_is_refused_with_a_sentence(tmp_path):
+    path = tmp_path / "deep.yaml"
+    path.write_text("targets: " + "[" * 20_000)
+    with pytest.raises(ValueError, match="is not valid YAML"):
+        load_scenario(str(path))

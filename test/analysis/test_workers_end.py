@@ -1,0 +1,52 @@
+"""Worker processes end with the process that started them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from support.patience import WAIT
+
+SCRIPT = """
+import os, sys, time
+from tsepm_ros.analysis.workers import Workers
+
+def busy(job):
+    print(os.getpid(), flush=True)
+    time.sleep(3600)
+
+if __name__ == "__main__":
+    list(Workers(processes=2).mapped(busy, range(4)))
+"""
+
+
+def is_alive(process: int) -> bool:
+    try:
+        with open(f"/proc/{process}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="needs /proc")
+def test_workers_of_a_killed_parent_end(tmp_path):
+    script = tmp_path / "run.py"
+    script.write_text(SCRIPT)
+    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    workers = [int(parent.stdout.readline()) for _ in range(2)]
+    assert all(is_alive(worker) for worker in workers)
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    try:
+        end = time.monotonic() + WAIT
+        while any(is_alive(worker) for worker in workers) and time.monotonic() < end:
+            time.sleep(0.05)
+        assert not any(is_alive(worker) for worker in workers)
+    finally:
+        for worker in workers:
+            if is_alive(worker):
+                os.kill(worker, signal.SIGKILL)
