@@ -21,7 +21,8 @@ def diagnostics(stamp_ns: int, node_name: str, statuses: Iterable[Status]) -> Di
     stamp_ns : int
         ns.
     node_name : str
-        The name of a status is ``node: task``, as rqt_robot_monitor and the aggregator expect.
+        Fully qualified: two boats have nodes of one name. The name of a status is ``node: task``,
+        as rqt_robot_monitor and the aggregator expect; the hardware is named after the node, too.
     statuses : iterable of Status
         Their values are written in their order, floats with six digits.
 
@@ -38,7 +39,7 @@ def diagnostics(stamp_ns: int, node_name: str, statuses: Iterable[Status]) -> Di
                 level=bytes([status.level]),
                 name=f"{node_name}: {status.task}",
                 message=status.message,
-                hardware_id="",
+                hardware_id=node_name,
                 values=[
                     KeyValue(key=key, value=_text(value)) for key, value in status.values.items()
                 ],

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,9 @@ Value = bool | int | float | str
 
 MIN_LIKENESS = 0.6
 """Smallest ratio, as in difflib, of an unknown name and a name that it may be meant for."""
+
+EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
+"""A number with an exponent, with or without a decimal point."""
 
 MAX_DEGREES = 360.0
 """Largest angle that is taken for degrees."""
@@ -101,7 +105,6 @@ class Parameter:
             If the type or the value is not allowed; the message names the parameter.
         """
         name = name or self.name
-        value = self.spelled(value)
         typed: Value = self._typed(value, name)
         if self.choices and typed not in self.choices:
             raise ValueError(f"{name} must be {self.bounds}; got {shown(value)}")
@@ -111,19 +114,26 @@ class Parameter:
                 raise ValueError(self.out_of_bounds(value, name))
         return typed
 
-    def spelled(self, value: Any) -> Any:
-        """Return a number or truth value as a text, if this parameter is `numeric`."""
-        if not self.numeric or not isinstance(value, bool | int | float):
-            return value
-        return ("on" if value else "off") if isinstance(value, bool) else f"{value!r}"
-
-    def out_of_bounds(self, value: float, name: str = "") -> str:
+    def out_of_bounds(self, value: Any, name: str = "") -> str:
         """The sentence that refuses a number, with a question if it may be in degrees."""
         sentence = f"{name or self.name} must be {self.bounds or 'a number'}; got {shown(value)}"
         radians = math.radians(value) if abs(value) <= MAX_DEGREES else math.nan
         if self.unit != "rad" or not (self.minimum <= radians <= self.maximum):
             return sentence
         return f"{sentence} (in rad; {value:g} degrees are {radians:.4g} rad)"
+
+    def meant(self, value: Any) -> Any:
+        """The value that YAML has read as another type: "off" as false, 1e-06 as a text.
+
+        A number is a text for a parameter that is `numeric`.
+        """
+        if self.numeric and isinstance(value, bool | int | float):
+            return ("on" if value else "off") if isinstance(value, bool) else f"{value!r}"
+        if self.choices and isinstance(value, bool) and {"on", "off"} <= set(self.choices):
+            return "on" if value else "off"
+        if self.type is float and isinstance(value, str) and EXPONENT.fullmatch(value):
+            return float(value)
+        return value
 
     def allows(self, value: Any) -> bool:
         """Whether `check` accepts the value."""
@@ -134,6 +144,7 @@ class Parameter:
         return True
 
     def _typed(self, value: Any, name: str) -> Any:
+        value = self.meant(value)
         if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
             value = value.item()  # a NumPy scalar
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):

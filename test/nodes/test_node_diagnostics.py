@@ -115,7 +115,7 @@ def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
     found = world.statuses()
     assert before <= stamp_ns(world.diagnostics[-1]) <= before + 60 * SECOND
     assert {status.name for status in world.diagnostics[-1].status} == {
-        f"track_initiator: {task}" for task in TASKS
+        f"/track_initiator: {task}" for task in TASKS
     }
     levels = {task: status.level for task, status in found.items()}
     # A tenth of the clutter of the data sheet: that is said.

@@ -24,7 +24,7 @@ from support.sonar_driver import pings
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
 from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -45,11 +45,11 @@ TYPE_WITHOUT_NAME = pytest.mark.xfail(
 FAST_TARGET = ((3000.0, 16.0, 1500.0, -12.0),)
 
 
-class Plain(Node):
+class Plain(ParameterisedNode):
     """A node of which `NodeParameters` can be made."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("plain", **AUTO_DECLARE, **node_options)
+        super().__init__("plain", **node_options)
 
 
 @pytest.fixture

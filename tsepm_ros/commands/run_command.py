@@ -28,6 +28,7 @@ from tsepm_ros.replay.bag import (
     Bag,
     find_topics,
     is_bag,
+    moving_frames,
 )
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.offline import bag_results, bag_truth, recording_results
@@ -240,6 +241,13 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
     except ValueError as error:
         names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
         raise ValueError(f"{error} (topics are named by {names})") from None
+    moving = moving_frames(bag.topics)
+    if moving and OWN_SHIP not in topics and "own_ship_source" not in _given_names(options):
+        raise ValueError(
+            f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
+            "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
+            "give -p own_ship_source:=none if the sensor does not move"
+        )
     source = "odometry" if OWN_SHIP in topics else "none"
     session, node, notes = _session(options, {"own_ship_source": source})
     if session.settings.session.own_ship_source == "none":
@@ -253,6 +261,11 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         duration=bag.duration,
         mounting_yaw=_mounting_yaw(session, node),
     )
+
+
+def _given_names(options: argparse.Namespace) -> set[str]:
+    """Names of the parameters on the command line."""
+    return set(parse_values(options.parameter))
 
 
 def _with_assumptions(

@@ -53,6 +53,10 @@ class Connections:
         Whether a publisher of detections was found.
     unread : sequence of str
         Published types of the detections other than the subscribed type.
+    subscribed_type : str
+        The subscribed type; empty if there is no subscription.
+    other_readable : sequence of str
+        Types of `unread` that the node can read after a new start.
     mismatches_heard : mapping of str to int
         Number of events of incompatible quality of service, by topic.
     mismatches : sequence of str
@@ -63,6 +67,8 @@ class Connections:
 
     subscribed: bool = True
     unread: Sequence[str] = ()
+    subscribed_type: str = ""
+    other_readable: Sequence[str] = ()
     mismatches_heard: Mapping[str, int] = field(default_factory=dict)
     mismatches: Sequence[str] = ()
     unused_own_ship: str = ""

@@ -71,8 +71,17 @@ def cut_hypotheses(figures: HealthFigures) -> str:
 
 def unread_type(figures: HealthFigures) -> str:
     """Detections are published as a type to which the node has not subscribed."""
-    unread = ", ".join(figures.connections.unread)
-    return f"detections are published as {unread}, which the node does not read" if unread else ""
+    connections = figures.connections
+    other = [name for name in connections.unread if name not in connections.other_readable]
+    sentences = []
+    if other:
+        sentences.append(f"{', '.join(other)}, which the node does not read")
+    if connections.other_readable:
+        sentences.append(
+            f"{', '.join(connections.other_readable)}, which the node reads only after a new "
+            f"start: it has subscribed to {connections.subscribed_type}"
+        )
+    return f"detections are published as {'; and as '.join(sentences)}" if sentences else ""
 
 
 def no_publisher(figures: HealthFigures) -> str:

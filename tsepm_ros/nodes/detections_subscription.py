@@ -98,6 +98,11 @@ class DetectionsSubscription:
         return tuple(name for name in self._published_types if name != self._subscribed)
 
     @property
+    def other_readable(self) -> tuple[str, ...]:
+        """Types of `unread` that a new start would read."""
+        return tuple(name for name in self.unread if not self._fault(name))
+
+    @property
     def subscribed(self) -> str:
         """Type of the subscription; empty if there is no subscription yet."""
         return self._subscribed

@@ -12,6 +12,7 @@ from msg_adapters import diagnostics
 from tsepm_ros.diagnostics.health import Health
 from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.diagnostics.rules import unused_own_ship_on
+from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.session.clocks import Now
@@ -55,7 +56,9 @@ class DiagnosticsPublisher:
         self._own_ship_topic = node.resolve_topic_name(own_ship_topic)
         self._now = now
         self._warned_of_own_ship = False
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._publisher = node.create_publisher(
+            DiagnosticArray, "/diagnostics", 10, qos_overriding_options=qos_overrides.PUBLISHER
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(period, self._publish, clock=steady)
 
@@ -73,13 +76,17 @@ class DiagnosticsPublisher:
         connections = Connections(
             subscribed=self._detections.connected,
             unread=self._detections.unread,
+            subscribed_type=self._detections.subscribed,
+            other_readable=self._detections.other_readable,
             mismatches_heard=dict(self._qos.heard),
             mismatches=self._qos.standing(),
             unused_own_ship=self._unused_own_ship(),
         )
         statuses = self._health.report(self._session.figures(), self._now(), connections)
         stamp_ns = self._node.get_clock().now().nanoseconds
-        self._publisher.publish(diagnostics(stamp_ns, self._node.get_name(), statuses))
+        self._publisher.publish(
+            diagnostics(stamp_ns, self._node.get_fully_qualified_name(), statuses)
+        )
 
     def _unused_own_ship(self) -> str:
         """Topic of odometry that is published but not used, with one warning; empty if none."""

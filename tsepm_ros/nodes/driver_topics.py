@@ -6,6 +6,7 @@ import numpy as np
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
@@ -18,6 +19,7 @@ from msg_adapters import (
     truth_markers,
     truth_tracks,
 )
+from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.playback import PUBLISHER_DEPTH
 from tsepm_ros.own_ship.pose_sample import PoseSample
 
@@ -44,10 +46,15 @@ class DriverTopics:
         self, node: Node, detections_type: type, fixed_frame: str, sensor_frame: str
     ) -> None:
         self._frames = fixed_frame, sensor_frame
-        self.detections = node.create_publisher(detections_type, "detections", PUBLISHER_DEPTH)
-        self._own_ship = node.create_publisher(Odometry, "own_ship/odometry", PUBLISHER_DEPTH)
-        self._truth = node.create_publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
-        self._truth_markers = node.create_publisher(MarkerArray, "ground_truth/markers", 10)
+
+        def publisher(kind: type, topic: str, depth: int = PUBLISHER_DEPTH) -> Publisher:
+            options = qos_overrides.PUBLISHER
+            return node.create_publisher(kind, topic, depth, qos_overriding_options=options)
+
+        self.detections = publisher(detections_type, "detections")
+        self._own_ship = publisher(Odometry, "own_ship/odometry")
+        self._truth = publisher(PointCloud2, "ground_truth")
+        self._truth_markers = publisher(MarkerArray, "ground_truth/markers", 10)
         self.publishers = [self._own_ship, self.detections, self._truth]
 
     def sensor_header(self, stamp: float) -> Header:

@@ -13,11 +13,13 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.parameters import Parameter, Value, meant_instead, unknown_parameter
+from tsepm_ros.settings.parameter_files import unused_files, without_value
 from tsepm_ros.settings.tables import Groups, full_table, make_groups
 
 _INT64 = 2**63 - 1
@@ -35,9 +37,6 @@ _TYPE_HINTS = {
     bool: "true or false",
     str: "a text",
 }
-
-AUTO_DECLARE = {"automatically_declare_parameters_from_overrides": True}
-"""Arguments of the constructor of a node that uses `NodeParameters`."""
 
 OptionsByType = Mapping[type[Any], Any]
 """Option objects by their class."""
@@ -60,14 +59,52 @@ def _ignore(options: OptionsByType) -> None:
     pass
 
 
+class ParameterisedNode(Node):
+    """A node that uses `NodeParameters`.
+
+    All given parameters are declared: rclpy reports undeclared names in no other way, and a
+    misspelt parameter must not be ignored silently. A parameter file without a section for the
+    node is named in a warning: ROS ignores it.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter has no value, such as an empty list.
+    """
+
+    def __init__(self, name: str, **node_options: Any) -> None:
+        arguments = [*(node_options.get("cli_args") or ()), *sys.argv[1:]]
+        try:
+            super().__init__(
+                name, automatically_declare_parameters_from_overrides=True, **node_options
+            )
+        except ValueError as error:
+            if "NOT_SET" not in str(error):
+                raise
+            names = without_value(arguments, self.get_fully_qualified_name())
+            raise ParameterError(
+                f"{', '.join(names) or 'a parameter'} has no value: an empty list or entry is none"
+            ) from None
+        for sentence in unused_files(arguments, self.get_fully_qualified_name()):
+            self.get_logger().warning(sentence)
+
+    def refuse_unused_overrides(self) -> None:
+        """Refuse overrides of the quality of service that nothing uses; after the publishers.
+
+        Raises
+        ------
+        ParameterError
+        """
+        for sentence in qos_overrides.faults(self):
+            raise ParameterError(sentence)
+
+
 class NodeParameters:
     """A node's parameters, declared from their table.
 
     Parameters
     ----------
-    node : rclpy.node.Node
-        Constructed with `AUTO_DECLARE`: rclpy reports undeclared names in no other way, and a
-        misspelt parameter must not be ignored silently.
+    node : ParameterisedNode
     groups : Groups
         The table, by groups.
     on_change : callable, optional
@@ -85,7 +122,7 @@ class NodeParameters:
 
     def __init__(
         self,
-        node: Node,
+        node: ParameterisedNode,
         groups: Groups,
         on_change: Callable[[OptionsByType], None] = _ignore,
         rehearse: Callable[[OptionsByType], None] = _ignore,
@@ -101,6 +138,7 @@ class NodeParameters:
         for row in self._rows.values():
             self._declare(row)
         self.options = self._make_options({})
+        node.add_pre_set_parameters_callback(self._typed)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply_changes)
 
@@ -112,18 +150,13 @@ class NodeParameters:
 
     def _declare(self, row: Parameter) -> None:
         given: Any = row.default
-        spelled: Any = given
         if self._node.has_parameter(row.name):
-            given = self._node.get_parameter(row.name).value
-            spelled = row.spelled(given)
+            given = row.meant(self._node.get_parameter(row.name).value)
             self._node.undeclare_parameter(row.name)
+        if type(given) is not row.type:
+            raise ParameterError(self._wrong_type(row, given))
         try:
-            if spelled == given:
-                self._node.declare_parameter(row.name, row.default, _descriptor(row))
-            else:
-                self._node.declare_parameter(row.name, spelled, _descriptor(row), True)
-        except InvalidParameterTypeException:
-            raise ParameterError(self._wrong_type(row, given)) from None
+            self._node.declare_parameter(row.name, given, _descriptor(row), ignore_override=True)
         except InvalidParameterValueException:
             raise ParameterError(row.out_of_bounds(given)) from None
 
@@ -139,6 +172,15 @@ class NodeParameters:
     def _make_options(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
         with refusing():
             return make_groups(self._groups, {**self._values(), **changes})
+
+    def _typed(self, parameters: list[RosParameter]) -> list[RosParameter]:
+        """The values as they are meant: `ros2 param load` sends 1.0e-06 as a text."""
+        return [
+            RosParameter(one.name, value=self._rows[one.name].meant(one.value))
+            if one.name in self._rows and one.value is not None
+            else one
+            for one in parameters
+        ]
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
         changes = {}

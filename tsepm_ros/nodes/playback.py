@@ -15,6 +15,7 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from msg_adapters import ns_to_time, seconds_to_ns
+from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.settings.node_options import PlaybackOptions
 
@@ -92,7 +93,9 @@ class Playback:
         self._options = options
         self._clock: Any = None
         if options.publish_clock:
-            self._clock = node.create_publisher(ClockMessage, "/clock", 10)
+            self._clock = node.create_publisher(
+                ClockMessage, "/clock", 10, qos_overriding_options=qos_overrides.PUBLISHER
+            )
         self._events = played.events()
         self._next = next(self._events, None)
         self._begin: float | None = None

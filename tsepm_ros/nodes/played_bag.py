@@ -12,6 +12,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from msg_adapters import MessageError
+from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.node_parameters import ParameterError, refusing
 from tsepm_ros.nodes.playback import LOG_PERIOD, PUBLISHER_DEPTH, Event, check_start_offset
 from tsepm_ros.replay.bag import (
@@ -125,7 +126,9 @@ class PlayedBag:
 
     def _publisher(self, topic: str, name: str, durability: str = "VOLATILE") -> Publisher:
         qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DurabilityPolicy[durability])
-        return self._node.create_publisher(self._class(topic), name, qos)
+        return self._node.create_publisher(
+            self._class(topic), name, qos, qos_overriding_options=qos_overrides.PUBLISHER
+        )
 
     def _class(self, topic: str) -> type:
         type_name = self._bag.topics[topic]

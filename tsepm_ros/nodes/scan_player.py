@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.node import Node
-
-from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, ParameterError
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
 from tsepm_ros.nodes.playback import Playback
 from tsepm_ros.nodes.played_bag import PlayedBag
 from tsepm_ros.nodes.played_recording import PlayedRecording
@@ -18,11 +16,11 @@ from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
 from tsepm_ros.settings.tables import SCAN_PLAYER
 
 
-class ScanPlayer(Node):
+class ScanPlayer(ParameterisedNode):
     """Publishes the scans, the own ship and the truth of a CSV recording or a bag."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("scan_player", **AUTO_DECLARE, **node_options)
+        super().__init__("scan_player", **node_options)
         options = NodeParameters(self, SCAN_PLAYER).options
         player: PlayerNodeOptions = options[PlayerNodeOptions]
         if not player.recording:
@@ -30,6 +28,7 @@ class ScanPlayer(Node):
         played_class = PlayedBag if is_bag(player.recording) else PlayedRecording
         self._played = played_class(self, player)
         self.finished = Playback(self, self._played, options[PlaybackOptions]).finished
+        self.refuse_unused_overrides()
 
     def destroy_node(self) -> None:
         """Destroy the node and close the recording."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.node import Node
-
-from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
 from tsepm_ros.nodes.playback import Playback
 from tsepm_ros.nodes.played_scenario import PlayedScenario
 from tsepm_ros.nodes.running import run
@@ -16,14 +14,15 @@ from tsepm_ros.settings.node_options import PlaybackOptions, SimulatorNodeOption
 from tsepm_ros.settings.tables import SONAR_SIMULATOR
 
 
-class SonarSimulator(Node):
+class SonarSimulator(ParameterisedNode):
     """Publishes the scans of a scenario as a sonar driver would."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("sonar_simulator", **AUTO_DECLARE, **node_options)
+        super().__init__("sonar_simulator", **node_options)
         options = NodeParameters(self, SONAR_SIMULATOR).options
         played = PlayedScenario(self, options[SimulatorNodeOptions])
         self.finished = Playback(self, played, options[PlaybackOptions]).finished
+        self.refuse_unused_overrides()
 
 
 def main(args: Sequence[str] | None = None) -> int:

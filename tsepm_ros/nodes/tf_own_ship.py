@@ -54,8 +54,10 @@ class TfOwnShip:
             self._listener = tf2_ros.TransformListener(buffer, node)
         self._buffer = buffer
 
-    def look_up(self, frame: str, first: float, last: float, axes: str) -> None:
+    def look_up(self, frame: str, first: float, last: float, axes: str) -> str:
         """Give the session the poses of a frame from `first` to `last` (s), as far as tf has them.
+
+        Returns what tf does not have, in words; empty if it has all.
 
         `axes` names the frame's axes that point ahead, to port and up, as in
         `tsepm_ros.own_ship.attitude.AXES`.
@@ -67,9 +69,12 @@ class TfOwnShip:
                 continue
             time = Time(nanoseconds=round(stamp * 1e9))
             if not self._buffer.can_transform(self._fixed_frame, frame, time):
-                return
+                return (
+                    f"tf has no transform from {frame!r} to {self._fixed_frame!r} at {stamp:.3f} s"
+                )
             transform = self._buffer.lookup_transform(self._fixed_frame, frame, time).transform
             self._session.add_own_ship(_sample(stamp, transform, axes, self._fixed_frame))
+        return ""
 
 
 def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:

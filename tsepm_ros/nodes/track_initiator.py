@@ -8,7 +8,6 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
@@ -18,7 +17,7 @@ from tsepm_ros.diagnostics.health_figures import Latency
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.diagnostics_publisher import DiagnosticsPublisher
 from tsepm_ros.nodes.land_subscription import LandSubscription
-from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import clock_time, run
@@ -45,11 +44,11 @@ OWN_SHIP_DEPTH = 1000
 TRACKED_DEPTH = 10
 
 
-class TrackInitiator(Node):
+class TrackInitiator(ParameterisedNode):
     """Subscribes to detections and publishes confirmed tracks."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("track_initiator", **AUTO_DECLARE, **node_options)
+        super().__init__("track_initiator", **node_options)
         parameters = NodeParameters(
             self, TRACK_INITIATOR, self._configure, self._rehearse, FAILURES
         ).options
@@ -89,6 +88,7 @@ class TrackInitiator(Node):
             options.diagnostics_period,
             self._now,
         )
+        self.refuse_unused_overrides()
 
     @property
     def latency(self) -> Latency:

@@ -28,6 +28,7 @@ from msg_adapters import (
 )
 from tsepm_ros.diagnostics.health_figures import Latency
 from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.scan import Scan
@@ -70,7 +71,13 @@ class TrackOutputs:
             matched: Callable[[Any], None] | None = None,
         ) -> Publisher:
             events = watch.publisher_events(topic, matched)
-            return node.create_publisher(message_type, topic, qos, event_callbacks=events)
+            return node.create_publisher(
+                message_type,
+                topic,
+                qos,
+                event_callbacks=events,
+                qos_overriding_options=qos_overrides.PUBLISHER,
+            )
 
         self._shown: tuple[Header, Sequence[ConfirmedTrack]] = make_header(0, ""), ()
         self._redraw = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
 MIN_EIGENVALUE = 1e-12
 """Smallest eigenvalue of a correlation matrix that rounding cannot have made."""
@@ -40,7 +40,7 @@ def proper(covariance: FloatArray) -> FloatArray:
     return repaired
 
 
-def correlated_beyond_one(covariance: FloatArray) -> np.ndarray:
+def correlated_beyond_one(covariance: FloatArray) -> BoolArray:
     """Which matrices (n, d, d) have a variance or a correlation that no covariance has, (n,).
 
     This is a cheap test for many matrices; `proper` tests all of their eigenvalues.
@@ -50,7 +50,7 @@ def correlated_beyond_one(covariance: FloatArray) -> np.ndarray:
     size = covariance.shape[-1]
     beyond = np.square(covariance) >= square * (1.0 - MIN_EIGENVALUE)
     beyond[..., range(size), range(size)] = variance <= 0.0
-    return beyond.any(axis=(-2, -1))
+    return np.asarray(beyond.any(axis=(-2, -1)))
 
 
 @np.errstate(invalid="ignore")
@@ -67,9 +67,10 @@ def inverse(matrices: FloatArray) -> FloatArray:
 def solve(covariance: FloatArray, difference: FloatArray) -> FloatArray:
     """``C^-1 d`` of covariances (n, d, d) and vectors (n, d); singular covariances are repaired."""
     try:
-        return np.linalg.solve(covariance, difference[..., None])[..., 0]
+        solved = np.linalg.solve(covariance, difference[..., None])
     except np.linalg.LinAlgError:
-        return np.linalg.solve(proper(covariance), difference[..., None])[..., 0]
+        solved = np.linalg.solve(proper(covariance), difference[..., None])
+    return solved[..., 0].astype(np.float64, copy=False)
 
 
 def _scaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ ROLES = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH, LAND)
 
 POINTS, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
 GRID = "nav_msgs/msg/OccupancyGrid"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _OUTPUTS = (
     *(TRACKED, TRUTH, "tracks", "tracks/current", "tracks/odometry"),
     *("potential_tracks", "fixed_echoes"),
@@ -192,6 +193,16 @@ def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str
         available = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
         raise ValueError(f"the bag has no topic of detections; it has {available or 'no topics'}")
     return {role: topic for role, topic in by_role.items() if topic}
+
+
+def moving_frames(topics: Mapping[str, str]) -> str:
+    """The topic of a bag with transforms that may move, by its type; empty if there is none."""
+    moving = (
+        topic
+        for topic, kind in sorted(topics.items())
+        if kind == TRANSFORMS and not _is_called(topic, "tf_static")
+    )
+    return next(moving, "")
 
 
 def _find(topics: Mapping[str, str], role: str, given: str) -> str:

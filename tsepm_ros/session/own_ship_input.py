@@ -13,7 +13,7 @@ from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.refusal import Notice, Refusal
 from tsepm_ros.settings.session_options import SessionOptions
 
-LookUp = Callable[[str, float, float, str], None]
+LookUp = Callable[[str, float, float, str], str]
 
 
 class OwnShipInput:
@@ -32,7 +32,7 @@ class OwnShipInput:
         Whether the poses were restarted since the last processed scan.
     look_up : callable or None
         Called as ``look_up(sensor frame, first, last, axes)`` with the time span (s) of a scan, to
-        add its poses; None if poses arrive as messages.
+        add its poses; returns what is missing, in words. None if poses arrive as messages.
     """
 
     def __init__(self, options: SessionOptions) -> None:
@@ -44,6 +44,7 @@ class OwnShipInput:
         self.restarted = False
         self.look_up: LookUp | None = None
         self._options = options
+        self._missing = ""
 
     @property
     def moves(self) -> bool:
@@ -107,7 +108,7 @@ class OwnShipInput:
             return False
         first, last = registration.echo_span(arrived)
         if self.look_up is not None:
-            self.look_up(arrived.frame_id, first, last, arrived.axes)
+            self._missing = self.look_up(arrived.frame_id, first, last, arrived.axes)
         if self.poses.coverage(first, last) is not PoseCoverage.NOT_YET:
             return False
         return waiting < self._options.own_ship_timeout
@@ -122,7 +123,8 @@ class OwnShipInput:
         if coverage is not PoseCoverage.NEVER and reaches:
             return None
         reason = "own_ship_stale" if len(self.poses) else "own_ship_missing"
-        return Refusal(reason, f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s")
+        sentence = f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s"
+        return Refusal(reason, f"{sentence}: {self._missing}" if self._missing else sentence)
 
     def _is_ahead(self, stamp: float) -> bool:
         last = self.poses.last_stamp

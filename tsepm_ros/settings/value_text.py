@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 
 import yaml
 
-from tsepm_ros.parameters import Value, shown
-
-EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
-"""A number with an exponent, with or without a decimal point."""
+from tsepm_ros.parameters import EXPONENT, Value, shown
 
 
 def yaml_text(value: Value) -> str:

@@ -1,0 +1,98 @@
+"""Parameter files given to a node: their sections, and what in them cannot be used."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tsepm_ros.settings.rendering import ANY_NODE
+
+_SECTION = "ros__parameters"
+
+
+def parameter_files(arguments: Sequence[str]) -> list[Path]:
+    """Paths after ``--params-file`` among the arguments of a node."""
+    return [Path(path) for flag, path in itertools.pairwise(arguments) if flag == "--params-file"]
+
+
+def unused_files(arguments: Sequence[str], node: str) -> list[str]:
+    """A sentence for each parameter file without a section that fits a node.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Arguments of the node.
+    node : str
+        Its fully qualified name.
+    """
+    sentences = []
+    for path in parameter_files(arguments):
+        keys = [key for key, _ in _sections(_content(path))]
+        if keys and not any(fits(key, node) for key in keys):
+            sentences.append(
+                f"parameter file {path} is not used: it has no section for {node}, only for "
+                f"{', '.join(keys)}; the key {ANY_NODE} fits any name and namespace"
+            )
+    return sentences
+
+
+def without_value(arguments: Sequence[str], node: str) -> list[str]:
+    """Names of the parameters in the files of a node that have no value that ROS can hold."""
+    return [
+        name
+        for path in parameter_files(arguments)
+        for key, values in _sections(_content(path))
+        if fits(key, node)
+        for name, value in _flattened(values)
+        if value is None or value == []
+    ]
+
+
+def fits(key: str, node: str) -> bool:
+    """Whether the key of a section fits a fully qualified name of a node, as in rcl.
+
+    ``*`` stands for one part of the name, ``**`` for any number.
+    """
+    parts = (part for part in key.split("/") if part)
+    pattern = "".join(
+        {"**": "(/[^/]+)*", "*": "/[^/]+"}.get(part, f"/{re.escape(part)}") for part in parts
+    )
+    return re.fullmatch(pattern, node) is not None
+
+
+def _content(path: Path) -> Any:
+    """Content of a file; None if it is no YAML, which ROS itself refuses."""
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError, ValueError):
+        return None
+
+
+def _sections(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Keys of nodes, with the namespaces around them, and their parameters."""
+    if not isinstance(content, Mapping):
+        return
+    for key, value in content.items():
+        if key == _SECTION:
+            yield prefix, value
+        else:
+            yield from _sections(
+                value, f"{prefix}/{key}".replace("//", "/") if prefix else str(key)
+            )
+
+
+def _flattened(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Full names and values of parameters in nested mappings."""
+    if not isinstance(values, Mapping):
+        return
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, Mapping):
+            yield from _flattened(value, f"{name}.")
+        else:
+            yield name, value
