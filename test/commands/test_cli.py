@@ -321,6 +321,29 @@ def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
     assert len(outs[0].splitlines()) > 2
 
 
+def test_a_bag_with_poses_in_tf_alone_is_refused_unless_the_sensor_stands_still(capsys, tmp_path):
+    """Tracks of a moving sensor that counts as fixed would all be wrong, without a word."""
+    bag_files = pytest.importorskip("support.bag_files")
+    entries = [entry for entry in bag_files.simulated() if entry.type_name == bag_files.POINTS]
+    tf = "tf2_msgs/msg/TFMessage"
+    message = bag_files.STORE.types[tf](transforms=[])
+    given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
+    static = bag_files.Entry(1000.0, "/tf_static", tf, message)
+    path = str(bag_files.write_bag(tmp_path / "fixed", [static, *entries]))
+    assert main(["run", path, *given]) == 0
+    moving = bag_files.Entry(1000.0, "/boat/tf", tf, message)
+    path = str(bag_files.write_bag(tmp_path / "moving", [moving, static, *entries]))
+    capsys.readouterr()
+    assert main(["run", path, *given]) == 2
+    [sentence] = capsys.readouterr().err.splitlines()
+    assert "no odometry, but transforms on /boat/tf" in sentence
+    assert "own_ship_source:=none" in sentence
+    assert main(["run", path, *given, "-p", "own_ship_source:=none"]) == 0
+    both = [moving, *bag_files.simulated()]
+    path = str(bag_files.write_bag(tmp_path / "both", sorted(both, key=lambda e: e.time)))
+    assert main(["run", path, *given]) == 0
+
+
 def test_the_truth_of_a_bag_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")
     bag_files = pytest.importorskip("support.bag_files")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -14,6 +16,8 @@ from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import Driver, cloud, pings
 
 from msg_adapters import MessageError
+from tsepm_ros.diagnostics.health_figures import Connections
+from tsepm_ros.diagnostics.rules import unread_type
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -109,12 +113,26 @@ def test_a_driver_that_comes_back_as_another_type_is_named_once(world):
         publisher = lidar.create_publisher(LaserScan, "detections", 10)
         world.until_logged(f"as {LASER_SCAN}, but", f"as {POINT_CLOUD};", level=WARN)
         assert publisher.topic_name == "/detections"
-        assert detections.unread == (LASER_SCAN,)
+        assert detections.unread == detections.other_readable == (LASER_SCAN,)
         for _ in range(20):
             world.spin_once(0.05)
         assert len(world.warned()) == 1
     assert detections.subscribed == POINT_CLOUD
     world.until(lambda: detections.unread == (), "the end of that driver")
+
+
+def test_a_readable_type_is_not_called_unreadable_on_diagnostics():
+    connections = Connections(
+        unread=(LASER_SCAN, "std_msgs/msg/String"),
+        subscribed_type=POINT_CLOUD,
+        other_readable=(LASER_SCAN,),
+    )
+    assert unread_type(SimpleNamespace(connections=connections)) == (
+        "detections are published as std_msgs/msg/String, which the node does not read; and as "
+        f"{LASER_SCAN}, which the node reads only after a new start: it has subscribed to "
+        f"{POINT_CLOUD}"
+    )
+    assert unread_type(SimpleNamespace(connections=Connections())) == ""
 
 
 def test_a_driver_whose_package_is_missing_is_named_and_another_still_found(world):

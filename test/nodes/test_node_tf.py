@@ -116,6 +116,7 @@ def test_a_scan_waits_for_tf_and_is_dropped_when_it_does_not_come(world, tf):
     boat.driver.ping(SENT[0])
     reasons = {"own_ship_missing", "own_ship_stale"}
     world.until(lambda: reasons & world.dropped().keys(), "the count")
+    world.until_logged("tf has no transform from 'sonar' to 'map' at", level=WARN)
     known.last = math.inf
     assert_same(boat.send(SENT[1:]), confirmed(SENT[1:]))
 

@@ -148,6 +148,19 @@ def test_rviz_shows_the_frame_of_the_tracks():
     assert nodes["rviz2"].arguments.endswith("-f map")
 
 
+@pytest.mark.parametrize("frame", ["", "map"])
+def test_simulator_and_initiator_have_the_same_fixed_frame(frame):
+    nodes = started(simulate="true", **({"fixed_frame": frame} if frame else {}))
+    assert nodes["sonar_simulator"].parameters["fixed_frame"] == (frame or "odom")
+    make_groups(NODES["sonar_simulator"], _known(nodes["sonar_simulator"].parameters))
+    if frame:
+        assert nodes["track_initiator"].parameters["fixed_frame"] == frame
+
+
+def _known(parameters):
+    return {name: value for name, value in parameters.items() if name != "use_sim_time"}
+
+
 def test_simulator_and_initiator_have_the_same_topics():
     nodes = started(simulate="true", **DRIVER)
     assert nodes["sonar_simulator"].remaps == nodes["track_initiator"].remaps

@@ -23,7 +23,7 @@ from tsepm_ros.settings.parameter_files import unused_files, without_value
 from tsepm_ros.settings.tables import Groups, full_table, make_groups
 
 _INT64 = 2**63 - 1
-_RCLPY_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_RCLPY_PARAMETERS = ("use_sim_time", "start_type_description_service", qos_overrides.PREFIX)
 """Parameters that rclpy declares itself."""
 _ROS_TYPES = {
     bool: RosParameter.Type.BOOL,
@@ -144,7 +144,11 @@ class NodeParameters:
 
     def _refuse_unknown(self) -> None:
         given = self._node.get_parameters_by_prefix("")
-        for name in given:
+        for name, one in given.items():
+            overridden = name.startswith(qos_overrides.PREFIX)
+            fault = qos_overrides.fault(name, one.value) if overridden else ""
+            if fault:
+                raise ParameterError(fault)
             if name not in self._rows and not name.startswith(_RCLPY_PARAMETERS):
                 raise ParameterError(unknown_parameter(name, self._rows))
 

@@ -28,7 +28,7 @@ _VALUES = {
 }
 
 
-def fault(name: str, value: Any, publishers: Collection[str]) -> str:
+def fault(name: str, value: Any, publishers: Collection[str] | None = None) -> str:
     """Why an override cannot be used; empty if it can.
 
     Parameters
@@ -36,8 +36,8 @@ def fault(name: str, value: Any, publishers: Collection[str]) -> str:
     name : str
         Full name of the parameter.
     value : object
-    publishers : collection of str
-        Full names of the topics that the node publishes.
+    publishers : collection of str, optional
+        Full names of the topics that the node publishes; not known yet if not given.
     """
     topic, _, rest = name.removeprefix(PREFIX).rpartition(".publisher.")
     if not topic:
@@ -46,7 +46,7 @@ def fault(name: str, value: Any, publishers: Collection[str]) -> str:
             "subscription follows its publisher (detections_reliability and detections_depth are "
             "parameters)"
         )
-    if topic not in publishers:
+    if publishers is not None and topic not in publishers:
         return f"{name} cannot be used: the node publishes {', '.join(sorted(publishers))}"
     if rest == "depth":
         valid = type(value) is int and value >= 1
