@@ -84,7 +84,7 @@ class Bag:
         except ImportError:
             raise ValueError(
                 f"{path} is a bag, which requires the library rosbags; it is not installed: "
-                "pip install rosbags"
+                "pip install rosbags (with Python from apt: docs/bags.md)"
             ) from None
         with self._reading():
             store = get_typestore(Stores.ROS2_JAZZY)
