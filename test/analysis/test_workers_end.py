@@ -16,7 +16,7 @@ import os, sys, time
 from tsepm_ros.analysis.workers import Workers
 
 def busy(job):
-    print(os.getpid(), flush=True)
+    os.write(1, b"%d\\n" % os.getpid())  # in one piece
     time.sleep(3600)
 
 if __name__ == "__main__":
@@ -36,17 +36,18 @@ def is_alive(process: int) -> bool:
 def test_workers_of_a_killed_parent_end(tmp_path):
     script = tmp_path / "run.py"
     script.write_text(SCRIPT)
-    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
-    workers = [int(parent.stdout.readline()) for _ in range(2)]
-    assert all(is_alive(worker) for worker in workers)
-    parent.send_signal(signal.SIGKILL)
-    parent.wait()
-    try:
-        end = time.monotonic() + WAIT
-        while any(is_alive(worker) for worker in workers) and time.monotonic() < end:
-            time.sleep(0.05)
-        assert not any(is_alive(worker) for worker in workers)
-    finally:
-        for worker in workers:
-            if is_alive(worker):
+    workers: list[int] = []
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as run:
+        try:
+            workers += [int(run.stdout.readline()) for _ in range(2)]
+            assert all(is_alive(worker) for worker in workers)
+            run.kill()
+            run.wait()
+            end = time.monotonic() + WAIT
+            while any(is_alive(worker) for worker in workers) and time.monotonic() < end:
+                time.sleep(0.05)
+            assert not any(is_alive(worker) for worker in workers)
+        finally:
+            run.kill()
+            for worker in filter(is_alive, workers):
                 os.kill(worker, signal.SIGKILL)
