@@ -52,10 +52,8 @@ class Session:
     settings : Settings
         Method, options, sensor and frames.
     report : callable, optional
-        Called as ``report(reason, sentence)`` for every scan, detection, own-ship sample or tracked
-        target that is dropped, and counted in `dropped`; for every restart; when the
-        downstream tracker falls silent or reports again; and when targets are seen to have several
-        detections a ping.
+        Called as ``report(reason, sentence)`` for every drop, which is counted in `dropped`, and
+        every notice: a restart, a change of the downstream tracker, or a question.
     live : bool, optional
         Whether `max_scan_time` is applied.
     queue_length : int, optional
@@ -65,10 +63,9 @@ class Session:
     ----------
     dropped : Counter
         Drops by reason since the start or the last reset.
-    arrived_stamp : float or None
-        Stamp of the scan that arrived last, dropped or not, s; of a sweep, once it is complete.
-    arrivals : int
-        Number of scans that arrived, dropped or not.
+    arrived_stamp, arrivals : float or None, int
+        Stamp of the scan that arrived last, s, and number of them, dropped or not; of a sweep,
+        once it is complete.
     """
 
     def __init__(
@@ -212,8 +209,7 @@ class Session:
             return
         self._frames.take_scan(arrived)
         arrived, refusal = self._own_ship.without_late_echoes(arrived)
-        self._report_all(refusal)
-        self._report_all(self._angles.judge(arrived))
+        self._report_all(refusal, self._angles.judge(arrived))
         scans, remarks, changed = self._sweep.take(arrived, now)
         if changed:
             self._order.reset()
