@@ -64,8 +64,7 @@ class Session:
     dropped : Counter
         Drops by reason since the start or the last reset.
     arrived_stamp, arrivals : float or None, int
-        Stamp of the scan that arrived last, s, and number of them, dropped or not; of a sweep,
-        once it is complete.
+        Stamp of the last arrived scan, s, and their number, dropped or not; of complete sweeps.
     """
 
     def __init__(
