@@ -104,7 +104,7 @@ def test_groups_are_made_from_full_names():
         ({"sensor.": 5}, "sensor. is not a parameter"),
         (
             {"clutter_density": 2e-4},
-            "clutter_density must be a text, one of given, estimated; got 0.0002; "
+            "clutter_density must be a text, one of estimated, given; got 0.0002; "
             "did you mean sensor.clutter_density?",
         ),
         (
@@ -113,7 +113,7 @@ def test_groups_are_made_from_full_names():
         ),
         (
             {"clutter_density": -1.0},
-            "clutter_density must be a text, one of given, estimated; got -1.0",
+            "clutter_density must be a text, one of estimated, given; got -1.0",
         ),
         ({"max_range": 300.0}, "max_range is not a parameter; did you mean sensor.max_range?"),
         ({"max_rnge": 300.0}, "max_rnge is not a parameter; did you mean sensor.max_range?"),

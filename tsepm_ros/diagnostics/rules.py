@@ -71,16 +71,12 @@ def cut_hypotheses(figures: HealthFigures) -> str:
 
 def unread_type(figures: HealthFigures) -> str:
     """Detections are published as a type to which the node has not subscribed."""
-    connections = figures.connections
-    other = [name for name in connections.unread if name not in connections.other_readable]
-    sentences = []
-    if other:
-        sentences.append(f"{', '.join(other)}, which the node does not read")
-    if connections.other_readable:
-        sentences.append(
-            f"{', '.join(connections.other_readable)}, which the node reads only after a new "
-            f"start: it has subscribed to {connections.subscribed_type}"
-        )
+    now = figures.connections
+    other = ", ".join(name for name in now.unread if name not in now.other_readable)
+    sentences = [f"{other}, which the node does not read"] if other else []
+    if now.other_readable:
+        after = f"after a new start: it has subscribed to {now.subscribed_type}"
+        sentences.append(f"{', '.join(now.other_readable)}, which the node reads only {after}")
     return f"detections are published as {'; and as '.join(sentences)}" if sentences else ""
 
 
