@@ -3,59 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from tsepm_ros.analysis.simulated_run import judge_starts
-from tsepm_ros.analysis.truth import origins_of
-from tsepm_ros.commands.arguments import add_values, scenario_names
 from tsepm_ros.commands.failure import CommandFailed
+from tsepm_ros.commands.run_sources import Run, add_source_arguments, needs_scene, open_run
 from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import Value
-from tsepm_ros.pictures.run_scene import RunScene, ScanView, truth_paths
-from tsepm_ros.replay.bag import (
-    DETECTIONS,
-    LAND,
-    OWN_SHIP,
-    TRACKED,
-    TRUTH,
-    Bag,
-    find_topics,
-    is_bag,
-    moving_frames,
-)
-from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.replay.offline import bag_results, bag_truth, recording_results
-from tsepm_ros.replay.recording import read_recording
-from tsepm_ros.replay.simulated_recording import simulated_recording
+from tsepm_ros.pictures.run_scene import RunScene, ScanView
 from tsepm_ros.replay.track_files import CurrentTable, TrackBag, TrackTable, TrackWriter
 from tsepm_ros.replay.track_listing import TrackListing
-from tsepm_ros.session.angle_units import questions
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.settings.value_text import parse_values
-from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.viewer.page_files import write_page
 from tsepm_ros.viewer.recorded_scene import RecordedScene
 from tsepm_ros.whole_files import opened_whole
-
-TOPIC_OPTIONS = {
-    DETECTIONS: "detections",
-    OWN_SHIP: "odometry",
-    TRACKED: "tracked",
-    TRUTH: "ground-truth",
-    LAND: "land",
-}
-"""Names of the topic options of a bag, by role."""
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,73 +34,6 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--html", type=Path, help="self-contained page with a time slider, such as run.html"
     )
-
-
-def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
-    """Add the arguments that say what is processed, and with which parameters."""
-    parser.add_argument(
-        "recording",
-        nargs=nargs,
-        help="folder with detections.csv; bag: folder with metadata.yaml, .mcap or .db3 file; "
-        f"or scenario to simulate: {scenario_names()}",
-    )
-    parser.add_argument(
-        "--seed", type=int, default=1, help="seed of a simulated scenario; default 1"
-    )
-    for role, name in TOPIC_OPTIONS.items():
-        parser.add_argument(
-            f"--{name}",
-            dest=f"topic_{role}",
-            default="",
-            metavar="TOPIC",
-            help=f"topic of a bag to read as {role}",
-        )
-    add_values(parser)
-
-
-@dataclass
-class Run:
-    """A prepared run.
-
-    Attributes
-    ----------
-    title : str
-    session : Session
-    results : iterator of ScanResult
-    truth : list of (m, 3) ndarray
-        Time (s), x and y (m) of each target.
-    judge : callable, optional
-        Judges the starts of a scene, if the origin of the detections is known.
-    notes : dict of str to str
-        First message by reason.
-    duration : float
-        Duration of the recording, s.
-    processed : int
-        Number of scans that were processed so far.
-    mounting_yaw : float or None
-        As in `ScanView.of`.
-    """
-
-    title: str
-    session: Session
-    results: Iterator[ScanResult]
-    truth: list[FloatArray] = field(default_factory=list)
-    judge: Callable[[RunScene], None] = lambda scene: None
-    notes: dict[str, str] = field(default_factory=dict)
-    duration: float = 0.0
-    processed: int = 0
-    mounting_yaw: float | None = 0.0
-
-    def recorded_scene(self) -> RecordedScene:
-        """An empty scene for a page of this run."""
-        north = self.session.source != "none" or self.mounting_yaw is None
-        return RecordedScene(self.title, north, self.truth, self.mounting_yaw)
-
-    def page_of(self, recorded: RecordedScene) -> str:
-        """The scene of the finished run, JSON."""
-        dropped = self.session.dropped
-        notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
-        return recorded.document(dropped, notes)
 
 
 def run_recording(options: argparse.Namespace) -> None:
@@ -174,152 +70,12 @@ def _require_matplotlib() -> None:
         raise ValueError("pictures and animations need matplotlib, see the extra plot") from None
 
 
-def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
-    """Open what the arguments of `add_source_arguments` name; `stack` closes it.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not allowed, or a recording cannot be read.
-    """
-    name = options.recording
-    if name.endswith((".yaml", ".yml")) or (
-        name in shipped_scenarios() and not Path(name).exists()
-    ):
-        return _simulation(load_scenario(name), options)
-    if not Path(name).exists():
-        scenarios = ", ".join(shipped_scenarios())
-        raise ValueError(f"{name} is neither an existing path nor a shipped scenario: {scenarios}")
-    if is_bag(name):
-        return _bag(stack.enter_context(Bag(name)), options)
-    return _recording(options)
-
-
-def _session(
-    options: argparse.Namespace, defaults: dict[str, Value]
-) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
-    """Make a session from the arguments, with its node options and its notes by reason."""
-    groups = make_groups(TRACK_INITIATOR, {**defaults, **parse_values(options.parameter)})
-    notes: dict[str, str] = {}
-
-    def note(reason: str, sentence: str) -> None:
-        notes.setdefault(reason, sentence)
-
-    settings = settings_from(groups)
-    for question in questions(settings.sensor, settings.mounting):
-        note(question, question)
-    session = Session(settings, note)
-    if session.settings.session.own_ship_source == "tf":
-        raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
-    return session, groups[InitiatorNodeOptions], notes
-
-
-def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
-    return None if node.bearing_reference == "north" else session.settings.mounting.yaw
-
-
-def _recording(options: argparse.Namespace) -> Run:
-    recording = read_recording(options.recording)
-    defaults: dict[str, Value] = {"own_ship_source": "odometry"} if recording.own_ship else {}
-    session, node, notes = _session(options, defaults)
-    first, last = recording.span
-    return Run(
-        title=_title(options, session),
-        session=session,
-        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
-        truth=truth_paths(recording.targets),
-        notes=notes,
-        duration=last - first,
-        mounting_yaw=_mounting_yaw(session, node),
-    )
-
-
-def _bag(bag: Bag, options: argparse.Namespace) -> Run:
-    given = {role: getattr(options, f"topic_{role}") for role in TOPIC_OPTIONS}
-    try:
-        topics = find_topics(bag.topics, given)
-    except ValueError as error:
-        names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
-        raise ValueError(f"{error} (topics are named by {names})") from None
-    moving = moving_frames(bag.topics)
-    if moving and OWN_SHIP not in topics and "own_ship_source" not in _given_names(options):
-        raise ValueError(
-            f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
-            "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
-            "give -p own_ship_source:=none if the sensor does not move"
-        )
-    source = "odometry" if OWN_SHIP in topics else "none"
-    session, node, notes = _session(options, {"own_ship_source": source})
-    if session.settings.session.own_ship_source == "none":
-        topics.pop(OWN_SHIP, None)  # as in the node
-    return Run(
-        title=_title(options, session),
-        session=session,
-        results=_with_assumptions(bag, topics, session, node, notes),
-        truth=bag_truth(bag, topics) if _needs_scene(options) else [],
-        notes=notes,
-        duration=bag.duration,
-        mounting_yaw=_mounting_yaw(session, node),
-    )
-
-
-def _given_names(options: argparse.Namespace) -> set[str]:
-    """Names of the parameters on the command line."""
-    return set(parse_values(options.parameter))
-
-
-def _with_assumptions(
-    bag: Bag,
-    topics: dict[str, str],
-    session: Session,
-    node: InitiatorNodeOptions,
-    notes: dict[str, str],
-) -> Iterator[ScanResult]:
-    message_input = MessageInput(session, node)
-    yield from bag_results(bag, topics, session, message_input)
-    notes.update({sentence: sentence for sentence in sorted(message_input.assumptions)})
-
-
-def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
-    simulator = Simulator(scenario, options.seed)
-    recording, origins = simulated_recording(simulator)
-    sensor: dict[str, Value] = {
-        f"sensor.{name}": value for name, value in dataclasses.asdict(scenario.sensor).items()
-    }
-    session, node, notes = _session(options, {"own_ship_source": "odometry", **sensor})
-
-    def judge(scene: RunScene) -> None:
-        processed = [view.stamp for view in scene.scans]
-        stamps = [scan.time for scan in recording.scans]
-        scene.judged = judge_starts(simulator, scene.starts, origins_of(processed, stamps, origins))
-
-    return Run(
-        title=f"{scenario.name}, seed {options.seed}, method {session.settings.session.method}",
-        session=session,
-        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
-        truth=truth_paths(recording.targets),
-        judge=judge,
-        notes=notes,
-        duration=scenario.duration,
-    )
-
-
-def _title(options: argparse.Namespace, session: Session) -> str:
-    path = Path(options.recording)
-    name = path.parent.name if path.name == "detections.csv" else path.stem
-    return f"{name or path.resolve().name}, method {session.settings.session.method}"
-
-
-def _needs_scene(options: argparse.Namespace) -> bool:
-    return bool(options.out or options.picture or options.animation or options.html)
-
-
 def _process(
     run: Run, options: argparse.Namespace, recorded: RecordedScene | None = None
 ) -> RunScene:
     """Process the run and write the tracks; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
-    needs_scene = _needs_scene(options)
+    with_scene = needs_scene(options)
     with ExitStack() as stack:
         writers = _writers(options.out, run.session.settings.make_initiator().reason, stack)
         for result in run.results:
@@ -328,7 +84,7 @@ def _process(
                 writer.write(result)
             if recorded is not None:
                 recorded.add(result, run.session.initiator)
-            if needs_scene:
+            if with_scene:
                 scene.scans.append(
                     ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)
                 )

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 
-from tsepm_ros.commands.run_command import add_source_arguments, open_run
+from tsepm_ros.commands.run_sources import add_source_arguments, open_run
 from tsepm_ros.parameters import Value, table
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.settings.value_text import yaml_text

@@ -10,16 +10,16 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
-from tsepm_ros.nodes.node_parameters import AUTO_DECLARE, NodeParameters, refusing
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode, refusing
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
+from tsepm_ros.settings.node_help import help_text
 from tsepm_ros.settings.tables import TRACK_VIEWER
 from tsepm_ros.settings.viewer_options import ViewerNodeOptions
 from tsepm_ros.viewer.live_frames import CLOUDS, DIAGNOSTICS, FIXED, OWN_SHIP, TRACKS
@@ -35,11 +35,11 @@ SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
 
 
-class TrackViewer(Node):
+class TrackViewer(ParameterisedNode):
     """Subscribes to what the track initiator publishes, and serves a page of it."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("track_viewer", **AUTO_DECLARE, **node_options)
+        super().__init__("track_viewer", **node_options)
         options: ViewerNodeOptions = NodeParameters(self, TRACK_VIEWER).options[ViewerNodeOptions]
         self._gathered = 0.0  # when the last pause ended
         warnings = ThrottledWarnings(self)
@@ -73,6 +73,7 @@ class TrackViewer(Node):
         # A node without a timer might never notice that the context was shut down by a signal.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(CHECK_PERIOD, self._check_publisher, clock=steady)
+        self.refuse_unused_overrides()
         self.get_logger().info(f"open {self._feed.server.url}")
 
     @property
@@ -106,7 +107,7 @@ class TrackViewer(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(TrackViewer, args)
+    return run(TrackViewer, args, help_text("track_viewer", __doc__))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ import html
 from importlib import resources
 from pathlib import Path
 
+from tsepm_ros.whole_files import write_text
+
 SCRIPTS = ("scene.js", "plan.js", "panels.js", "watch.js")
 """Scripts in the order in which the page loads them."""
 STYLE, SHELL = "watch.css", "watch.html"
@@ -72,7 +74,7 @@ def write_page(path: Path, title: str, recording: str) -> None:
     """Write a self-contained page, see `self_contained_page`; its folder is made."""
     page = self_contained_page(title, recording)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8", newline="\n")
+    write_text(path, page)
 
 
 def _filled(source: str, title: str, head: str, scripts: str) -> str:
