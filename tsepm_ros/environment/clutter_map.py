@@ -154,6 +154,18 @@ class ClutterMap:
         low = _bound(np.maximum(number - 1.0, 0.0), -MAX_DEVIATIONS)
         return max(float(low / mean), 1.0)
 
+    @property
+    def memory(self) -> tuple[FloatArray, float]:
+        """Counts by ring and column, and the number of scans; both fading."""
+        return self._counts.copy(), self._scans
+
+    def remember(self, counts: FloatArray, scans: float, seen: Region) -> None:
+        """Begin with the memory of another map of the same cells, and where clutter was seen."""
+        self._counts, self._scans = counts.copy(), scans
+        self._seen, self._seen_sums = seen, self._sums_of_seen(seen)
+        self.area = min(seen.area, self._sensor.coverage_area)
+        self._density = None
+
     def withdraw(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Remove weight of the last scan's detections, with effect from the next update."""
         np.subtract.at(self._counts, self._cells(range, azimuth), weight)

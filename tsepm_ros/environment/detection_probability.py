@@ -47,6 +47,15 @@ class DetectionProbability:
         self._detected = keep * self._detected + float(detected.sum()) / gate_probability
         self._covered = keep * self._covered + covered
 
+    @property
+    def memory(self) -> tuple[float, float]:
+        """D / P_G and C, both fading."""
+        return self._detected, self._covered
+
+    def remember(self, detected: float, covered: float) -> None:
+        """Begin with the memory of another estimate."""
+        self._detected, self._covered = detected, covered
+
     def estimate(self, given: float) -> float:
         """The estimate of P_D, with p_0 = `given`."""
         weight = DATA_SHEET_SCANS

@@ -143,6 +143,11 @@ class SeenExtent:
         return self.detections >= MIN_DETECTIONS
 
     @property
+    def places(self) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and azimuth (rad) of the detections that count."""
+        return self._range, self._azimuth
+
+    @property
     def region(self) -> Region:
         """Where clutter is seen; the limit before the third detection."""
         return self._region

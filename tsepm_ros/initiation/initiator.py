@@ -264,6 +264,10 @@ class Initiator:
         """Models of the surroundings, learned from the scans so far."""
         return self.front_end.learned
 
+    def remember(self, learned: Learned) -> None:
+        """Begin with what was learned before, such as before a restart."""
+        self.front_end.learned = learned
+
     @property
     def land(self) -> LandMask | None:
         """Land of the fixed frame: detections on it are left out, from the next scan on."""
