@@ -197,12 +197,12 @@ def main() -> None:
         arguments += [f"--{name}", str(getattr(options, name))]
     node = [sys.executable, "-m", "tsepm_ros.nodes.track_viewer", "--ros-args", "-p", "port:=0"]
     with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "viewer.txt"
-        with log.open("wb") as output:
+        temporary_log = Path(folder) / "viewer.txt"
+        with temporary_log.open("wb") as output:
             viewer = subprocess.Popen(node, env=environment, stdout=output, stderr=output)
         source = subprocess.Popen(arguments, stderr=subprocess.DEVNULL)
         try:
-            measure(options, viewer, log)
+            measure(options, viewer, temporary_log)
         finally:
             for process in (source, viewer):
                 process.send_signal(signal.SIGINT)

@@ -17,6 +17,7 @@ from tsepm_ros.diagnostics.health_figures import Latency
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.diagnostics_publisher import DiagnosticsPublisher
 from tsepm_ros.nodes.land_subscription import LandSubscription
+from tsepm_ros.nodes.learned_file import SAVING_PERIOD, LearnedFile
 from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
@@ -57,6 +58,13 @@ class TrackInitiator(ParameterisedNode):
         self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
+        self._learned = LearnedFile(
+            self._session,
+            options.learned_file,
+            options.learned_max_age,
+            self.get_logger().info,
+            self.get_logger().warning,
+        )
         self._input = MessageInput(self._session, options, self.get_logger().warning)
         self._health = Health(parameters[DiagnosticsOptions])
         qos = QosWatch(self)
@@ -88,12 +96,20 @@ class TrackInitiator(ParameterisedNode):
             options.diagnostics_period,
             self._now,
         )
+        if self._learned.used:
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self.create_timer(SAVING_PERIOD, self._learned.write, clock=steady)
         self.refuse_unused_overrides()
 
     @property
     def latency(self) -> Latency:
         """Latency of the last scan."""
         return self._health.latency
+
+    def destroy_node(self) -> None:
+        """Destroy the node; what was learned is written before."""
+        self._learned.write()
+        super().destroy_node()
 
     def take_detections(self, message: Any) -> None:
         """Take a message of detections of any supported type."""

@@ -40,6 +40,21 @@ class InitiatorNodeOptions:
         choices=("bow", "north"),
         read_only=True,
     )
+    learned_file: str = parameter(
+        "",
+        "File in which what was learned (clutter density, where clutter is seen, detection "
+        "probability) is kept over a restart; it is written every minute and at the end; empty: "
+        "none",
+        read_only=True,
+    )
+    learned_max_age: float = parameter(
+        86_400.0,
+        "Age up to which learned_file is used; it counts half after 6 hours",
+        unit="s",
+        positive=True,
+        maximum=31_536_000.0,
+        read_only=True,
+    )
     publish_potential_tracks: bool = parameter(
         False, "Publish hypotheses with at least two hits on potential_tracks, with markers"
     )

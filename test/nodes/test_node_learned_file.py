@@ -1,0 +1,60 @@
+"""What the node learned is kept over a restart."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+from support.boat import Boat
+from support.sonar_driver import pings
+
+
+def density(world) -> float:
+    """The clutter density in use, from the diagnostics."""
+    return float(world.figures()["clutter_density"])
+
+
+def test_what_was_learned_is_there_after_a_restart(world, tmp_path):
+    path = tmp_path / "deeper" / "learned.json"
+    boat = Boat(world, learned_file=str(path))
+    sent = pings()
+    boat.send(sent)
+    world.until(lambda: world.figures()["scans"] == str(len(sent)), "the diagnostics")
+    learned = density(world)
+    world.end(boat.node)
+    assert json.loads(path.read_text())["clutter_scans"] > 0.0
+    Boat(world, learned_file=str(path))
+    world.until(lambda: world.figures()["scans"] == "0", "the diagnostics of the new node")
+    assert density(world) == pytest.approx(learned, rel=0.1)
+    assert learned != 1e-6
+    world.until_logged("is used from")
+
+
+@pytest.mark.parametrize("content", ["{", '{"format": 99}'])
+def test_a_file_that_does_not_fit_is_named_and_not_used(world, tmp_path, content):
+    path = tmp_path / "learned.json"
+    path.write_text(content)
+    boat = Boat(world, learned_file=str(path))
+    world.until_logged("is not used", str(path))
+    sent = pings()
+    assert len(boat.send(sent)) == len(sent)
+
+
+def test_an_old_file_is_stale(world, tmp_path):
+    path = tmp_path / "learned.json"
+    boat = Boat(world, learned_file=str(path))
+    boat.send(pings())
+    world.end(boat.node)
+    content = json.loads(path.read_text()) | {"time": time.time() - 90_000.0}
+    path.write_text(json.dumps(content))
+    Boat(world, learned_file=str(path))
+    world.until_logged("stale")
+
+
+def test_a_folder_that_cannot_be_written_does_not_stop_the_node(world, tmp_path, capfd):
+    (tmp_path / "file").write_text("")
+    boat = Boat(world, learned_file=str(tmp_path / "file" / "learned.json"))
+    boat.send(pings())
+    world.end(boat.node)
+    assert "cannot be written" in capfd.readouterr().err
