@@ -105,7 +105,7 @@ def run(settings: Settings, scans: list[Ping], type_name: str) -> Run:
     for number, ping in enumerate(scans, 1):
         header = make_header(round(ping.scan.stamp * 1e9), "sonar")
         arriving.take_detections(
-            write_detections(type_name, header, ping.scan, sound_speed=0.0), math.inf
+            write_detections(type_name, header, ping.scan, sound_speed=0.0), ping.scan.stamp
         )
         for result in session.process():
             for track in result.new:
