@@ -161,7 +161,11 @@ def truth_at(recording: Recording, stamp: float) -> Truth:
 
 
 def settings_of(
-    how: str, max_speed: float = 15.0, max_range: float = 500.0, clutter_density: float = 1e-6
+    how: str,
+    max_speed: float = 15.0,
+    max_range: float = 500.0,
+    clutter_density: float = 1e-6,
+    min_speed: float = 0.0,
 ) -> Settings:
     """`score` at 10 false tracks an hour; density and P_D as `how`: estimated or given."""
     return Settings(
@@ -173,7 +177,12 @@ def settings_of(
             detection_probability=0.92,
             clutter_density=clutter_density,
         ),
-        CommonOptions(max_speed=max_speed, clutter_density=how, detection_probability=how),
+        CommonOptions(
+            max_speed=max_speed,
+            min_speed=min_speed,
+            clutter_density=how,
+            detection_probability=how,
+        ),
         {"score": ScoreOptions(false_tracks_per_hour=10.0)},
     )
 
@@ -193,8 +202,10 @@ def watched_recording(folder: Path, settings: Settings, gate: float) -> tuple[Wa
 
 def recordings(given: argparse.Namespace) -> None:
     """Run the recordings with learned figures, and with those of the data sheet."""
-    for how in ("estimated", "given"):
-        settings = settings_of(how, given.max_speed, given.max_range, given.clutter_density)
+    for how in given.figures:
+        settings = settings_of(
+            how, given.max_speed, given.max_range, given.clutter_density, given.min_speed
+        )
         found = [watched_recording(folder, settings, given.gate) for folder in given.folders]
         rows = [
             row_of(folder.name, [watched])
@@ -366,7 +377,11 @@ def main() -> None:
     of_recordings.add_argument("--gate", type=float, default=40.0, help="m")
     of_recordings.add_argument("--max-range", type=float, default=500.0, help="m")
     of_recordings.add_argument("--max-speed", type=float, default=15.0, help="m/s")
+    of_recordings.add_argument("--min-speed", type=float, default=0.0, help="m/s, 0: off")
     of_recordings.add_argument("--clutter-density", type=float, default=1e-6, help="1/m^2")
+    of_recordings.add_argument(
+        "--figures", nargs="+", choices=("estimated", "given"), default=("estimated", "given")
+    )
     of_recordings.add_argument("--list", action="store_true", help="name the tracks elsewhere")
     of_recordings.set_defaults(run=recordings)
     of_scenes = parts.add_parser("scenes")

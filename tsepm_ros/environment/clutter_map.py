@@ -196,6 +196,7 @@ class ClutterMap:
             return density
         target = min(self._scans + 2.0, MAX_TARGET_COUNT)
         seen_sums = self._seen_sums
+        widening = max(self.area / self._seen.area, 1.0) if self._seen.area else math.inf
         # Cumulative sums: the cost of a window does not depend on its size.
         sums = np.zeros((shape[0] + 1, shape[1]))
         np.cumsum(self._counts, axis=0, out=sums[1:])
@@ -205,7 +206,8 @@ class ClutterMap:
             height, width = min(side, shape[0]), min(side, shape[1])
             whole = 0.5 * self._width * (self._edges[height:] ** 2 - self._edges[:-height] ** 2)
             seen = self._along_azimuth(seen_sums[height:] - seen_sums[:-height], width)
-            exposure = self._scans * np.maximum(seen, MIN_SEEN_SHARE * width * whole[:, None])
+            all_ = width * whole[:, None]
+            exposure = self._scans * np.clip(widening * seen, MIN_SEEN_SHARE * all_, all_)
             count = self._along_azimuth(sums[height:] - sums[:-height], width)
             low = _bound(np.maximum(count - target, 0.0), -MAX_DEVIATIONS) / exposure
             high = _bound(count, MAX_DEVIATIONS) / exposure
