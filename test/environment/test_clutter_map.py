@@ -9,6 +9,7 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.environment.clutter_map import ClutterMap
+from tsepm_ros.environment.seen_extent import Extent, SeenExtent
 
 SONAR = SensorModel(max_range=9000.0)
 
@@ -186,3 +187,15 @@ def test_the_mean_is_over_the_area():
         made.update(range_[near], azimuth[near], np.ones(near.sum()))
     # 25 000 places even over the area, 1250 of them near: 10 % is 3.5 standard errors.
     assert made.mean == pytest.approx(made.at(*disc(rng, 1e-4)).mean(), rel=0.1)
+
+
+def test_a_few_detections_in_a_small_hull_may_be_targets_and_make_no_dense_clutter():
+    range_, azimuth = np.array([170.0, 297.0, 474.0]), np.radians([22.0, -4.0, 22.0])
+    sensor = SensorModel(max_range=500.0)
+    made, seen = ClutterMap(sensor), SeenExtent(Extent.of(sensor))
+    for _ in range(3):
+        seen.update(range_, azimuth, np.ones(3))
+        made.update(range_, azimuth, np.ones(3), seen.region, min_area=5e5)
+    # In the hull clutter would be ten times as dense as where one target may be.
+    assert seen.region.area < 5e4
+    assert made.at(range_, azimuth).max() < 2.0 * 3.0 / 5e5

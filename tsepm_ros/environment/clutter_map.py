@@ -92,7 +92,7 @@ class ClutterMap:
         range, azimuth : (n,) ndarray
             m, rad. Positions outside the coverage use the nearest cell.
         """
-        return np.asarray(self._level * self._densities[self._cells(range, azimuth)])
+        return np.asarray(self._level * self._densities[self.cells(range, azimuth)])
 
     @property
     def mean(self) -> float:
@@ -101,6 +101,34 @@ class ClutterMap:
         if not area.any():
             return float(self._level * self._densities.mean())
         return float(self._level * np.average(self._densities, weights=area))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of cells in range and in azimuth."""
+        rows, columns = self._counts.shape
+        return rows, columns
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the last column is next to the first."""
+        return self._sensor.sector_width >= 2.0 * np.pi
+
+    @property
+    def expected(self) -> FloatArray:
+        """Number of clutter detections expected in each cell in a scan, (r, c)."""
+        seen = np.diff(self._seen_sums, axis=0)
+        area = 0.5 * self._width * np.diff(self._edges**2)[:, None]
+        return np.asarray(self._level * self._densities * self._counted(seen, area))
+
+    def _counted(self, seen: FloatArray, whole: FloatArray) -> FloatArray:
+        """Area of windows that counts, m^2: as far as clutter is seen in it, or a target may be."""
+        widening = max(self.area / self._seen.area, 1.0) if self._seen.area else np.inf
+        return np.clip(widening * seen, MIN_SEEN_SHARE * whole, whole)
+
+    def halfway(self, row: int) -> int:
+        """The row from which on half of the area is that from a row on."""
+        square = 0.5 * (self._edges[row] ** 2 + self._edges[-1] ** 2)
+        return int(np.searchsorted(self._edges, np.sqrt(square)))
 
     def in_zone(self, range: FloatArray, azimuth: FloatArray) -> NDArray[np.bool_]:
         """Whether positions (n,) are in a clutter zone (Environment 2018, Section 2.1); see `at`.
@@ -140,7 +168,7 @@ class ClutterMap:
         keep = 1.0 - 1.0 / MEMORY
         self._scans = keep * self._scans + 1.0
         self._counts *= keep
-        np.add.at(self._counts, self._cells(range, azimuth), weight)
+        np.add.at(self._counts, self.cells(range, azimuth), weight)
         self._level = self._level_of(float(weight.sum()))
         self._density = None
 
@@ -151,7 +179,7 @@ class ClutterMap:
         squall, or a gain that was raised, shows at once.
         """
         mean = (DATA_SHEET_COUNT + self._counts.sum()) / (DATA_SHEET_COUNT + self._scans)
-        low = _bound(np.maximum(number - 1.0, 0.0), -MAX_DEVIATIONS)
+        low = poisson_bound(np.maximum(number - 1.0, 0.0), -MAX_DEVIATIONS)
         return max(float(low / mean), 1.0)
 
     @property
@@ -168,11 +196,11 @@ class ClutterMap:
 
     def withdraw(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Remove weight of the last scan's detections, with effect from the next update."""
-        np.subtract.at(self._counts, self._cells(range, azimuth), weight)
+        np.subtract.at(self._counts, self.cells(range, azimuth), weight)
         np.maximum(self._counts, 0.0, out=self._counts)
 
-    def _cells(self, range: FloatArray, azimuth: FloatArray) -> tuple[IntArray, IntArray]:
-        """Row (by range) and column (by azimuth)."""
+    def cells(self, range: FloatArray, azimuth: FloatArray) -> tuple[IntArray, IntArray]:
+        """Row (by range) and column (by azimuth) of the cells of positions (n,); see `at`."""
         rows, columns = self._counts.shape
         from_start = np.remainder(azimuth - self._sensor.azimuth_min, 2.0 * np.pi)
         row = np.clip(np.searchsorted(self._edges, range, side="right") - 1, 0, rows - 1)
@@ -196,7 +224,6 @@ class ClutterMap:
             return density
         target = min(self._scans + 2.0, MAX_TARGET_COUNT)
         seen_sums = self._seen_sums
-        widening = max(self.area / self._seen.area, 1.0) if self._seen.area else math.inf
         # Cumulative sums: the cost of a window does not depend on its size.
         sums = np.zeros((shape[0] + 1, shape[1]))
         np.cumsum(self._counts, axis=0, out=sums[1:])
@@ -206,11 +233,10 @@ class ClutterMap:
             height, width = min(side, shape[0]), min(side, shape[1])
             whole = 0.5 * self._width * (self._edges[height:] ** 2 - self._edges[:-height] ** 2)
             seen = self._along_azimuth(seen_sums[height:] - seen_sums[:-height], width)
-            all_ = width * whole[:, None]
-            exposure = self._scans * np.clip(widening * seen, MIN_SEEN_SHARE * all_, all_)
+            exposure = self._scans * self._counted(seen, width * whole[:, None])
             count = self._along_azimuth(sums[height:] - sums[:-height], width)
-            low = _bound(np.maximum(count - target, 0.0), -MAX_DEVIATIONS) / exposure
-            high = _bound(count, MAX_DEVIATIONS) / exposure
+            low = poisson_bound(np.maximum(count - target, 0.0), -MAX_DEVIATIONS) / exposure
+            high = poisson_bound(count, MAX_DEVIATIONS) / exposure
             density = np.clip(
                 density,
                 self._densest_around(low, height, width),
@@ -235,7 +261,7 @@ class ClutterMap:
 
     def _wraps(self, width: int) -> bool:
         """Whether windows of a width wrap around in azimuth."""
-        return self._sensor.sector_width >= 2.0 * np.pi and width < self._counts.shape[1]
+        return self.wraps and width < self._counts.shape[1]
 
     def _along_azimuth(self, sums: FloatArray, width: int) -> FloatArray:
         """Sums over each run of `width` columns."""
@@ -258,7 +284,7 @@ class ClutterMap:
         return largest
 
 
-def _bound(count: FloatArray, deviations: float) -> FloatArray:
+def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     """Bound of a Poisson mean at a distance of `deviations` standard deviations from the count.
 
     The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).

@@ -10,6 +10,7 @@ from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Surroundings
 from tsepm_ros.environment.measurement_errors import MeasurementErrors
 from tsepm_ros.environment.scan_interval import ScanInterval
+from tsepm_ros.environment.secondary_echoes import SecondaryEchoes
 from tsepm_ros.environment.seen_extent import EVERYWHERE, Extent, SeenExtent
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -25,6 +26,8 @@ class Learned:
         Where clutter is seen, in the coverage.
     all_extent : SeenExtent
         Where detections are, outside the coverage too, of scans that have such.
+    secondary_echoes : SecondaryEchoes
+        Clutter behind targets, and behind other clutter of a scan.
     scan_interval : ScanInterval
     clutter_range_rates : ClutterRangeRates
         Range rates of clutter.
@@ -39,6 +42,7 @@ class Learned:
     clutter_map: ClutterMap
     seen_extent: SeenExtent
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
+    secondary_echoes: SecondaryEchoes = field(default_factory=SecondaryEchoes)
     scan_interval: ScanInterval = field(default_factory=ScanInterval)
     clutter_range_rates: ClutterRangeRates = field(default_factory=ClutterRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
@@ -55,5 +59,8 @@ class Learned:
         if self.clutter_map.fits(sensor):
             return self
         return replace(
-            self, clutter_map=ClutterMap(sensor), seen_extent=SeenExtent(Extent.of(sensor))
+            self,
+            clutter_map=ClutterMap(sensor),
+            seen_extent=SeenExtent(Extent.of(sensor)),
+            secondary_echoes=SecondaryEchoes(),
         )

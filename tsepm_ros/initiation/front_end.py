@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.environment.land import LandMask, afloat
 from tsepm_ros.environment.learned import Learned
+from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.plot_extraction import PlotExtraction
@@ -203,6 +204,10 @@ class FrontEnd:
             clutter_sensor = learned.clutter_range_rates.estimate(self.sensor)
         of_rates = range_rates.clutter_density(detections, clutter_sensor)
         before = self._local_density(len(detections)) * of_rates
+        if self._learns_secondary_echoes:
+            before *= learned.secondary_echoes.behind_targets(
+                learned.clutter_map, self._held_targets, *self._polar
+            )
         held_density = self.maintenance.step(
             scan.stamp,
             detections,
@@ -237,6 +242,10 @@ class FrontEnd:
             *self._polar, self._clutter_weight, learned.seen_extent.region, self._reach_area
         )
         detections["clutter_density"] = self._local_density(len(detections))
+        if self._learns_secondary_echoes:
+            detections["clutter_density"] *= learned.secondary_echoes.update(
+                learned.clutter_map, self._held_targets, *self._polar, self._clutter_weight
+            )
         self._hits.append(self.scan_index, detections, self._window)
         return Observation(
             stamp=scan.stamp,
@@ -256,6 +265,19 @@ class FrontEnd:
             detection_probability_in_use=self.detection_probability,
             time_limit=time_limit,
         )
+
+    @property
+    def _learns_secondary_echoes(self) -> bool:
+        """Whether the density counts clutter behind targets, which the held tracks must be."""
+        return self.common.clutter_density == "estimated" and self.most_tracks_true
+
+    @property
+    def _held_targets(self) -> HeldTargets:
+        """The held tracks in the sensor's frame, as of the last step."""
+        held = self.maintenance.held
+        tracks = held.tracks
+        range_, azimuth = self._poses.polar(tracks.state[:, 0::2])
+        return HeldTargets(tracks.track_id, range_, azimuth, held.existence)
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
         """Learn the sensor's errors from held tracks' detections, if these have its errors."""
