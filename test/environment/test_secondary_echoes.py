@@ -1,4 +1,4 @@
-"""Clutter behind echoes: what even clutter, spokes, ghosts and a second target do to the density."""
+"""Clutter behind echoes: even clutter, spokes of interference, ghosts, and a second target."""
 
 from __future__ import annotations
 

@@ -120,11 +120,6 @@ class ClutterMap:
         area = 0.5 * self._width * np.diff(self._edges**2)[:, None]
         return np.asarray(self._level * self._densities * self._counted(seen, area))
 
-    def _counted(self, seen: FloatArray, whole: FloatArray) -> FloatArray:
-        """Area of windows that counts, m^2: as far as clutter is seen in it, or a target may be."""
-        widening = max(self.area / self._seen.area, 1.0) if self._seen.area else np.inf
-        return np.clip(widening * seen, MIN_SEEN_SHARE * whole, whole)
-
     def halfway(self, row: int) -> int:
         """The row from which on half of the area is that from a row on."""
         square = 0.5 * (self._edges[row] ** 2 + self._edges[-1] ** 2)
@@ -249,6 +244,16 @@ class ClutterMap:
         area = 0.5 * self._width * np.diff(self._edges**2)[:, None]
         inside = seen.contains(*self._middles)
         return np.concatenate([np.zeros((1, inside.shape[1])), np.cumsum(area * inside, axis=0)])
+
+    def _counted(self, seen: FloatArray, whole: FloatArray) -> FloatArray:
+        """Area of windows (m^2) that counts: where clutter is seen, of theirs in it and in all.
+
+        Where that is smaller in sum than the area of one target, the parts count as larger.
+        """
+        if not self._seen.area:
+            return whole
+        widening = max(self.area / self._seen.area, 1.0)
+        return np.clip(widening * seen, MIN_SEEN_SHARE * whole, whole)
 
     @property
     def _middles(self) -> tuple[FloatArray, FloatArray]:
