@@ -4,9 +4,10 @@ A strong echo comes with others at its bearing, farther away: at multiples of it
 sound or the radar pulse goes to and fro more than once, and at any range, over other reflectors
 (Skolnik, "Introduction to Radar Systems", 3rd ed., 2001, Chap. 7). Interference fills a bearing in
 one scan. These echoes move as the bearing does, which a map of the clutter in space does not
-follow. Here the density that the map expects is multiplied by the larger of two factors, both 1
-where nothing shows that clutter is denser. Both count clutter in strips of several widths in
-bearing.
+follow. Here the density that the map expects is multiplied by two factors, both 1 where nothing
+shows that clutter is denser. Both count clutter in strips of several widths in bearing. Each makes
+up for the whole excess: their product is cautious, since echoes of one cause are alike from scan to
+scan, which a density does not describe.
 
 In front of a detection, in its own scan: the level u of clutter in a strip has a gamma
 distribution of mean 1 and variance ``1 / k = g - 1``, with the pair correlation g: pairs of
