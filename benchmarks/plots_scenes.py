@@ -49,6 +49,11 @@ class Swimmers:
         Whether the errors are common to the echoes of a ping, or each echo's own.
     apart : tuple of float, optional
         Where a second swimmer is, seen from the first, m.
+    hull : float
+        Length of the targets along their course, m: above 0, the echoes of a ping are anywhere
+        along it, each with errors of its own.
+    speed : float
+        m/s.
     false : float
         False detections a ping.
     pings : int
@@ -58,6 +63,8 @@ class Swimmers:
     spread: float = 1.0
     common: bool = True
     apart: tuple[float, float] | None = None
+    hull: float = 0.0
+    speed: float = 1.0
     false: float = 20.0
     pings: int = 40
 
@@ -82,7 +89,7 @@ class Swimmers:
         echo_rng = np.random.default_rng([seed, 8])
         distance, bearing = rng.uniform(100.0, 190.0), 0.6 * HALF_SECTOR * rng.uniform(-0.8, 0.8)
         heading = rng.uniform(0.0, 2.0 * np.pi)
-        velocity = np.array([math.cos(heading), math.sin(heading)])
+        velocity = self.speed * np.array([math.cos(heading), math.sin(heading)])
         places = [distance * np.array([math.cos(bearing), math.sin(bearing)])]
         if self.apart is not None:
             places.append(places[0] + self.apart)
@@ -98,7 +105,9 @@ class Swimmers:
             for target, place in enumerate(places):
                 error = rng.standard_normal(2)
                 if rng.random() < 0.9:
-                    parts.append(self._echoes(echo_rng, place + stamp * velocity, target, error))
+                    parts.append(
+                        self._echoes(echo_rng, place + stamp * velocity, velocity, target, error)
+                    )
             range_, azimuth, origin = map(np.concatenate, zip(*parts, strict=True))
             order = rng.permutation(len(range_))
             yield Ping(
@@ -112,18 +121,28 @@ class Swimmers:
         self,
         rng: np.random.Generator,
         place: NDArray[np.float64],
+        velocity: NDArray[np.float64],
         target: int,
         error: NDArray[np.float64],
     ) -> tuple[NDArray, NDArray, NDArray]:
         number = int(rng.integers(self.echoes[0], self.echoes[1] + 1))
+        if self.hull:
+            along = self.hull * (rng.random(number) - 0.5) / self.speed
+            x, y = place[:, None] + along * velocity[:, None]
+            return self._measured(x, y, rng.standard_normal((2, number)), target)
         away = 0.5 * self.spread * np.sqrt(rng.random(number)) * (number > 1)
         angle = rng.uniform(0.0, 2.0 * np.pi, number)
         x, y = place[:, None] + away * np.array([np.cos(angle), np.sin(angle)])
         errors = error[:, None] if self.common else rng.standard_normal((2, number))
+        return self._measured(x, y, errors, target)
+
+    def _measured(
+        self, x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray, target: int
+    ) -> tuple[NDArray, NDArray, NDArray]:
         return (
             np.hypot(x, y) + RANGE_STD * errors[0],
             np.arctan2(y, x) + AZIMUTH_STD * errors[1],
-            np.full(number, target),
+            np.full(len(x), target),
         )
 
 

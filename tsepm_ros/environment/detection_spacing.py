@@ -15,25 +15,39 @@ exceeds 1 / a is at most a (Ville 1939), however many pings there are.
 Clutter need not be uniform: p1 has `MARGIN` times the odds of p, so that this holds as long as
 within a box detections are at most so much denser in the middle than around it.
 
-The larger boxes are cut to the coverage, and where they overlap those of earlier detections, the
-next detection counts for the earliest only: of the later one's box that part is left out (the union
-bound, which makes p larger).
+The larger boxes are cut to the coverage and to where clutter is seen, and where they overlap those
+of earlier detections, the next detection counts for the earliest only: of the later one's box that
+part is left out (the union bound, which makes p larger).
+
+A target is where it was a ping ago, within its reach. The earlier detections may therefore be only
+those where detections were close together in each of the last `STREAKS` pings. What is chosen by
+the pings before leaves the product a supermartingale; in dense clutter it leaves few detections
+beside a target's.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.environment.close_streaks import CloseStreaks
+from tsepm_ros.environment.seen_extent import Region
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.sensing.sensor import SensorModel
 
-OUTER = (12.0, 24.0)
+OUTER = (12.0, 24.0, 48.0)
 """Half widths of the larger boxes, m: far below the scale on which clutter changes."""
+STREAKS = (0, 1, 3)
+"""Pings in a row, the last before, in which detections were close together at a place."""
+STEP = 10.0
+"""Reach of a target within a ping, m, where none is given."""
+BOX_POINTS = 6
+"""Points along each side of a larger box that tell what of it clutter is seen in."""
 EXTENTS = (1.0, 2.0, 4.0, 8.0)
 """Half widths of the smaller boxes, m."""
 BEAMS = (0.0, 0.03, 0.06)
@@ -46,6 +60,8 @@ MARGIN = 1.5
 """Factor on the odds of p within which clutter may be denser in the middle of a box."""
 MOST_DETECTIONS = 200
 """Detections that are looked at in a ping: bounds the time."""
+CLOSE = PlotExtent(4.0, 4.0, 0.03, WIDEST)
+"""Within which detections are close together, where no extent is given."""
 LEAST_ODDS = 1e-6
 LARGEST_ODDS = 1.0
 """Odds of p1 from which on a detection tells too little."""
@@ -73,7 +89,9 @@ class DetectionSpacing:
         ]
         fields = [(one.along, one.across, one.beam, one.widest) for one in self._extents]
         self._along, self._across, self._beam, self._widest = np.array(fields).T
-        self._log = np.full((len(OUTER), len(self._extents), len(INSIDE)), -np.inf)
+        shape = len(OUTER), len(STREAKS), len(self._extents), len(INSIDE)
+        self._log = np.full(shape, -np.inf)
+        self._streaks = CloseStreaks(self._extents[0] if len(self._extents) == 1 else CLOSE)
         self._pings = 0
 
     @property
@@ -84,23 +102,51 @@ class DetectionSpacing:
     @property
     def extent(self) -> PlotExtent:
         """The extent for which most speaks."""
-        evidence = np.logaddexp.reduce(self._log, axis=(0, 2))
+        evidence = np.logaddexp.reduce(self._log, axis=(0, 1, 3))
         return self._extents[int(np.argmax(evidence))]
 
-    def observe(self, range: FloatArray, azimuth: FloatArray) -> None:
-        """Take the detections of a ping, (n,) m and rad; beyond the coverage they do not count."""
+    def observe(
+        self,
+        range: FloatArray,
+        azimuth: FloatArray,
+        position: FloatArray | None = None,
+        reach: float = STEP,
+        seen: Region | None = None,
+    ) -> None:
+        """Take the detections of a ping; beyond the coverage they do not count.
+
+        Parameters
+        ----------
+        range, azimuth : (n,) ndarray
+            m and rad.
+        position : (n, 2) ndarray, optional
+            In the fixed frame, m; by default the sensor stands still.
+        reach : float, optional
+            How far a target may move from ping to ping, m.
+        seen : Region, optional
+            Where clutter was seen in the pings before: beyond it, detections do not count either.
+        """
         self._pings += 1
         # Adds up to less than 1 over all pings: 1 / (s ln(s + 1)^2), of which the first has 0.6.
         begins = -math.log(self._pings) - 2.0 * math.log(math.log1p(self._pings)) - 1.25
         self._log = np.logaddexp(self._log, begins)
+        if position is None:
+            position = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
         covered = self._sensor.covers(range, azimuth)
-        range, azimuth = range[covered], azimuth[covered]
+        if seen is not None:
+            covered &= seen.contains(range, azimuth)
+        range, azimuth, position = range[covered], azimuth[covered], position[covered]
+        streak = self._streaks.step(range, azimuth, position, reach)
         if len(range) < 2:
             return
         rows = self._drawn(azimuth)
-        range, azimuth = range[rows], azimuth[rows]
+        range, azimuth, streak = range[rows], azimuth[rows], streak[rows]
+        pairs = _pairs(range, azimuth)
         for place, outer in enumerate(OUTER):
-            self._log[place] += self._increments(range, azimuth, outer)
+            for row, least in enumerate(STREAKS):
+                falls = _falls(pairs, streak >= least, outer)
+                if len(falls.place):
+                    self._log[place, row] += self._increments(range, azimuth, falls, outer, seen)
 
     def _drawn(self, azimuth: FloatArray) -> IntArray:
         """Detections in random order, of many only those of a wedge.
@@ -114,13 +160,21 @@ class DetectionSpacing:
         wedge = np.argsort(azimuth, kind="stable")[first : first + MOST_DETECTIONS]
         return rng.permutation(wedge)
 
-    def _increments(self, range: FloatArray, azimuth: FloatArray, outer: float) -> FloatArray:
+    def _increments(
+        self,
+        range: FloatArray,
+        azimuth: FloatArray,
+        falls: _Falls,
+        outer: float,
+        seen: Region | None,
+    ) -> FloatArray:
         """Logarithms of L for the larger boxes of a half width, by extent and q."""
-        place, earlier, along, across, crowd = _falls(range, azimuth, outer)
-        if not len(place):
-            return np.zeros(self._log.shape[1:])
+        _, earlier, along, across, crowd = falls
         centre, angle = range[earlier][:, None], azimuth[earlier][:, None]
-        left = self._area(centre, angle, np.array(outer), np.array(outer)) - crowd[:, None]
+        larger = self._area(centre, angle, np.array(outer), np.array(outer))
+        if seen is not None:
+            larger = larger * _seen_share(seen, centre, angle, outer)
+        left = larger - crowd[:, None]
         widest = np.minimum(centre * self._beam, self._widest)
         reach, reach_across = self._along, self._across + widest
         inner = self._area(centre, angle, reach, reach_across)
@@ -152,28 +206,57 @@ class DetectionSpacing:
         return area
 
 
-def _falls(
-    range: FloatArray, azimuth: FloatArray, outer: float
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """Detections that fall into the box of an earlier one, and the earliest such.
+class _Pairs(NamedTuple):
+    """Pairs of detections whose larger boxes may overlap, and how far they are apart, m."""
 
-    Returns the places of both, how far they are apart along and across the line of sight (m), and
-    what of the earlier one's box is left out as that of yet earlier ones (m^2).
+    earlier: IntArray
+    later: IntArray
+    along: FloatArray
+    across: FloatArray
+
+
+class _Falls(NamedTuple):
+    """Detections that fall into the larger box of an earlier one, and the earliest such.
+
+    How far they are apart along and across the line of sight (m), and what of the earlier one's
+    box is left out as that of yet earlier ones (m^2).
     """
-    none = np.zeros(0, np.int64)
+
+    place: IntArray
+    earlier: IntArray
+    along: FloatArray
+    across: FloatArray
+    crowd: FloatArray
+
+
+def _pairs(range: FloatArray, azimuth: FloatArray) -> _Pairs:
     tree = cKDTree(np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1))
-    pairs = tree.query_pairs(2.0 * math.sqrt(2.0) * outer, output_type="ndarray")
-    if not len(pairs):
-        return none, none, *np.zeros((3, 0))
-    earlier, place = pairs.min(axis=1), pairs.max(axis=1)
-    along = np.abs(range[earlier] - range[place])
-    middle = 0.5 * (range[earlier] + range[place])
-    across = middle * np.abs(wrap(azimuth[earlier] - azimuth[place]))
+    pairs = tree.query_pairs(2.0 * math.sqrt(2.0) * max(OUTER), output_type="ndarray")
+    earlier, later = pairs.min(axis=1, initial=len(range)), pairs.max(axis=1, initial=-1)
+    along = np.abs(range[earlier] - range[later])
+    middle = 0.5 * (range[earlier] + range[later])
+    across = middle * np.abs(wrap(azimuth[earlier] - azimuth[later]))
+    return _Pairs(earlier, later, along, across)
+
+
+def _falls(pairs: _Pairs, eligible: BoolArray, outer: float) -> _Falls:
+    """Falls into the boxes of the eligible detections (n,), of a half width (m)."""
+    kept = eligible[pairs.earlier]
+    earlier, place, along, across = (values[kept] for values in pairs)
+    both = eligible[place]
     shared = np.maximum(2.0 * outer - along, 0.0) * np.maximum(2.0 * outer - across, 0.0)
-    crowd = np.bincount(place, shared, minlength=len(range))
+    crowd = np.bincount(place[both], shared[both], minlength=len(eligible))
     inside = np.flatnonzero((along <= outer) & (across <= outer))
     inside = inside[np.lexsort((earlier[inside], place[inside]))]
     place, first = np.unique(place[inside], return_index=True)
     inside = inside[first]
     earlier = earlier[inside]
-    return place, earlier, along[inside], across[inside], crowd[earlier]
+    return _Falls(place, earlier, along[inside], across[inside], crowd[earlier])
+
+
+def _seen_share(seen: Region, range: FloatArray, azimuth: FloatArray, half: float) -> FloatArray:
+    """Share of boxes around places (n, 1) in which clutter is seen, (n, 1)."""
+    steps = half * (2.0 * (np.arange(BOX_POINTS) + 0.5) / BOX_POINTS - 1.0)
+    along, across = (part.ravel() for part in np.meshgrid(steps, steps))
+    inside = seen.contains(np.maximum(range + along, 0.0), azimuth + across / range)
+    return np.asarray(inside.mean(axis=1, keepdims=True))

@@ -155,7 +155,11 @@ class FrontEnd:
         self._check(scan)
         self._window = window
         recent, self._recent = self._recent, [*self._recent, scan][-window:]
-        if self.common.plots == "off" or not self.plots.learn(self._covered(scan)[0]):
+        if self.common.plots == "off":
+            return []
+        interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
+        seen = self.learned.seen_extent.region
+        if not self.plots.learn(self._covered(scan)[0], interval, seen):
             return []
         again = recent[max(len(recent) - window + 1, 0) :]
         for one in [*again, scan]:

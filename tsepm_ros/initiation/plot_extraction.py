@@ -9,6 +9,7 @@ import numpy as np
 
 from tsepm_ros.environment.detection_spacing import DetectionSpacing
 from tsepm_ros.environment.echo_scatter import EchoScatter
+from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.sensing import plots
 from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, Plots
@@ -79,12 +80,30 @@ class PlotExtraction:
             return PlotExtent(given + cell, given, beam)
         return self._spacing.extent.scaled(WHOLE)
 
-    def learn(self, scan: Scan) -> bool:
-        """Learn from a scan's detections; returns whether plots look different from now on."""
+    def learn(self, scan: Scan, interval: float, seen: Region) -> bool:
+        """Learn from a scan's detections; returns whether plots look different from now on.
+
+        Parameters
+        ----------
+        scan : Scan
+        interval : float
+            Time since the scan before, s.
+        seen : Region
+            Where clutter was seen before.
+        """
         if self.common.plots == "off":
             return False
         scan = self._without_runs(scan)
-        self._spacing.observe(scan.range, scan.azimuth)
+        x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
+        azimuth = scan.azimuth + yaw
+        east, north = x + scan.range * np.cos(azimuth), y + scan.range * np.sin(azimuth)
+        self._spacing.observe(
+            scan.range,
+            scan.azimuth,
+            np.stack([east, north], axis=1),
+            self.common.max_speed * interval,
+            seen,
+        )
         before = self.seen
         self.seen = before or self.log_ratio >= math.log(LIKELIHOOD_RATIO)
         if before and self.active:
