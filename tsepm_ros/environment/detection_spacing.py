@@ -40,16 +40,19 @@ from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.sensing.sensor import SensorModel
 
-OUTER = (12.0, 24.0, 48.0)
+OUTER = (12.0, 24.0, 48.0, 96.0)
 """Half widths of the larger boxes, m: far below the scale on which clutter changes."""
-STREAKS = (0, 1, 3)
-"""Pings in a row, the last before, in which detections were close together at a place."""
+STREAKS = ((0, 0), (0, 1), (0, 3), (1, 3))
+"""Of each kind of streak the place in `CLOSE`, and the pings in a row, the last before, in which
+detections were that close together at a place."""
 STEP = 10.0
 """Reach of a target within a ping, m, where none is given."""
 BOX_POINTS = 6
 """Points along each side of a larger box that tell what of it clutter is seen in."""
 EXTENTS = (1.0, 2.0, 4.0, 8.0)
 """Half widths of the smaller boxes, m."""
+HULLS = ((16.0, 16.0), (32.0, 8.0), (8.0, 32.0), (32.0, 32.0))
+"""Half widths, along and across, of what is too long for a plot: highlights along a hull, m."""
 BEAMS = (0.0, 0.03, 0.06)
 """What they have across the line of sight beside, rad."""
 WIDEST = 16.0
@@ -60,8 +63,8 @@ MARGIN = 1.5
 """Factor on the odds of p within which clutter may be denser in the middle of a box."""
 MOST_DETECTIONS = 200
 """Detections that are looked at in a ping: bounds the time."""
-CLOSE = PlotExtent(4.0, 4.0, 0.03, WIDEST)
-"""Within which detections are close together, where no extent is given."""
+CLOSE = PlotExtent(4.0, 4.0, 0.03, WIDEST), PlotExtent(16.0, 16.0)
+"""Within which detections of a plot, or of a hull, are close together."""
 LEAST_ODDS = 1e-6
 LARGEST_ODDS = 1.0
 """Odds of p1 from which on a detection tells too little."""
@@ -87,11 +90,14 @@ class DetectionSpacing:
             for one in ((target_extent,) if target_extent else EXTENTS)
             for width in beams
         ]
+        self._plots = len(self._extents)
+        if not target_extent:
+            self._extents += [PlotExtent(*one) for one in HULLS]
         fields = [(one.along, one.across, one.beam, one.widest) for one in self._extents]
         self._along, self._across, self._beam, self._widest = np.array(fields).T
         shape = len(OUTER), len(STREAKS), len(self._extents), len(INSIDE)
         self._log = np.full(shape, -np.inf)
-        self._streaks = CloseStreaks(self._extents[0] if len(self._extents) == 1 else CLOSE)
+        self._streaks = [CloseStreaks(extent) for extent in CLOSE]
         self._pings = 0
 
     @property
@@ -101,9 +107,23 @@ class DetectionSpacing:
 
     @property
     def extent(self) -> PlotExtent:
-        """The extent for which most speaks."""
-        evidence = np.logaddexp.reduce(self._log, axis=(0, 1, 3))
-        return self._extents[int(np.argmax(evidence))]
+        """The extent of plots for which most speaks."""
+        return self._extents[int(np.argmax(self._evidence[: self._plots]))]
+
+    @property
+    def whole_extent(self) -> PlotExtent:
+        """The extent for which most speaks, of a plot or a hull."""
+        return self._extents[int(np.argmax(self._evidence))]
+
+    @property
+    def hull(self) -> bool:
+        """Whether that is a hull's."""
+        return int(np.argmax(self._evidence)) >= self._plots
+
+    @property
+    def _evidence(self) -> FloatArray:
+        """Logarithm of what speaks for each extent, up to a constant."""
+        return np.asarray(np.logaddexp.reduce(self._log, axis=(0, 1, 3)))
 
     def observe(
         self,
@@ -136,15 +156,16 @@ class DetectionSpacing:
         if seen is not None:
             covered &= seen.contains(range, azimuth)
         range, azimuth, position = range[covered], azimuth[covered], position[covered]
-        streak = self._streaks.step(range, azimuth, position, reach)
+        streak = [one.step(range, azimuth, position, reach) for one in self._streaks]
         if len(range) < 2:
             return
         rows = self._drawn(azimuth)
-        range, azimuth, streak = range[rows], azimuth[rows], streak[rows]
+        range, azimuth = range[rows], azimuth[rows]
+        eligible = [streak[kind][rows] >= least for kind, least in STREAKS]
         pairs = _pairs(range, azimuth)
         for place, outer in enumerate(OUTER):
-            for row, least in enumerate(STREAKS):
-                falls = _falls(pairs, streak >= least, outer)
+            for row, chosen in enumerate(eligible):
+                falls = _falls(pairs, chosen, outer)
                 if len(falls.place):
                     self._log[place, row] += self._increments(range, azimuth, falls, outer, seen)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +14,14 @@ from tsepm_ros.environment.learned import Learned
 from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
-from tsepm_ros.initiation.plot_extraction import PlotExtraction
+from tsepm_ros.initiation.plot_extraction import Join, PlotExtraction
 from tsepm_ros.initiation.recent_hits import RecentHits
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
+from tsepm_ros.maintenance.hulls import Hulls
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMaintenance
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
 from tsepm_ros.sensing.conversion import convert, measured_polar
@@ -79,6 +81,7 @@ class FrontEnd:
         self.scan_index = -1
         self.inside_coverage = self.outside_coverage = self.on_land = 0
         self.plots = PlotExtraction(self.sensor, self.common)
+        self._hulls = Hulls()
         self._recent: list[Scan] = []
         self._hits, self._window = RecentHits(), 1
         self.learned = Learned.initial(self.sensor)
@@ -207,7 +210,7 @@ class FrontEnd:
         if self.common.clutter_density == "estimated":
             clutter_sensor = learned.clutter_range_rates.estimate(self.sensor)
         of_rates = range_rates.clutter_density(detections, clutter_sensor)
-        before = self._local_density(len(detections)) * of_rates
+        before = self._local_density() * of_rates
         if self._learns_secondary_echoes:
             before *= learned.secondary_echoes.behind_targets(
                 learned.clutter_map, self._held_targets, *self._polar
@@ -245,7 +248,7 @@ class FrontEnd:
         learned.clutter_map.update(
             *self._polar, self._clutter_weight, learned.seen_extent.region, self._reach_area
         )
-        detections["clutter_density"] = self._local_density(len(detections))
+        detections["clutter_density"] = self._local_density()
         if self._learns_secondary_echoes:
             detections["clutter_density"] *= learned.secondary_echoes.update(
                 learned.clutter_map, self._held_targets, *self._polar, self._clutter_weight
@@ -340,7 +343,7 @@ class FrontEnd:
         self.outside_coverage = len(scan) - len(rows) - self.on_land
         if self.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        made = self.plots.plots_of(found)
+        made = self.plots.plots_of(found, self._joining(found) if self.plots.hull else None)
         if made is None:
             self._polar = found.range, found.azimuth
             detections = convert(found, self.sensor, self.scan_index)
@@ -353,14 +356,35 @@ class FrontEnd:
             detections["range_std"][~made.own_range_std] = np.nan
         return detections
 
+    def _joining(self, scan: Scan) -> Join:
+        """What joins the groups of a scan that are one hull's; the hulls are learned first."""
+        tracks = self.maintenance.held.tracks.predicted(scan.stamp)
+        longest = self.plots.extent.along
+        clutter = self._density_at(scan.range, scan.azimuth)
+        self._hulls.learn(scan, clutter, tracks, longest)
+        return partial(self._hulls.joined, tracks=tracks, longest_plot=longest)
+
+    def waiting(self, tracks: TrackArrays) -> BoolArray:
+        """Which newly confirmed tracks (n,) wait until it is clear that they are no older one's."""
+        extent, held = self.plots.waiting_extent, self.maintenance.held.tracks
+        if extent is None or not len(tracks):
+            return np.zeros(len(tracks), bool)
+        range_ = np.hypot(*(tracks.state[:, 0::2] - self._poses.middle[:2]).T)
+        reach = max(extent.along, float(extent.across_at(range_).max()))
+        return self._hulls.waiting(tracks, held, reach, self.learned.scan_interval.median)
+
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
         range_, azimuth = self._poses.polar(positions)
         covered = self.sensor.covers(range_, azimuth) & swept(self._scan, azimuth)
         return np.where(covered, self.detection_probability, 0.0)
 
-    def _local_density(self, number: int) -> FloatArray:
-        """Clutter density where each of the scan's detections is, (number,), 1/m^2."""
+    def _local_density(self) -> FloatArray:
+        """Clutter density where each of the scan's detections is, (d,), 1/m^2."""
+        return self._density_at(*self._polar)
+
+    def _density_at(self, range: FloatArray, azimuth: FloatArray) -> FloatArray:
+        """Clutter density, (n,), 1/m^2."""
         if self.common.clutter_density == "given":
-            return np.full(number, self.sensor.clutter_density)
-        return self.learned.clutter_map.at(*self._polar)
+            return np.full(len(range), self.sensor.clutter_density)
+        return self.learned.clutter_map.at(range, azimuth)

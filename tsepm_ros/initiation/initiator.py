@@ -113,15 +113,20 @@ class Initiator:
         # First proper: what follows inverts the covariances.
         tracks = self._within_max_speed(step.tracks.proper()).proper()
         step = dataclasses.replace(step, tracks=tracks)
+        confirmed = len(tracks)
         existence = step.existence
         if existence is None:
-            existence = np.full(len(step.tracks), NEW_TRACK_EXISTENCE)
+            existence = np.full(confirmed, NEW_TRACK_EXISTENCE)
+        waiting = self.front_end.waiting(step.tracks)
+        if waiting.any():
+            step = dataclasses.replace(step, tracks=step.tracks.where(~waiting))
+            existence = existence[~waiting]
         ids = self._take_track_ids(len(step.tracks))
         new = self.front_end.finish(step, existence, ids)
         if len(self.maintenance.released):
             new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
         self._observed = observed
-        withheld = len(step.tracks) - len(new)
+        withheld = confirmed - len(new)
         return new, dataclasses.replace(
             step.statistics, confirmed=step.statistics.confirmed - withheld
         )

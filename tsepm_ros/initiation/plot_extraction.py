@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from tsepm_ros.environment.detection_spacing import DetectionSpacing
 from tsepm_ros.environment.echo_scatter import EchoScatter
 from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing import plots
 from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, Plots
 from tsepm_ros.sensing.scan import Scan
@@ -20,8 +22,13 @@ LIKELIHOOD_RATIO = 1e6
 """Likelihood ratio of several detections a target at which plots are made: a choice."""
 LONGEST_RUN = 30.0
 """Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
+SUSPICION = 10.0
+"""Likelihood ratio from which on a second start beside a new track waits: a choice."""
 WHOLE = 2.0
 """Extent of a plot over the half width of the boxes in which its detections were seen."""
+
+Join = Callable[[Scan, IntArray], tuple[IntArray, FloatArray]]
+"""From a scan and the group of each detection: the groups joined, and what `plots_of` adds."""
 
 
 class PlotExtraction:
@@ -67,6 +74,23 @@ class PlotExtraction:
         return self.common.plots == "on" or (self.seen and self.common.plots == "auto")
 
     @property
+    def hull(self) -> bool:
+        """Whether what was seen is longer than a plot: highlights along hulls."""
+        return self.active and self.seen and self._spacing.hull
+
+    @property
+    def waiting_extent(self) -> PlotExtent | None:
+        """Within which a second start beside a new track waits; None where none does.
+
+        It does while it is not sure that targets have several detections, and where they have them
+        along a hull.
+        """
+        suspected = self.common.plots == "auto" and self.log_ratio >= math.log(SUSPICION)
+        if self.hull or (suspected and not self.seen):
+            return self._spacing.whole_extent.scaled(WHOLE)
+        return None
+
+    @property
     def log_ratio(self) -> float:
         """Logarithm of the likelihood ratio of several detections a target against clutter."""
         return self._spacing.log_ratio
@@ -94,16 +118,8 @@ class PlotExtraction:
         if self.common.plots == "off":
             return False
         scan = self._without_runs(scan)
-        x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
-        azimuth = scan.azimuth + yaw
-        east, north = x + scan.range * np.cos(azimuth), y + scan.range * np.sin(azimuth)
-        self._spacing.observe(
-            scan.range,
-            scan.azimuth,
-            np.stack([east, north], axis=1),
-            self.common.max_speed * interval,
-            seen,
-        )
+        reach = self.common.max_speed * interval
+        self._spacing.observe(scan.range, scan.azimuth, plots.placed(scan), reach, seen)
         before = self.seen
         self.seen = before or self.log_ratio >= math.log(LIKELIHOOD_RATIO)
         if before and self.active:
@@ -117,15 +133,24 @@ class PlotExtraction:
         label = plots.grouped(scan.range, scan.azimuth, self.extent)
         self.scatter = self.scatter.after(scan, label, self.sensor)
 
-    def plots_of(self, scan: Scan) -> Plots | None:
-        """The plots of a scan's detections; None where none has more than one, or is asked for."""
+    def plots_of(self, scan: Scan, joined: Join | None = None) -> Plots | None:
+        """The plots of a scan's detections; None where none has more than one, or is asked for.
+
+        Parameters
+        ----------
+        scan : Scan
+        joined : callable, optional
+            Joins groups that are one hull's.
+        """
         runs = self._runs(scan)
         if not self.active or not len(scan):
             return runs
         scan = scan if runs is None else runs.scan
         extent = self.extent
-        label = plots.grouped(scan.range, scan.azimuth, extent)
-        found = plots.plots_of(scan, label, self.scatter.errors(extent), self.sensor)
+        label, wander = plots.grouped(scan.range, scan.azimuth, extent), None
+        if joined is not None:
+            label, wander = joined(scan, label)
+        found = plots.plots_of(scan, label, self.scatter.errors(extent), self.sensor, wander)
         return found if runs is None else found.of(runs)
 
     def _runs(self, scan: Scan) -> Plots | None:

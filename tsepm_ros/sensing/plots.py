@@ -251,7 +251,21 @@ def cells(group: IntArray, range: FloatArray, azimuth: FloatArray, extent: PlotE
     return np.asarray(first[piece.ravel()], np.int64)
 
 
-def plots_of(scan: Scan, label: IntArray, errors: EchoErrors, sensor: SensorModel) -> Plots:
+def placed(scan: Scan) -> FloatArray:
+    """Positions of a scan's detections in the fixed frame, (n, 2), m."""
+    x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
+    azimuth = scan.azimuth + yaw
+    east, north = x + scan.range * np.cos(azimuth), y + scan.range * np.sin(azimuth)
+    return np.stack([east, north], axis=1)
+
+
+def plots_of(
+    scan: Scan,
+    label: IntArray,
+    errors: EchoErrors,
+    sensor: SensorModel,
+    wander: FloatArray | None = None,
+) -> Plots:
     """Make a plot of each group of a scan's detections.
 
     The centroid is weighted by intensity where every member has one above 0. The strongest member,
@@ -267,6 +281,9 @@ def plots_of(scan: Scan, label: IntArray, errors: EchoErrors, sensor: SensorMode
     errors : EchoErrors
     sensor : SensorModel
         Errors where the scan gives none of its own.
+    wander : (n, 2) ndarray, optional
+        Added to the errors' `extent_variance`, along and across the line of sight, m^2; a plot has
+        that of its first member.
 
     Returns
     -------
@@ -296,9 +313,12 @@ def plots_of(scan: Scan, label: IntArray, errors: EchoErrors, sensor: SensorMode
         angle = mean(scan.azimuth_std**2)
     fresh = errors.independent
     factor = np.where(size > 1, 1.0 - fresh + fresh * share, 1.0)
-    spread = np.where(size > 1, share, 1.0) * errors.extent_variance
-    changed = (size > 1) | (spread > 0.0)
-    angle_error = angle * factor + spread / range_**2
+    extent_variance = np.full((n, 2), errors.extent_variance)
+    if wander is not None:
+        extent_variance = extent_variance + wander[first]
+    spread, spread_across = np.where(size > 1, share, 1.0) * extent_variance.T
+    changed = (size > 1) | (spread + spread_across > 0.0)
+    angle_error = angle * factor + spread_across / range_**2
     width = _features(scan, best) | _widths(scan, group, turn, n)
     return Plots(
         scan=replace(

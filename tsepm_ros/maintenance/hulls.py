@@ -1,0 +1,221 @@
+"""Hulls: held tracks of targets with highlights farther apart than a plot's extent.
+
+The detections around a held track that are its hull's scatter about their centroid with a
+covariance X, learned from ping to ping with the weights ``g N(d; X) / (g N(d; X) + lambda)``, with
+g the mean number of the hull's detections and lambda the clutter density: one step of expectation
+maximisation a ping. A hull is what is longer than a plot and has detections all along it: along its
+major axis ``E d^2 / (E |d|)^2`` is 4/3 for a line, and 1 for two targets side by side.
+
+In a later ping the detections within X of a hull's track are one plot, whose centroid wanders with
+X over their number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.sensing.plots import placed
+from tsepm_ros.sensing.scan import Scan
+
+MEMORY = 20.0
+"""Pings that count: older ones fade."""
+START_STD = 20.0
+"""Scatter before the first ping, m on each axis."""
+START_FREEDOM = 2.0
+"""Degrees of freedom for which that counts."""
+START_NUMBER = 4.0
+"""Detections of a hull in a ping before the first: a choice."""
+GATE = 9.0
+"""Squared distance, of X, within which a detection is the hull's; the end of a line has 3."""
+LEAST_FREEDOM = 10.0
+"""Degrees of freedom from which on a hull is told from two targets."""
+LEAST_EVENNESS = 1.2
+"""``E d^2 / (E |d|)^2`` of a hull: between those of two targets and of a line."""
+WAITING_SCANS = 16.0
+"""Age of a track, in scans, up to which other starts beside it wait: its hull is being learned."""
+
+
+@dataclass(frozen=True)
+class Hull:
+    """What was learned around a held track.
+
+    Attributes
+    ----------
+    freedom, scatter : float, (2, 2) ndarray
+        Degrees of freedom, and sum of squares about the centroids, m^2.
+    pings, number : float
+        Pings with detections, and detections.
+    distance, square : float
+        Sums of ``|d|`` and ``d^2`` along the major axis, m and m^2.
+    """
+
+    freedom: float
+    scatter: FloatArray
+    pings: float = 1.0
+    number: float = START_NUMBER
+    distance: float = 0.0
+    square: float = 0.0
+
+    @classmethod
+    def unknown(cls) -> Hull:
+        """Before the first ping."""
+        return cls(START_FREEDOM, START_FREEDOM * START_STD**2 * np.eye(2))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """X, (2, 2), m^2."""
+        return np.asarray(self.scatter / self.freedom)
+
+    @property
+    def length(self) -> float:
+        """Length of a line that scatters like that, m."""
+        return float(np.sqrt(12.0 * np.linalg.eigvalsh(self.covariance)[1]))
+
+    def found(self, longest_plot: float) -> bool:
+        """Whether it is a hull, longer than plots are (m)."""
+        counted = max(self.number - START_NUMBER, 1e-9)
+        even = self.square * counted >= LEAST_EVENNESS * self.distance**2
+        return even and self.freedom >= LEAST_FREEDOM and self.length > longest_plot
+
+    def gate(self, apart: FloatArray) -> BoolArray:
+        """Which positions (n, 2), seen from the track, are within it, (n,)."""
+        return self._squared(apart) <= GATE
+
+    def after(self, apart: FloatArray, clutter: FloatArray) -> Hull:
+        """With the detections (n, 2) of a ping, seen from the track, in clutter (n,), 1/m^2."""
+        squared = self._squared(apart)
+        near = squared <= GATE
+        apart, squared, clutter = apart[near], squared[near], clutter[near]
+        area = 2.0 * np.pi * np.sqrt(np.linalg.det(self.covariance))
+        density = self.number / self.pings / area * np.exp(-0.5 * squared)
+        weight = density / (density + clutter)
+        total = float(weight.sum())
+        kept = 1.0 - 1.0 / MEMORY
+        if total <= 1.0:
+            return self
+        off = apart - weight @ apart / total
+        axis = np.linalg.eigh(self.covariance)[1][:, 1]
+        along = np.abs(off @ axis)
+        return replace(
+            self,
+            freedom=kept * self.freedom + total - 1.0,
+            scatter=kept * self.scatter + (off * weight[:, None]).T @ off,
+            pings=kept * self.pings + 1.0,
+            number=kept * self.number + total,
+            distance=kept * self.distance + float(weight @ along),
+            square=kept * self.square + float(weight @ along**2),
+        )
+
+    def _squared(self, apart: FloatArray) -> FloatArray:
+        solved = np.linalg.solve(self.covariance, apart.T)
+        return np.asarray(np.einsum("in,in->n", apart.T, solved))
+
+
+class Hulls:
+    """Learns the hulls of held tracks, and joins the groups of detections that are one hull's."""
+
+    def __init__(self) -> None:
+        self._hulls: dict[int, Hull] = {}
+
+    def learn(
+        self, scan: Scan, clutter: FloatArray, tracks: TrackArrays, longest_plot: float
+    ) -> None:
+        """Learn from the detections of a ping around the held tracks.
+
+        What is within an older track's hull is that one's.
+
+        Parameters
+        ----------
+        scan : Scan
+            n detections.
+        clutter : (n,) ndarray
+            Clutter density at each, 1/m^2.
+        tracks : TrackArrays
+            Held, oldest first, at the scan's stamp.
+        longest_plot : float
+            m.
+        """
+        position, free = placed(scan), np.ones(len(scan), bool)
+        learned = {}
+        for track_id, place in zip(tracks.track_id.tolist(), tracks.state[:, 0::2], strict=True):
+            hull = self._hulls.get(track_id, Hull.unknown())
+            hull = hull.after(position[free] - place, clutter[free])
+            if hull.found(longest_plot):
+                free &= ~hull.gate(position - place)
+            learned[track_id] = hull
+        self._hulls = learned
+
+    def joined(
+        self, scan: Scan, label: IntArray, tracks: TrackArrays, longest_plot: float
+    ) -> tuple[IntArray, FloatArray]:
+        """Groups of detections with those within a hull as one.
+
+        Parameters
+        ----------
+        scan : Scan
+            n detections.
+        label : (n,) ndarray of int
+            Group of each.
+        tracks : TrackArrays
+            Held, oldest first, at the scan's stamp.
+        longest_plot : float
+            m.
+
+        Returns
+        -------
+        label : (n,) ndarray of int
+            The first member of each one's group.
+        wander : (n, 2) ndarray
+            Variance of where on the hull it arises, along and across the line of sight, m^2.
+        """
+        position, label = placed(scan), label.copy()
+        wander, free = np.zeros((len(scan), 2)), np.ones(len(scan), bool)
+        sensor = np.reshape(scan.sensor_pose, (-1, 3))[:, :2]
+        sight = position - sensor
+        sight = sight / np.maximum(np.hypot(*sight.T), 1e-9)[:, None]
+        for track_id, place in zip(tracks.track_id.tolist(), tracks.state[:, 0::2], strict=True):
+            hull = self._hulls.get(track_id)
+            if hull is None or not hull.found(longest_plot):
+                continue
+            inside = free & hull.gate(position - place)
+            if not inside.any():
+                continue
+            # Of a group that is cut, the rest stays a group.
+            rest = np.flatnonzero(~inside)
+            _, first, group = np.unique(label[rest], return_index=True, return_inverse=True)
+            label[rest] = rest[first][group]
+            label[inside] = np.flatnonzero(inside)[0]
+            u = sight[inside]
+            along = np.einsum("ni,ij,nj->n", u, hull.covariance, u)
+            wander[inside] = np.stack([along, np.trace(hull.covariance) - along], axis=1)
+            free &= ~inside
+        return label, wander
+
+    def waiting(
+        self, new: TrackArrays, held: TrackArrays, reach: float, interval: float
+    ) -> BoolArray:
+        """Which new tracks wait: those beside a young track, or an earlier one of the new.
+
+        Parameters
+        ----------
+        new, held : TrackArrays
+            n and k tracks at one stamp.
+        reach : float
+            Distance, m, within which they may be of one target.
+        interval : float
+            Median time between scans, s.
+
+        Returns
+        -------
+        (n,) ndarray of bool
+        """
+        young = held.where(held.age <= WAITING_SCANS * interval).state[:, 0::2]
+        waits = np.zeros(len(new), bool)
+        for row, place in enumerate(new.state[:, 0::2]):
+            older = np.concatenate([young, new.state[:row, 0::2][~waits[:row]]])
+            waits[row] = bool((np.hypot(*(older - place).T) <= reach).any())
+        return waits
