@@ -343,7 +343,7 @@ class FrontEnd:
         self.outside_coverage = len(scan) - len(rows) - self.on_land
         if self.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        made = self.plots.plots_of(found, self._joining(found) if self.plots.hull else None)
+        made = self.plots.plots_of(found, self._joining(found) if self.plots.hulls else None)
         if made is None:
             self._polar = found.range, found.azimuth
             detections = convert(found, self.sensor, self.scan_index)
@@ -361,8 +361,8 @@ class FrontEnd:
         tracks = self.maintenance.held.tracks.predicted(scan.stamp)
         longest = self.plots.extent.along
         clutter = self._density_at(scan.range, scan.azimuth)
-        self._hulls.learn(scan, clutter, tracks, longest)
-        return partial(self._hulls.joined, tracks=tracks, longest_plot=longest)
+        self._hulls.learn(scan, clutter, tracks, longest, self.sensor.azimuth_std)
+        return partial(self._hulls.joined, tracks=tracks)
 
     def waiting(self, tracks: TrackArrays) -> BoolArray:
         """Which newly confirmed tracks (n,) wait until it is clear that they are no older one's."""
@@ -371,7 +371,8 @@ class FrontEnd:
             return np.zeros(len(tracks), bool)
         range_ = np.hypot(*(tracks.state[:, 0::2] - self._poses.middle[:2]).T)
         reach = max(extent.along, float(extent.across_at(range_).max()))
-        return self._hulls.waiting(tracks, held, reach, self.learned.scan_interval.median)
+        interval = self.learned.scan_interval.median
+        return self._hulls.waiting(tracks, held, reach, interval)
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""

@@ -74,9 +74,9 @@ class PlotExtraction:
         return self.common.plots == "on" or (self.seen and self.common.plots == "auto")
 
     @property
-    def hull(self) -> bool:
-        """Whether what was seen is longer than a plot: highlights along hulls."""
-        return self.active and self.seen and self._spacing.hull
+    def hulls(self) -> bool:
+        """Whether targets may be longer than a plot: highlights along hulls."""
+        return self.active and self.seen and not self.common.target_extent
 
     @property
     def waiting_extent(self) -> PlotExtent | None:
@@ -86,9 +86,9 @@ class PlotExtraction:
         along a hull.
         """
         suspected = self.common.plots == "auto" and self.log_ratio >= math.log(SUSPICION)
-        if self.hull or (suspected and not self.seen):
+        if (self.hulls and self._spacing.hull) or (suspected and not self.seen):
             return self._spacing.whole_extent.scaled(WHOLE)
-        return None
+        return PlotExtent(0.0, 0.0) if self.hulls else None
 
     @property
     def log_ratio(self) -> float:

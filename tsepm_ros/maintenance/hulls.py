@@ -3,8 +3,8 @@
 The detections around a held track that are its hull's scatter about their centroid with a
 covariance X, learned from ping to ping with the weights ``g N(d; X) / (g N(d; X) + lambda)``, with
 g the mean number of the hull's detections and lambda the clutter density: one step of expectation
-maximisation a ping. A hull is what is longer than a plot and has detections all along it: along its
-major axis ``E d^2 / (E |d|)^2`` is 4/3 for a line, and 1 for two targets side by side.
+maximisation a ping. A hull is what is longer than a plot and has detections all along it. Two
+targets side by side have nearly all of theirs in two places, seen from either's track.
 
 In a later ping the detections within X of a hull's track are one plot, whose centroid wanders with
 X over their number.
@@ -12,7 +12,7 @@ X over their number.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,12 +29,16 @@ START_FREEDOM = 2.0
 """Degrees of freedom for which that counts."""
 START_NUMBER = 4.0
 """Detections of a hull in a ping before the first: a choice."""
-GATE = 9.0
+GATE = 6.0
 """Squared distance, of X, within which a detection is the hull's; the end of a line has 3."""
 LEAST_FREEDOM = 10.0
 """Degrees of freedom from which on a hull is told from two targets."""
-LEAST_EVENNESS = 1.2
-"""``E d^2 / (E |d|)^2`` of a hull: between those of two targets and of a line."""
+PLACE = 6.0
+"""Width of a place in which a target's detections lie, m; at least three standard deviations."""
+MOST_IN_PLACES = 0.75
+"""Share of a hull's detections in the two places that have most, at most: a choice."""
+REMEMBERED = 100
+"""Detections that are counted in places."""
 WAITING_SCANS = 16.0
 """Age of a track, in scans, up to which other starts beside it wait: its hull is being learned."""
 
@@ -49,16 +53,16 @@ class Hull:
         Degrees of freedom, and sum of squares about the centroids, m^2.
     pings, number : float
         Pings with detections, and detections.
-    distance, square : float
-        Sums of ``|d|`` and ``d^2`` along the major axis, m and m^2.
+    apart, weight : (m, 2), (m,) ndarray
+        The last detections, seen from the track, m, and the weight of each.
     """
 
     freedom: float
     scatter: FloatArray
     pings: float = 1.0
     number: float = START_NUMBER
-    distance: float = 0.0
-    square: float = 0.0
+    apart: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    weight: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def unknown(cls) -> Hull:
@@ -75,11 +79,25 @@ class Hull:
         """Length of a line that scatters like that, m."""
         return float(np.sqrt(12.0 * np.linalg.eigvalsh(self.covariance)[1]))
 
-    def found(self, longest_plot: float) -> bool:
-        """Whether it is a hull, longer than plots are (m)."""
-        counted = max(self.number - START_NUMBER, 1e-9)
-        even = self.square * counted >= LEAST_EVENNESS * self.distance**2
-        return even and self.freedom >= LEAST_FREEDOM and self.length > longest_plot
+    @property
+    def decided(self) -> bool:
+        """Whether enough is known to tell a hull from targets side by side."""
+        return self.freedom >= LEAST_FREEDOM
+
+    def found(self, longest_plot: float, place: float) -> bool:
+        """Whether it is a hull, longer than plots are.
+
+        Parameters
+        ----------
+        longest_plot : float
+            m.
+        place : float
+            Width of a place in which a target's detections lie, m.
+        """
+        if not self.decided or self.length <= longest_plot:
+            return False
+        axis = np.linalg.eigh(self.covariance)[1][:, 1]
+        return in_two_places(self.apart @ axis, self.weight, place) <= MOST_IN_PLACES
 
     def gate(self, apart: FloatArray) -> BoolArray:
         """Which positions (n, 2), seen from the track, are within it, (n,)."""
@@ -98,16 +116,14 @@ class Hull:
         if total <= 1.0:
             return self
         off = apart - weight @ apart / total
-        axis = np.linalg.eigh(self.covariance)[1][:, 1]
-        along = np.abs(off @ axis)
         return replace(
             self,
             freedom=kept * self.freedom + total - 1.0,
             scatter=kept * self.scatter + (off * weight[:, None]).T @ off,
             pings=kept * self.pings + 1.0,
             number=kept * self.number + total,
-            distance=kept * self.distance + float(weight @ along),
-            square=kept * self.square + float(weight @ along**2),
+            apart=np.concatenate([self.apart, apart])[-REMEMBERED:],
+            weight=np.concatenate([self.weight, weight])[-REMEMBERED:],
         )
 
     def _squared(self, apart: FloatArray) -> FloatArray:
@@ -115,14 +131,31 @@ class Hull:
         return np.asarray(np.einsum("in,in->n", apart.T, solved))
 
 
+def in_two_places(along: FloatArray, weight: FloatArray, width: float) -> float:
+    """Largest share of weights (n,) in two intervals of a width, at positions (n,) on a line."""
+    order = np.argsort(along)
+    along, sums = along[order], np.concatenate([[0.0], np.cumsum(weight[order])])
+    end = np.searchsorted(along, along + width, side="right")
+    inside = sums[end] - sums[:-1]
+    # The best interval that begins at a position or later.
+    later = np.append(np.maximum.accumulate(inside[::-1])[::-1], 0.0)
+    return float((inside + later[end]).max(initial=0.0) / max(sums[-1], 1e-9))
+
+
 class Hulls:
     """Learns the hulls of held tracks, and joins the groups of detections that are one hull's."""
 
     def __init__(self) -> None:
         self._hulls: dict[int, Hull] = {}
+        self._found: dict[int, Hull] = {}
 
     def learn(
-        self, scan: Scan, clutter: FloatArray, tracks: TrackArrays, longest_plot: float
+        self,
+        scan: Scan,
+        clutter: FloatArray,
+        tracks: TrackArrays,
+        longest_plot: float,
+        azimuth_std: float,
     ) -> None:
         """Learn from the detections of a ping around the held tracks.
 
@@ -138,19 +171,23 @@ class Hulls:
             Held, oldest first, at the scan's stamp.
         longest_plot : float
             m.
+        azimuth_std : float
+            rad.
         """
         position, free = placed(scan), np.ones(len(scan), bool)
-        learned = {}
+        sensor = np.reshape(scan.sensor_pose, (-1, 3))[0, :2] if len(scan) else np.zeros(2)
+        learned, found = {}, {}
         for track_id, place in zip(tracks.track_id.tolist(), tracks.state[:, 0::2], strict=True):
             hull = self._hulls.get(track_id, Hull.unknown())
             hull = hull.after(position[free] - place, clutter[free])
-            if hull.found(longest_plot):
+            if hull.found(longest_plot, max(PLACE, 3.0 * azimuth_std * np.hypot(*(place - sensor)))):
                 free &= ~hull.gate(position - place)
+                found[track_id] = hull
             learned[track_id] = hull
-        self._hulls = learned
+        self._hulls, self._found = learned, found
 
     def joined(
-        self, scan: Scan, label: IntArray, tracks: TrackArrays, longest_plot: float
+        self, scan: Scan, label: IntArray, tracks: TrackArrays
     ) -> tuple[IntArray, FloatArray]:
         """Groups of detections with those within a hull as one.
 
@@ -162,8 +199,6 @@ class Hulls:
             Group of each.
         tracks : TrackArrays
             Held, oldest first, at the scan's stamp.
-        longest_plot : float
-            m.
 
         Returns
         -------
@@ -178,8 +213,8 @@ class Hulls:
         sight = position - sensor
         sight = sight / np.maximum(np.hypot(*sight.T), 1e-9)[:, None]
         for track_id, place in zip(tracks.track_id.tolist(), tracks.state[:, 0::2], strict=True):
-            hull = self._hulls.get(track_id)
-            if hull is None or not hull.found(longest_plot):
+            hull = self._found.get(track_id)
+            if hull is None:
                 continue
             inside = free & hull.gate(position - place)
             if not inside.any():
@@ -198,7 +233,10 @@ class Hulls:
     def waiting(
         self, new: TrackArrays, held: TrackArrays, reach: float, interval: float
     ) -> BoolArray:
-        """Which new tracks wait: those beside a young track, or an earlier one of the new.
+        """Which new tracks wait.
+
+        Those beside a young track whose hull is not learned yet, or beside an earlier one of the
+        new; and those within a hull.
 
         Parameters
         ----------
@@ -213,9 +251,16 @@ class Hulls:
         -------
         (n,) ndarray of bool
         """
-        young = held.where(held.age <= WAITING_SCANS * interval).state[:, 0::2]
+        ids, position = held.track_id.tolist(), held.state[:, 0::2]
+        young = held.age <= WAITING_SCANS * interval
+        young &= np.array(
+            [one not in self._hulls or not self._hulls[one].decided for one in ids], bool
+        )
         waits = np.zeros(len(new), bool)
         for row, place in enumerate(new.state[:, 0::2]):
-            older = np.concatenate([young, new.state[:row, 0::2][~waits[:row]]])
-            waits[row] = bool((np.hypot(*(older - place).T) <= reach).any())
+            older = np.concatenate([position[young], new.state[:row, 0::2][~waits[:row]]])
+            waits[row] = bool((np.hypot(*(older - place).T) < reach).any())
+        for track_id, place in zip(ids, position, strict=True):
+            if track_id in self._found:
+                waits |= self._found[track_id].gate(new.state[:, 0::2] - place)
         return waits
