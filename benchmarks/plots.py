@@ -3,11 +3,13 @@
 - swimmers: starts, when, and NEES, for 3 and for 3 to 5 echoes, spread over 1 m and 3 m, with
   errors common to a ping and independent ones, beside one echo; 95 % intervals;
 - two: two swimmers apart;
+- vessels: starts and tracks of a vessel at 3 m/s with 3 to 8 highlights a ping along its hull;
 - box: the largest likelihood ratio over the pings of the paper's box, uniform and lumpy, and
   whether the tracks of the first `--tracked` pings are those of `plots` off to the bit;
 - time: of the grouping, by the number of detections.
 
     python benchmarks/plots.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
+                                        [--sensor given|unknown]
     python benchmarks/plots.py box [--pings 100000] [--tracked 2000]
 """
 
@@ -27,11 +29,14 @@ from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.environment.detection_spacing import DetectionSpacing
+from tsepm_ros.environment.seen_extent import Extent, SeenExtent
 from tsepm_ros.initiation.plot_extraction import LIKELIHOOD_RATIO
 from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, grouped, plots_of
 from tsepm_ros.sensing.scan import Scan
 
 MAX_SPEED = 5.0
+REACH = 120.0
+"""Of a target between two pings of the paper's box, at the default maximum speed, m."""
 KINDS = ("uniform", "smooth", "rough", "blocks")
 
 
@@ -57,13 +62,15 @@ class Run:
         return [start for start in self.starts if start.ping >= self.on]
 
 
-def run(scene: Swimmers, seed: int, density: str = "given", **options: object) -> Run:
-    """Run the default method on a scene."""
-    sensor = scene.sensor
+def run(
+    scene: Swimmers, seed: int, density: str = "given", sensor: str = "given", **options: object
+) -> Run:
+    """Run the default method on a scene, its sensor given, or unknown."""
+    model = scene.sensor if sensor == "given" else SensorModel()
     if density == "estimated":
-        sensor = replace(sensor, clutter_density=1e-6)
+        model = replace(model, clutter_density=1e-6)
     initiator = make_initiator(
-        "score", sensor=sensor, max_speed=MAX_SPEED, clutter_density=density, **options
+        "score", sensor=model, max_speed=MAX_SPEED, clutter_density=density, **options
     )
     on, starts, origins = math.inf, [], []
     for number, ping in enumerate(scene.draw(seed), 1):
@@ -107,7 +114,8 @@ def swimmers(options: argparse.Namespace) -> None:
     """Print the table of swimmers."""
     plain = Swimmers(echoes=(1, 1), pings=options.pings, false=options.false)
     seeds = range(options.seed, options.seed + options.runs)
-    single = [run(plain, seed, options.density, plots="off") for seed in seeds]
+    known_of = options.density, options.sensor
+    single = [run(plain, seed, *known_of, plots="off") for seed in seeds]
     # Pings with one echo: as if plots were on from the start.
     known = [replace(one, on=0.0) for one in single]
     print(
@@ -122,7 +130,7 @@ def swimmers(options: argparse.Namespace) -> None:
         for spread in (1.0, 3.0):
             for common in (True, False):
                 scene = replace(plain, echoes=echoes, spread=spread, common=common)
-                runs = [run(scene, seed, options.density, plots=options.plots) for seed in seeds]
+                runs = [run(scene, seed, *known_of, plots=options.plots) for seed in seeds]
                 name = "-".join(map(str, sorted(set(echoes))))
                 kind = "common" if common else "independent"
                 row(name, f"{spread:g} m", kind, runs, runs, single)
@@ -153,21 +161,46 @@ def two(options: argparse.Namespace) -> None:
         for spread, common in ((1.0, True), (3.0, True), (3.0, False)):
             scene = Swimmers(spread=spread, common=common, apart=(apart, 0.0), pings=options.pings)
             seeds = range(options.seed, options.seed + options.runs)
-            runs = [run(scene, seed, options.density) for seed in seeds]
+            runs = [run(scene, seed, options.density, options.sensor) for seed in seeds]
             both = np.mean([math.isfinite(max(first(one, 0), first(one, 1))) for one in runs])
             held = sorted(one.held for one in runs)
             kind = "common" if common else "independent"
             print(f"| {apart:g} m | {spread:g} m | {kind} | {both:.2f} | {held} |", flush=True)
 
 
+def vessels(options: argparse.Namespace) -> None:
+    """Print how many tracks a vessel starts, by the length of its hull."""
+    print("| hull | on (median, last) | first start (median, last) | starts | held at the end |")
+    print("|---|---|---|---|---|")
+    for hull in (20.0, 40.0, 60.0):
+        scene = Swimmers(
+            echoes=(3, 8), hull=hull, speed=3.0, false=options.false, pings=options.pings
+        )
+        seeds = range(options.seed, options.seed + options.runs)
+        runs = [
+            run(scene, seed, options.density, options.sensor, plots=options.plots) for seed in seeds
+        ]
+        on, begin = [one.on for one in runs], [first(one) for one in runs]
+        starts = [len(one.starts) for one in runs]
+        held = [one.held for one in runs]
+        print(
+            f"| {hull:g} m | {np.median(on):g}, {max(on):g} | {np.median(begin):g}, {max(begin):g} "
+            f"| {np.mean(starts):.2f}, at most {max(starts)} "
+            f"| {np.mean(held):.2f}, at most {max(held)} |",
+            flush=True,
+        )
+
+
 def paper_box(options: argparse.Namespace) -> None:
     """Print the largest likelihood ratios, and whether tracks are the same to the bit."""
     for kind in options.kinds:
         spacing, largest, spent = DetectionSpacing(SensorModel()), -math.inf, 0.0
+        seen = SeenExtent(Extent.of(SensorModel()))
         for scan in box(kind, options.pings, options.seed):
             begin = time.perf_counter()
-            spacing.observe(scan.range, scan.azimuth)
+            spacing.observe(scan.range, scan.azimuth, reach=REACH, seen=seen.region)
             spent += time.perf_counter() - begin
+            seen.update(scan.range, scan.azimuth, np.ones(len(scan)))
             largest = max(largest, spacing.log_ratio)
         print(
             f"{kind}: {options.pings} pings, largest log likelihood ratio {largest:.2f}, that of "
@@ -223,11 +256,12 @@ def times(options: argparse.Namespace) -> None:
 def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    jobs = {"swimmers": swimmers, "two": two, "box": paper_box, "time": times}
+    jobs = {"swimmers": swimmers, "two": two, "vessels": vessels, "box": paper_box, "time": times}
     parser.add_argument("job", choices=jobs)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--density", choices=("given", "estimated"), default="given")
+    parser.add_argument("--sensor", choices=("given", "unknown"), default="given")
     parser.add_argument("--plots", choices=("auto", "on", "off"), default="auto")
     parser.add_argument("--false", type=float, default=20.0)
     parser.add_argument("--pings", type=int)

@@ -65,6 +65,8 @@ MOST_DETECTIONS = 200
 """Detections that are looked at in a ping: bounds the time."""
 CLOSE = PlotExtent(4.0, 4.0, 0.03, WIDEST), PlotExtent(16.0, 16.0)
 """Within which detections of a plot, or of a hull, are close together."""
+PLAUSIBLE = math.log(100.0)
+"""By how much the logarithm of what speaks for a hull may be smaller than for plots: a choice."""
 LEAST_ODDS = 1e-6
 LARGEST_ODDS = 1.0
 """Odds of p1 from which on a detection tells too little."""
@@ -111,14 +113,13 @@ class DetectionSpacing:
         return self._extents[int(np.argmax(self._evidence[: self._plots]))]
 
     @property
-    def whole_extent(self) -> PlotExtent:
-        """The extent for which most speaks, of a plot or a hull."""
-        return self._extents[int(np.argmax(self._evidence))]
-
-    @property
-    def hull(self) -> bool:
-        """Whether that is a hull's."""
-        return int(np.argmax(self._evidence)) >= self._plots
+    def hull_extent(self) -> PlotExtent | None:
+        """The extent of hulls for which most speaks; None where far more speaks for plots."""
+        evidence = self._evidence
+        hulls = evidence[self._plots :]
+        if not len(hulls) or hulls.max() < evidence.max() - PLAUSIBLE:
+            return None
+        return self._extents[self._plots + int(np.argmax(hulls))]
 
     @property
     def _evidence(self) -> FloatArray:

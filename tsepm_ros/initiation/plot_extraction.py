@@ -86,9 +86,12 @@ class PlotExtraction:
         along a hull.
         """
         suspected = self.common.plots == "auto" and self.log_ratio >= math.log(SUSPICION)
-        if (self.hulls and self._spacing.hull) or (suspected and not self.seen):
-            return self._spacing.whole_extent.scaled(WHOLE)
-        return PlotExtent(0.0, 0.0) if self.hulls else None
+        if not (self.hulls or (suspected and not self.seen)):
+            return None
+        longest = self._spacing.hull_extent
+        if longest is None:
+            longest = PlotExtent(0.0, 0.0) if self.seen else self._spacing.extent
+        return longest.scaled(WHOLE)
 
     @property
     def log_ratio(self) -> float:
