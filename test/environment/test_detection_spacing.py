@@ -17,6 +17,7 @@ from plots_scenes import Swimmers, box
 from tsepm_ros import SensorModel
 from tsepm_ros.environment.detection_spacing import INSIDE, DetectionSpacing
 from tsepm_ros.environment.echo_scatter import EchoScatter
+from tsepm_ros.environment.seen_extent import Extent, SeenExtent
 from tsepm_ros.sensing.plots import PlotExtent, grouped
 from tsepm_ros.sensing.scan import Scan
 
@@ -78,6 +79,48 @@ def test_what_lies_beyond_the_coverage_does_not_count():
     for _ in range(50):
         spacing.observe(np.array([301.0, 302.0, 303.0]), np.zeros(3))
     assert spacing.log_ratio < 0.0
+
+
+def test_an_unknown_coverage_is_cut_to_where_clutter_is_seen():
+    # Uniform clutter in a wedge 20 m wide: cut to 9 km all round it would look clustered.
+    def draw(seen: SeenExtent | None) -> float:
+        rng, spacing = np.random.default_rng(6), DetectionSpacing(SensorModel())
+        largest = -math.inf
+        for _ in range(40):
+            range_, azimuth = 300.0 * np.sqrt(rng.random(12)) + 1.0, rng.uniform(-0.03, 0.03, 12)
+            region = None if seen is None else seen.region
+            spacing.observe(range_, azimuth, seen=region)
+            largest = max(largest, spacing.log_ratio)
+            if seen is not None:
+                seen.update(range_, azimuth, np.ones(12))
+        return largest
+
+    assert draw(SeenExtent(Extent.of(SensorModel()))) < 5.0
+    assert draw(None) > LIMIT
+
+
+def test_dense_clutter_hides_several_echoes_for_some_pings_only():
+    scene = Swimmers(false=200.0, pings=20)
+    for seed in range(2):
+        spacing = DetectionSpacing(scene.sensor)
+        for ping in scene.draw(seed):
+            spacing.observe(ping.scan.range, ping.scan.azimuth, reach=5.0)
+        assert spacing.log_ratio >= LIMIT
+
+
+def test_a_hull_is_longer_than_a_plot():
+    for hull in (20.0, 40.0):
+        scene = Swimmers(echoes=(6, 8), hull=hull, speed=3.0, pings=25)
+        spacing = DetectionSpacing(scene.sensor)
+        for ping in scene.draw(1):
+            spacing.observe(ping.scan.range, ping.scan.azimuth)
+        assert spacing.log_ratio >= LIMIT
+        assert spacing.hull_extent is not None
+    plain = DetectionSpacing(Swimmers().sensor)
+    for ping in Swimmers(pings=25).draw(1):
+        plain.observe(ping.scan.range, ping.scan.azimuth)
+    assert plain.hull_extent is None
+    assert DetectionSpacing(SensorModel(), 7.0).hull_extent is None
 
 
 def test_one_echo_is_never_several():

@@ -36,7 +36,7 @@ def check(runs: list[benchmark.Run]) -> None:
     """At most one start of the target once plots are on, and one track in the end."""
     for run in runs:
         assert run.on < math.inf
-        assert sum(start.target == 0 for start in run.after_on()) <= 1
+        assert sum(start.target == 0 for start in run.starts) <= 1
         assert benchmark.first(run) < math.inf
         false = sum(start.target < 0 for start in run.starts)
         assert run.held <= 1 + false
@@ -80,6 +80,21 @@ def test_two_swimmers_farther_apart_than_their_extent_stay_two():
         run = benchmark.run(scene, 1)
         assert run.held == 2
         assert {start.target for start in run.starts} == {0, 1}
+
+
+@pytest.mark.parametrize("spread", [1.0, 3.0])
+def test_of_an_unknown_sensor_too_a_swimmer_of_several_echoes_is_one(spread):
+    scene = Swimmers(spread=spread, common=False, pings=25)
+    check([benchmark.run(scene, seed, "estimated", "unknown") for seed in range(3)])
+
+
+@pytest.mark.parametrize("hull", [20.0, 40.0])
+def test_a_vessel_longer_than_a_plot_is_one(hull):
+    scene = Swimmers(echoes=(3, 8), hull=hull, speed=3.0, pings=35)
+    for seed in (1, 2, 3):
+        run = benchmark.run(scene, seed, "estimated")
+        assert len(run.starts) == 1
+        assert run.held == 1
 
 
 @pytest.mark.parametrize("method", ["score", "tsepm"])

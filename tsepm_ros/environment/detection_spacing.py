@@ -264,10 +264,11 @@ def _pairs(range: FloatArray, azimuth: FloatArray) -> _Pairs:
 def _falls(pairs: _Pairs, eligible: BoolArray, outer: float) -> _Falls:
     """Falls into the boxes of the eligible detections (n,), of a half width (m)."""
     kept = eligible[pairs.earlier]
-    earlier, place, along, across = (values[kept] for values in pairs)
+    earlier, place = pairs.earlier[kept], pairs.later[kept]
+    along, across = pairs.along[kept], pairs.across[kept]
     both = eligible[place]
     shared = np.maximum(2.0 * outer - along, 0.0) * np.maximum(2.0 * outer - across, 0.0)
-    crowd = np.bincount(place[both], shared[both], minlength=len(eligible))
+    crowd = np.asarray(np.bincount(place[both], shared[both], minlength=len(eligible)), float)
     inside = np.flatnonzero((along <= outer) & (across <= outer))
     inside = inside[np.lexsort((earlier[inside], place[inside]))]
     place, first = np.unique(place[inside], return_index=True)

@@ -18,9 +18,9 @@ from tsepm_ros.initiation.plot_extraction import Join, PlotExtraction
 from tsepm_ros.initiation.recent_hits import RecentHits
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
-from tsepm_ros.maintenance.hulls import Hulls
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
-from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMaintenance
+from tsepm_ros.maintenance.hulls import Hulls
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
@@ -82,6 +82,7 @@ class FrontEnd:
         self.inside_coverage = self.outside_coverage = self.on_land = 0
         self.plots = PlotExtraction(self.sensor, self.common)
         self._hulls = Hulls()
+        self._judged: tuple[Scan, tuple[Scan, IntArray]] | None = None
         self._recent: list[Scan] = []
         self._hits, self._window = RecentHits(), 1
         self.learned = Learned.initial(self.sensor)
@@ -97,6 +98,7 @@ class FrontEnd:
         self.sensor = sensor
         self.common = common
         self.most_tracks_true = most_tracks_true
+        self._judged = None
 
     @property
     def estimated_detection_probability(self) -> float:
@@ -228,15 +230,9 @@ class FrontEnd:
         self._learn_errors(detections)
         held_association = self.maintenance.held_association
         if self.plots.active:
-            origin, place = self._poses.middle[:2], detections["position"]
-            further = further_plots(self.maintenance.held, place, self.plots.extent, origin)
+            further = self._further_plots(detections["position"])
             held_density = held_density + further
-            rows = np.flatnonzero(further)
-            share = further[rows] / (further[rows] + before[rows])
-            held_association = HeldAssociation(
-                np.append(held_association.row, rows),
-                np.append(held_association.probability, share),
-            )
+            held_association = held_association.joined(further, before)
         if with_features:
             learned.features.observe(
                 self.scan_index, detections["index"], detections["features"], held_density < before
@@ -297,6 +293,11 @@ class FrontEnd:
         held = self.maintenance.held.tracks.track_id
         self.learned.errors.update(track_id[rows], own, variance, held)
 
+    def _further_plots(self, position: FloatArray) -> FloatArray:
+        """Density of held targets' plots beside their own at each position (d, 2), (d,), 1/m^2."""
+        origin = self._poses.middle[:2]
+        return further_plots(self.maintenance.held, position, self.plots.extent, origin)
+
     @property
     def _reach_area(self) -> float:
         """Area within the reach of one target while a hypothesis of it lives, m^2."""
@@ -329,12 +330,16 @@ class FrontEnd:
 
     def _covered(self, scan: Scan) -> tuple[Scan, IntArray]:
         """The detections in the coverage and not on land, as a scan and as rows of all."""
+        if self._judged is not None and self._judged[0] is scan:
+            return self._judged[1]
         covered = inside(scan, self.sensor)
         in_coverage = int(covered.sum())
         covered &= afloat(scan, self.land)
         self.on_land = in_coverage - int(covered.sum())
         rows = np.flatnonzero(covered)
-        return scan if covered.all() else plots.chosen(scan, rows), rows
+        found = scan if covered.all() else plots.chosen(scan, rows), rows
+        self._judged = scan, found
+        return found
 
     def _detections(self, scan: Scan) -> NDArray[np.void]:
         """The detections in the coverage in the fixed frame, or their plots."""

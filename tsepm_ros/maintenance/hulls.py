@@ -27,6 +27,8 @@ START_STD = 20.0
 """Scatter before the first ping, m on each axis."""
 START_FREEDOM = 2.0
 """Degrees of freedom for which that counts."""
+LEAST_STD = 0.5
+"""Scatter on each axis, at least, m."""
 START_NUMBER = 4.0
 """Detections of a hull in a ping before the first: a choice."""
 GATE = 6.0
@@ -72,7 +74,7 @@ class Hull:
     @property
     def covariance(self) -> FloatArray:
         """X, (2, 2), m^2."""
-        return np.asarray(self.scatter / self.freedom)
+        return np.asarray(self.scatter / self.freedom + LEAST_STD**2 * np.eye(2))
 
     @property
     def length(self) -> float:
@@ -99,13 +101,13 @@ class Hull:
         axis = np.linalg.eigh(self.covariance)[1][:, 1]
         return in_two_places(self.apart @ axis, self.weight, place) <= MOST_IN_PLACES
 
-    def gate(self, apart: FloatArray) -> BoolArray:
-        """Which positions (n, 2), seen from the track, are within it, (n,)."""
-        return self._squared(apart) <= GATE
+    def gate(self, apart: FloatArray, std: float = 0.0) -> BoolArray:
+        """Which positions (n, 2), seen from the track and with errors (m), are within it, (n,)."""
+        return _squared(apart, self.covariance + std**2 * np.eye(2)) <= GATE
 
     def after(self, apart: FloatArray, clutter: FloatArray) -> Hull:
         """With the detections (n, 2) of a ping, seen from the track, in clutter (n,), 1/m^2."""
-        squared = self._squared(apart)
+        squared = _squared(apart, self.covariance)
         near = squared <= GATE
         apart, squared, clutter = apart[near], squared[near], clutter[near]
         area = 2.0 * np.pi * np.sqrt(np.linalg.det(self.covariance))
@@ -126,9 +128,10 @@ class Hull:
             weight=np.concatenate([self.weight, weight])[-REMEMBERED:],
         )
 
-    def _squared(self, apart: FloatArray) -> FloatArray:
-        solved = np.linalg.solve(self.covariance, apart.T)
-        return np.asarray(np.einsum("in,in->n", apart.T, solved))
+
+def _squared(apart: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Squared distances of (n, 2), (n,)."""
+    return np.asarray(np.einsum("ni,in->n", apart, np.linalg.solve(covariance, apart.T)))
 
 
 def in_two_places(along: FloatArray, weight: FloatArray, width: float) -> float:
@@ -180,7 +183,9 @@ class Hulls:
         for track_id, place in zip(tracks.track_id.tolist(), tracks.state[:, 0::2], strict=True):
             hull = self._hulls.get(track_id, Hull.unknown())
             hull = hull.after(position[free] - place, clutter[free])
-            if hull.found(longest_plot, max(PLACE, 3.0 * azimuth_std * np.hypot(*(place - sensor)))):
+            if hull.found(
+                longest_plot, max(PLACE, 3.0 * azimuth_std * np.hypot(*(place - sensor)))
+            ):
                 free &= ~hull.gate(position - place)
                 found[track_id] = hull
             learned[track_id] = hull
@@ -262,5 +267,5 @@ class Hulls:
             waits[row] = bool((np.hypot(*(older - place).T) < reach).any())
         for track_id, place in zip(ids, position, strict=True):
             if track_id in self._found:
-                waits |= self._found[track_id].gate(new.state[:, 0::2] - place)
+                waits |= self._found[track_id].gate(new.state[:, 0::2] - place, PLACE)
         return waits

@@ -59,6 +59,18 @@ class HeldAssociation(NamedTuple):
     row: IntArray
     probability: FloatArray
 
+    def joined(self, further: FloatArray, clutter: FloatArray) -> HeldAssociation:
+        """With detections that tracks may have beside their own.
+
+        Parameters
+        ----------
+        further, clutter : (d,) ndarray
+            Density of these, and of clutter, at each detection, 1/m^2.
+        """
+        rows = np.flatnonzero(further)
+        share = further[rows] / (further[rows] + clutter[rows])
+        return HeldAssociation(np.append(self.row, rows), np.append(self.probability, share))
+
 
 class OwnDetections(NamedTuple):
     """Detections of a scan that are almost certainly held tracks'.

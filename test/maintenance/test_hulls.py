@@ -1,0 +1,128 @@
+"""Hulls: learned from detections along a line, told from targets side by side, joined to a plot."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.maintenance.hulls import PLACE, Hull, Hulls, in_two_places
+from tsepm_ros.sensing.scan import Scan
+
+CLUTTER = 2e-4
+LONGEST_PLOT = 16.0
+AZIMUTH_STD = 0.01
+
+
+def tracks(*places: tuple[float, float], age: float = 5.0) -> TrackArrays:
+    return TrackArrays.of(
+        [
+            ConfirmedTrack(
+                track_id=number,
+                stamp=0.0,
+                state=np.array([x, 0.0, y, 0.0]),
+                covariance=np.eye(4),
+                hits=((0, 0),),
+                evaluation=0.0,
+                age=age,
+            )
+            for number, (x, y) in enumerate(places)
+        ]
+    )
+
+
+def scan_of(position: np.ndarray) -> Scan:
+    return Scan(0.0, np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0]))
+
+
+def along_a_hull(rng: np.random.Generator, length: float) -> np.ndarray:
+    place = np.stack([np.full(5, 150.0), length * (rng.random(5) - 0.5)], axis=1)
+    return place + 0.5 * rng.standard_normal(place.shape)
+
+
+def side_by_side(rng: np.random.Generator, apart: float) -> np.ndarray:
+    place = np.array([[150.0, 0.0]] * 3 + [[150.0, apart]] * 3)
+    return place + rng.standard_normal(place.shape)
+
+
+def learned(draw, length: float, seed: int, pings: int = 12) -> Hulls:
+    rng, hulls, held = np.random.default_rng([seed, 3]), Hulls(), tracks((150.0, 0.0))
+    for _ in range(pings):
+        position = draw(rng, length)
+        stray = np.array([150.0, 0.0]) + rng.uniform(-60.0, 60.0, (rng.poisson(2), 2))
+        position = np.concatenate([position, stray])
+        clutter = np.full(len(position), CLUTTER)
+        hulls.learn(scan_of(position), clutter, held, LONGEST_PLOT, AZIMUTH_STD)
+    return hulls
+
+
+@pytest.mark.parametrize("length", [40.0, 60.0])
+def test_highlights_along_a_hull_become_one_plot(length):
+    for seed in range(5):
+        hulls, held = learned(along_a_hull, length, seed), tracks((150.0, 0.0))
+        place = np.array([[150.0, -0.4 * length], [60.0, 0.0], [150.0, 0.4 * length]])
+        label, wander = hulls.joined(scan_of(place), np.arange(3), held)
+        assert label.tolist() == [0, 1, 0]
+        # The hull lies across the line of sight.
+        assert wander[0, 1] > 0.5 * length**2 / 12.0
+        assert wander[0, 0] < 0.3 * wander[0, 1]
+        assert not wander[1].any()
+
+
+@pytest.mark.parametrize("apart", [20.0, 40.0])
+def test_targets_side_by_side_are_no_hull(apart):
+    for seed in range(5):
+        hulls, held = learned(side_by_side, apart, seed), tracks((150.0, 0.0))
+        place = np.array([[150.0, 0.0], [150.0, apart]])
+        label, wander = hulls.joined(scan_of(place), np.arange(2), held)
+        assert label.tolist() == [0, 1]
+        assert not wander.any()
+        assert not hulls.waiting(tracks((150.0, apart)), held, 64.0, 1.0).any()
+
+
+def test_a_group_that_a_hull_cuts_keeps_its_rest_together():
+    hulls, held = learned(along_a_hull, 40.0, 0), tracks((150.0, 0.0))
+    place = np.array([[150.0, 5.0], [190.0, 0.0], [190.0, 1.0], [150.0, -5.0]])
+    label, _ = hulls.joined(scan_of(place), np.zeros(4, np.int64), held)
+    assert label.tolist() == [0, 1, 1, 0]
+
+
+def test_the_scatter_is_the_lines():
+    rng, hull = np.random.default_rng(1), Hull.unknown()
+    for _ in range(200):
+        hull = hull.after(along_a_hull(rng, 40.0) - [150.0, 0.0], np.full(5, 1e-9))
+    assert hull.length == pytest.approx(40.0, rel=0.15)
+    assert hull.covariance[0, 0] < 1.0
+
+
+def test_detections_in_one_spot_for_ever_leave_a_covariance():
+    hull = Hull.unknown()
+    for _ in range(3000):
+        hull = hull.after(np.zeros((4, 2)), np.full(4, CLUTTER))
+    assert np.linalg.eigvalsh(hull.covariance)[0] > 0.1
+    assert not hull.found(LONGEST_PLOT, PLACE)
+
+
+def test_the_share_in_two_places_is_that_of_all_pairs_of_intervals():
+    rng = np.random.default_rng(4)
+    for n in (1, 2, 7, 12):
+        along, weight = rng.uniform(0.0, 40.0, n), rng.random(n)
+        inside = [(along >= start) & (along <= start + 6.0) for start in along]
+        best = max(weight[one].sum() for one in inside)
+        for one, other in combinations(inside, 2):
+            best = max(best, weight[one | other].sum())
+        assert in_two_places(along, weight, 6.0) == pytest.approx(best / weight.sum())
+
+
+def test_starts_beside_a_young_track_wait_until_its_hull_is_learned():
+    hulls, new = Hulls(), tracks((150.0, 30.0), (150.0, 100.0))
+    assert hulls.waiting(new, tracks((150.0, 0.0)), 64.0, 1.0).tolist() == [True, False]
+    old = tracks((150.0, 0.0), age=17.0)
+    assert not hulls.waiting(new, old, 64.0, 1.0).any()
+    near = tracks((150.0, 70.0), (150.0, 100.0))
+    assert hulls.waiting(near, old, 64.0, 1.0).tolist() == [False, True], "the first of two starts"
+    hull = learned(along_a_hull, 60.0, 2)
+    beside = tracks((150.0, 25.0), (200.0, 0.0))
+    assert hull.waiting(beside, old, 0.0, 1.0).tolist() == [True, False]
