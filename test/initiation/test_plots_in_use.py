@@ -85,13 +85,13 @@ def test_two_swimmers_farther_apart_than_their_extent_stay_two():
 @pytest.mark.parametrize("spread", [1.0, 3.0])
 def test_of_an_unknown_sensor_too_a_swimmer_of_several_echoes_is_one(spread):
     scene = Swimmers(spread=spread, common=False, pings=25)
-    check([benchmark.run(scene, seed, "estimated", "unknown") for seed in range(3)])
+    check([benchmark.run(scene, seed, "estimated", "unknown") for seed in range(2)])
 
 
 @pytest.mark.parametrize("hull", [20.0, 40.0])
 def test_a_vessel_longer_than_a_plot_is_one(hull):
     scene = Swimmers(echoes=(3, 8), hull=hull, speed=3.0, pings=35)
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         run = benchmark.run(scene, seed, "estimated")
         assert len(run.starts) == 1
         assert run.held == 1

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.numerics.grouped import largest_of
 from tsepm_ros.sensing.plots import PlotExtent, pairs_within
 
+NEAREST = 8
+"""Places nearest to a detection at which it looks for streaks."""
 MAX_DETECTIONS = 2000
 """Detections of a ping beyond which it ends every streak: bounds the time."""
 
@@ -52,15 +53,11 @@ class CloseStreaks:
             self._position, self._length = np.zeros((0, 2)), length[:0]
             return length
         if n and len(self._position):
-            near = cKDTree(self._position).query_ball_point(
-                position, reach + self._extent.across_at(range)
-            )
-            count = np.array([len(rows) for rows in near])
-            if count.any():
-                rows = np.concatenate([np.array(rows, np.int64) for rows in near])
-                owner = np.repeat(np.arange(n), count)
-                longest = largest_of(self._length[rows].astype(float), owner, n)
-                length = np.maximum(np.where(count > 0, longest, 0.0), 0.0).astype(np.int64)
+            limit = reach + self._extent.across_at(range)
+            away, row = cKDTree(self._position).query(position, k=NEAREST)
+            found = np.where(np.isfinite(away), row, 0)
+            longest = np.where(away <= limit[:, None], self._length[found], 0)
+            length = np.asarray(longest.max(axis=1), np.int64)
         first, second, _ = pairs_within(range, azimuth, self._extent)
         close = np.unique(np.concatenate([first, second]))
         self._position, self._length = position[close], length[close] + 1

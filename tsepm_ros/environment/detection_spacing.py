@@ -47,7 +47,7 @@ STREAKS = ((0, 0), (0, 1), (0, 3), (1, 3))
 detections were that close together at a place."""
 STEP = 10.0
 """Reach of a target within a ping, m, where none is given."""
-BOX_POINTS = 6
+BOX_POINTS = 4
 """Points along each side of a larger box that tell what of it clutter is seen in."""
 EXTENTS = (1.0, 2.0, 4.0, 8.0)
 """Half widths of the smaller boxes, m."""
@@ -67,6 +67,8 @@ CLOSE = PlotExtent(4.0, 4.0, 0.03, WIDEST), PlotExtent(16.0, 16.0)
 """Within which detections of a plot, or of a hull, are close together."""
 PLAUSIBLE = math.log(100.0)
 """By how much the logarithm of what speaks for a hull may be smaller than for plots: a choice."""
+CROWDED = 4.0
+"""Area of all larger boxes, in those of the coverage, from which on too little of each is left."""
 LEAST_ODDS = 1e-6
 LARGEST_ODDS = 1.0
 """Odds of p1 from which on a detection tells too little."""
@@ -164,11 +166,20 @@ class DetectionSpacing:
         range, azimuth = range[rows], azimuth[rows]
         eligible = [streak[kind][rows] >= least for kind, least in STREAKS]
         pairs = _pairs(range, azimuth)
+        area = self._sensor.coverage_area if seen is None else seen.area
         for place, outer in enumerate(OUTER):
+            near = pairs.within(2.0 * outer)
+            if not len(near.later):
+                continue
+            larger = self._area(range, azimuth, np.array(outer), np.array(outer))
+            if seen is not None:
+                larger = larger * _seen_share(seen, range, azimuth, outer)
             for row, chosen in enumerate(eligible):
-                falls = _falls(pairs, chosen, outer)
+                if chosen.sum() * (2.0 * outer) ** 2 > CROWDED * area:
+                    continue
+                falls = _falls(near, chosen, outer)
                 if len(falls.place):
-                    self._log[place, row] += self._increments(range, azimuth, falls, outer, seen)
+                    self._log[place, row] += self._increments(range, azimuth, falls, outer, larger)
 
     def _drawn(self, azimuth: FloatArray) -> IntArray:
         """Detections in random order, of many only those of a wedge.
@@ -188,15 +199,12 @@ class DetectionSpacing:
         azimuth: FloatArray,
         falls: _Falls,
         outer: float,
-        seen: Region | None,
+        larger: FloatArray,
     ) -> FloatArray:
-        """Logarithms of L for the larger boxes of a half width, by extent and q."""
+        """Logarithms of L for the larger boxes of a half width and areas (n,), by extent and q."""
         _, earlier, along, across, crowd = falls
         centre, angle = range[earlier][:, None], azimuth[earlier][:, None]
-        larger = self._area(centre, angle, np.array(outer), np.array(outer))
-        if seen is not None:
-            larger = larger * _seen_share(seen, centre, angle, outer)
-        left = larger - crowd[:, None]
+        left = (larger[earlier] - crowd)[:, None]
         widest = np.minimum(centre * self._beam, self._widest)
         reach, reach_across = self._along, self._across + widest
         inner = self._area(centre, angle, reach, reach_across)
@@ -212,7 +220,7 @@ class DetectionSpacing:
     def _area(
         self, range: FloatArray, azimuth: FloatArray, along: FloatArray, across: FloatArray
     ) -> FloatArray:
-        """Area of boxes of half widths (...) around places (n, 1), as far as covered, m^2."""
+        """Area of boxes of half widths (...) around places (...), as far as covered, m^2."""
         sensor = self._sensor
         near = np.maximum(range - along, sensor.min_range)
         far = np.minimum(range + along, sensor.max_range)
@@ -235,6 +243,11 @@ class _Pairs(NamedTuple):
     later: IntArray
     along: FloatArray
     across: FloatArray
+
+    def within(self, limit: float) -> _Pairs:
+        """Those nearer than a limit on both axes."""
+        near = (self.along < limit) & (self.across < limit)
+        return _Pairs(self.earlier[near], self.later[near], self.along[near], self.across[near])
 
 
 class _Falls(NamedTuple):
@@ -278,8 +291,9 @@ def _falls(pairs: _Pairs, eligible: BoolArray, outer: float) -> _Falls:
 
 
 def _seen_share(seen: Region, range: FloatArray, azimuth: FloatArray, half: float) -> FloatArray:
-    """Share of boxes around places (n, 1) in which clutter is seen, (n, 1)."""
+    """Share of boxes around places (n,) in which clutter is seen, (n,)."""
+    range, azimuth = range[:, None], azimuth[:, None]
     steps = half * (2.0 * (np.arange(BOX_POINTS) + 0.5) / BOX_POINTS - 1.0)
     along, across = (part.ravel() for part in np.meshgrid(steps, steps))
     inside = seen.contains(np.maximum(range + along, 0.0), azimuth + across / range)
-    return np.asarray(inside.mean(axis=1, keepdims=True))
+    return np.asarray(inside.mean(axis=1))

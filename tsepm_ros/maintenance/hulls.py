@@ -41,8 +41,11 @@ MOST_IN_PLACES = 0.75
 """Share of a hull's detections in the two places that have most, at most: a choice."""
 REMEMBERED = 100
 """Detections that are counted in places."""
-WAITING_SCANS = 16.0
-"""Age of a track, in scans, up to which other starts beside it wait: its hull is being learned."""
+WAITING_SCANS = 16
+"""Scans for which other starts beside a track wait: its hull is being learned.
+
+From the track's first hit as long as it is not learned.
+"""
 
 
 @dataclass(frozen=True)
@@ -53,14 +56,17 @@ class Hull:
     ----------
     freedom, scatter : float, (2, 2) ndarray
         Degrees of freedom, and sum of squares about the centroids, m^2.
+    scans : int
+        Pings since the first.
     pings, number : float
-        Pings with detections, and detections.
+        Pings with several detections, and their detections; older ones fade.
     apart, weight : (m, 2), (m,) ndarray
         The last detections, seen from the track, m, and the weight of each.
     """
 
     freedom: float
     scatter: FloatArray
+    scans: int = 0
     pings: float = 1.0
     number: float = START_NUMBER
     apart: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
@@ -85,6 +91,11 @@ class Hull:
     def decided(self) -> bool:
         """Whether enough is known to tell a hull from targets side by side."""
         return self.freedom >= LEAST_FREEDOM
+
+    @property
+    def open(self) -> bool:
+        """Whether that may still become known."""
+        return not self.decided and self.scans <= WAITING_SCANS
 
     def found(self, longest_plot: float, place: float) -> bool:
         """Whether it is a hull, longer than plots are.
@@ -116,10 +127,11 @@ class Hull:
         total = float(weight.sum())
         kept = 1.0 - 1.0 / MEMORY
         if total <= 1.0:
-            return self
+            return replace(self, scans=self.scans + 1)
         off = apart - weight @ apart / total
         return replace(
             self,
+            scans=self.scans + 1,
             freedom=kept * self.freedom + total - 1.0,
             scatter=kept * self.scatter + (off * weight[:, None]).T @ off,
             pings=kept * self.pings + 1.0,
@@ -257,9 +269,13 @@ class Hulls:
         (n,) ndarray of bool
         """
         ids, position = held.track_id.tolist(), held.state[:, 0::2]
-        young = held.age <= WAITING_SCANS * interval
-        young &= np.array(
-            [one not in self._hulls or not self._hulls[one].decided for one in ids], bool
+        aged = held.age > WAITING_SCANS * interval
+        young = np.array(
+            [
+                self._hulls[one].open if one in self._hulls else not old
+                for one, old in zip(ids, aged, strict=True)
+            ],
+            bool,
         )
         waits = np.zeros(len(new), bool)
         for row, place in enumerate(new.state[:, 0::2]):
