@@ -1,4 +1,5 @@
-# `make demo` and `make test` do everything: each makes the environment that it needs.
+# `make demo` and `make test` do everything: each installs what it needs, and no more, into the
+# environment.
 # Needed before: make, and Python 3.11 or 3.12 with pip (or a sourced ROS 2 Jazzy).
 
 VENV := .venv
@@ -17,12 +18,12 @@ ifneq ($(SOURCED),)
   # The distribution's rclpy, numpy and scipy stay; pip adds only what is missing.
   PYTHONS := python3
   VENV_FLAGS := --system-site-packages
-  EXTRAS := plot,test,docs
-  READY := $(VENV)/.ready-sourced
+  RUNTIME := plot
+  MADE := $(VENV)/.made-sourced
 else
   PYTHONS := python3 python3.12 python3.11
-  EXTRAS := ros,plot,test,docs
-  READY := $(VENV)/.ready-wheels
+  RUNTIME := ros,plot
+  MADE := $(VENV)/.made-wheels
   # Only Fast DDS comes as a wheel. Another ROS in the calling shell must not mix with the wheels,
   # nor may the library path of other wheels, which comes with their guard variable.
   unexport RMW_IMPLEMENTATION
@@ -43,10 +44,10 @@ export MPLCONFIGDIR := $(CURDIR)/build/matplotlib
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
 
-demo: env  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
+demo: $(MADE)-demo  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
 	$(VENV)/bin/python -m tsepm_ros.demo.two_processes $(DEMO_ARGS)
 
-test: env  ## the tests but the long statistical ones; TEST_ARGS="test/stages -k merging" for others
+test: $(MADE)-test  ## the tests but the long statistical ones; TEST_ARGS="test/stages -k merging" for others
 ifdef TEST_ARGS
 	$(VENV)/bin/python -m pytest $(TEST_ARGS)
 else
@@ -54,16 +55,15 @@ else
 	$(VENV)/bin/python -m pytest -n auto --dist worksteal test/nodes
 endif
 
-lint: env  ## ruff and mypy
+lint: $(MADE)-test  ## ruff and mypy
 	$(VENV)/bin/python -m ruff check .
 	$(VENV)/bin/python -m ruff format --check .
 	$(VENV)/bin/python -m mypy
 
-docs: env  ## the documentation as a site in build/site; a warning is an error
+docs: $(MADE)-docs  ## the documentation as a site in build/site; a warning is an error
 	$(VENV)/bin/python -m mkdocs build --strict
 
-env: $(READY)  ## only the environment that these use, in .venv
-	@mkdir -p $(ROS_LOG_DIR) $(MPLCONFIGDIR)
+env: $(MADE)-demo $(MADE)-test $(MADE)-docs  ## only the environment of all of these, in .venv
 
 clean:  ## remove the environment and everything built
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache
@@ -75,16 +75,16 @@ FITS := import sys, venv; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)
 KEEP := from importlib.metadata import distributions as d; \
   print(*{f"{p.name}=={p.version}" for p in d() if p.name in ("numpy", "scipy")}, sep="\n")
 
-# Editable, so that it never goes stale. Where the interpreter cannot put pip into an environment
-# (Debian without python3-venv), its own pip installs from outside.
-$(READY): setup.py package.xml $(filter %.txt,$(MORE))
+# Where the interpreter cannot put pip into an environment (Debian without python3-venv), its own pip
+# installs from outside. A changed setup.py makes the environment anew.
+$(MADE): setup.py package.xml
 	@for python in $(or $(PYTHON),$(PYTHONS)) none; do \
 	  "$$python" -c '$(FITS)' 2>/dev/null && break; \
 	done; \
 	if [ "$$python" = none ]; then \
 	  echo 'No Python 3.11 or 3.12 found; name one: make PYTHON=/path/to/python3.12' >&2; exit 1; \
 	fi; \
-	echo "Making $(VENV) for $(EXTRAS) with $$("$$python" -V): about a minute"; \
+	echo "Making $(VENV) with $$("$$python" -V)"; \
 	set -e; \
 	if "$$python" -c 'import ensurepip' 2>/dev/null; then \
 	  "$$python" -m venv --clear $(VENV_FLAGS) $(VENV); pip="$(VENV)/bin/python -m pip"; \
@@ -92,6 +92,18 @@ $(READY): setup.py package.xml $(filter %.txt,$(MORE))
 	  "$$python" -m venv --clear --without-pip $(VENV_FLAGS) $(VENV); \
 	  pip="$$python -m pip --python $(VENV)/bin/python"; \
 	fi; \
-	$(if $(SOURCED),$(VENV)/bin/python -c '$(KEEP)',:) > $(VENV)/constraints.txt; \
-	$$pip install -qq --disable-pip-version-check -c $(VENV)/constraints.txt -e '.[$(EXTRAS)]' $(MORE)
+	echo "exec $$pip" '"$$@"' > $(VENV)/pip; \
+	$(if $(SOURCED),$(VENV)/bin/python -c '$(KEEP)',:) > $(VENV)/constraints.txt
+	@mkdir -p $(ROS_LOG_DIR) $(MPLCONFIGDIR)
+	@touch $@
+
+# What a target needs beyond the runtime is the extra of its name, if any. Editable, so that it never
+# goes stale; modules are compiled when they are imported, which saves time and space.
+NOTHING :=
+COMMA := ,
+LIST = $(subst $(NOTHING) $(NOTHING),$(COMMA),$(strip $(RUNTIME) $(filter-out demo,$*)))
+$(MADE)-%: $(MADE) $(filter %.txt,$(MORE))
+	@echo "Installing $(LIST) in $(VENV): about a minute"
+	@sh $(VENV)/pip install -qq --disable-pip-version-check --no-compile \
+	  -c $(VENV)/constraints.txt -e '.[$(LIST)]' $(MORE)
 	@touch $@

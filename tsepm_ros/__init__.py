@@ -17,3 +17,7 @@ __all__ = [
     "available_methods",
     "make_initiator",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

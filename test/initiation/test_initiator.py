@@ -13,6 +13,7 @@ from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, reconfigured
 from support.patience import WAIT
 from support.scenes import random_scene
 
+import tsepm_ros
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.statistics import ScanStatistics
@@ -159,6 +160,19 @@ def test_a_reset_initiator_works_as_a_new_one():
     assert ids == list(range(len(ids)))
 
 
+def test_an_initiator_is_shown_in_one_line():
+    made = initiator()
+    for k in range(3):
+        made.process(scan_at(12.0 * k, [HERE]))
+    assert repr(made) == "Initiator(Tsepm, 3 scans, 1 tracks confirmed, 1 held)"
+
+
+def test_the_package_shows_its_public_names_only():
+    assert dir(tsepm_ros) == sorted(tsepm_ros.__all__)
+    for name in dir(tsepm_ros):
+        assert hasattr(tsepm_ros, name)
+
+
 def test_track_ids_fit_32_bits():
     made = initiator()
     made.next_track_id = 2**32 - 1
@@ -202,6 +216,7 @@ BAD_SCANS = {
         lambda stamp: Scan(stamp + 1.0, np.full(5001, 50.0), np.zeros(5001)),
         "range has 5001 detections, more than max_detections = 5000",
     ),
+    "no scan": (lambda stamp: (stamp + 1.0, [3000.0], [0.0]), "scan must be a tsepm_ros.Scan"),
 }
 
 

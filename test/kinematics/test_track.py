@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from datetime import UTC, datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -79,3 +82,50 @@ def test_arrays_give_back_the_tracks_that_they_were_made_of():
         np.testing.assert_array_equal(one.covariance, expected.covariance)
     assert [one.track_id for one in arrays.where(np.array([True, False, True]))] == [1, 3]
     assert [one.track_id for one in arrays[1:]] == [2, 3]
+
+
+def test_a_track_is_shown_in_one_line():
+    assert repr(track()) == (
+        "ConfirmedTrack(3, 100 s, position (1000, -500) m, velocity (2.0, -3.0) m/s, 2 hits)"
+    )
+    assert repr(TrackArrays.of([])) == "TrackArrays([])"
+    many = repr(TrackArrays.of([track(number) for number in range(5)]))
+    assert many.count("ConfirmedTrack(") == 3 and many.endswith(", 5 in all)")
+
+
+def test_a_stone_soup_state_has_the_time_of_its_stamp():
+    pytest.importorskip("stonesoup")
+    state = track().as_stonesoup()
+    np.testing.assert_array_equal(state.state_vector.ravel(), track().state)
+    np.testing.assert_array_equal(state.covar, track().covariance)
+    assert state.timestamp == datetime(1970, 1, 1, 0, 1, 40, tzinfo=UTC)
+    naive = datetime(2026, 5, 1)
+    assert track().as_stonesoup(naive).timestamp == naive + timedelta(seconds=100)
+
+
+def test_without_stone_soup_the_error_names_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "stonesoup.types.state", None)
+    with pytest.raises(ImportError, match="pip install stonesoup"):
+        track().as_stonesoup()
+
+
+@pytest.mark.parametrize("order_by_dim", [True, False])
+def test_a_filterpy_filter_predicts_as_the_track_does(order_by_dim):
+    """In filterpy's words: ``x = F x``, ``P = F P F'``, x as a column."""
+    x, P = track().as_filterpy(order_by_dim=order_by_dim)
+    assert x.shape == (4, 1)
+    block = np.array([[1.0, 12.0], [0.0, 1.0]])
+    F = np.kron(np.eye(2), block) if order_by_dim else np.kron(block, np.eye(2))
+    later = track().predicted(112.0)
+    order = [0, 1, 2, 3] if order_by_dim else [0, 2, 1, 3]
+    np.testing.assert_allclose((F @ x).ravel(), later.state[order])
+    np.testing.assert_allclose(F @ P @ F.T, later.covariance[order][:, order])
+
+
+def test_a_filter_may_change_what_it_was_given():
+    one = track()
+    x, P = one.as_filterpy()
+    x += 1.0
+    P += 1.0
+    np.testing.assert_array_equal(one.state, track().state)
+    np.testing.assert_array_equal(one.covariance, track().covariance)

@@ -253,3 +253,26 @@ def test_a_trusted_scan_has_the_defaults_of_a_checked_one():
         np.testing.assert_array_equal(
             getattr(trusted, field.name), getattr(checked, field.name), err_msg=field.name
         )
+
+
+def test_positions_are_ranges_and_azimuths():
+    scan = Scan.from_xy(1.0, [3.0, 0.0, -5.0], [4.0, 2.0, 0.0], range_std=[1.0, 2.0, 3.0])
+    np.testing.assert_allclose(scan.range, [5.0, 2.0, 5.0])
+    np.testing.assert_allclose(scan.azimuth, [np.arctan2(4.0, 3.0), np.pi / 2, np.pi])
+    np.testing.assert_array_equal(scan.range_std, [1.0, 2.0, 3.0])
+    assert len(Scan.from_xy(2.0, [], [])) == 0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "sentence"),
+    [
+        ([1.0], [1.0, 2.0], "x and y must have one shape"),
+        (1.0, 2.0, "x and y must have one shape"),
+        ([np.nan], [0.0], "x and y must be finite"),
+        ([0.0], [0.0], "range must be above 0"),
+        (["far"], [0.0], "x must be an array of numbers"),
+    ],
+)
+def test_positions_that_are_none_are_refused(x, y, sentence):
+    with pytest.raises(ValueError, match=f"^{sentence}"):
+        Scan.from_xy(0.0, x, y)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import multiprocessing
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -27,13 +28,18 @@ def silent(results: Iterable[Any], total: int) -> Iterable[Any]:
     return results
 
 
-def with_progress(results: Iterable[Any], total: int) -> Iterable[Any]:
+def with_progress(results: Iterable[Any], total: int, label: str | None = None) -> Iterable[Any]:
     """Show a progress bar if tqdm is installed and the output is a terminal."""
     try:
         from tqdm import tqdm
     except ImportError:
         return results
-    return tqdm(results, total=total, unit="run", disable=None)
+    return tqdm(results, total=total, desc=label, unit="run", leave=label is None, disable=None)
+
+
+def named_progress(label: str) -> Progress:
+    """Progress of a part of the work by its name, as `with_progress`; gone when it is done."""
+    return functools.partial(with_progress, label=label)
 
 
 def _attach_to_parent() -> None:
@@ -76,8 +82,8 @@ class Workers:
 
     def mapped(
         self, function: Callable[[Job], Result], jobs: Sequence[Job], chunk: int = 1
-    ) -> Iterator[Result]:
-        """Results of a function for each job, in their order.
+    ) -> Generator[Result, None, None]:
+        """Results of a function for each job, in their order; closed early, no more are done.
 
         Parameters
         ----------

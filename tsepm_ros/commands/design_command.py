@@ -9,18 +9,20 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.analysis.workers import with_progress
+from tsepm_ros.analysis.workers import named_progress
 from tsepm_ros.commands.arguments import add_runs, add_values, positive, workers_of
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.design_report import (
     candidate_table,
     case_lines,
+    first_line,
     increments_line,
     remedy_table,
     rule_table,
     verdict,
 )
+from tsepm_ros.design.first_estimate import first_estimate
 from tsepm_ros.design.search import Candidate
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -53,7 +55,7 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wanted", type=float, default=0.9, help="required share of targets that are found"
     )
-    add_runs(parser, 400, "simulated targets")
+    add_runs(parser, 400, "simulated targets, at most")
     parser.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
     add_values(parser)
 
@@ -80,11 +82,11 @@ def run_design(options: argparse.Namespace) -> None:
     score, tsepm = groups[ScoreOptions], groups[TsepmOptions]
     target_rate = score.false_tracks_per_hour
     print(case_lines(case, target_rate), flush=True)
-    if "score.window" not in values:
-        score = dataclasses.replace(score, window=search.score_window(case, score))
-    [(threshold, _)] = search.score_thresholds(case, score, [score.window])
+    first = first_estimate(case, score, given_window="score.window" in values)
+    score = dataclasses.replace(score, window=first.window)
     increments = search.ping_increments(case, score.gate_probability)
-    print(increments_line(increments, threshold), flush=True)
+    print(increments_line(increments, first.threshold))
+    print(first_line(first, case), flush=True)
     rules = search.rules_within(case, tsepm, target_rate)
     print(
         "\nM/N rules of the method tsepm that keep the target false-track rate:"
@@ -96,13 +98,14 @@ def run_design(options: argparse.Namespace) -> None:
         "runs": options.runs,
         "seed": options.seed,
         "workers": workers_of(options),
-        "progress": with_progress,
+        "progress": named_progress,
     }
     candidates = list(search.candidates(case, score, tsepm, rules, **simulation))
     hours = search.clutter_scans(case, target_rate) / case.scans_per_hour
     print(
-        f"\nsimulated: {options.runs} targets, {hours:.1f} h of clutter alone, seed "
-        f"{options.seed}; score with window {score.window}; 95 % intervals"
+        f"\nsimulated: up to {options.runs} targets, {hours:.1f} h of clutter alone, seed "
+        f"{options.seed}; score with window {score.window}; 95 % intervals; a dash: not simulated, "
+        "since fewer targets are found"
     )
     print(candidate_table(candidates, case.sensor.coverage_area))
     print(f"\n{verdict(candidates, options.wanted, target_rate)}", flush=True)
@@ -111,7 +114,8 @@ def run_design(options: argparse.Namespace) -> None:
         remedies = search.remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
-        print(remedy_table(list(remedies)))
+        now = ("as it is", candidates[0].targets.detection)
+        print(remedy_table([now, *remedies]))
     if options.write:
         _write_parameters(options, values, candidates)
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.design.design_case import Case
+from tsepm_ros.design.first_estimate import FirstEstimate
 from tsepm_ros.design.search import WINDOWS, Candidate, PingIncrements, Rule
 from tsepm_ros.methods.score.score_options import MIN_HITS
 
@@ -40,6 +41,22 @@ def increments_line(increments: PingIncrements, threshold: float) -> str:
     return f"{text}about {pings} pings, plus those needed to estimate the velocity"
 
 
+def first_line(estimate: FirstEstimate, case: Case) -> str:
+    """The first estimate in a line."""
+    if not estimate.detection > 0.0:
+        return "first estimate, without simulation: no target is found in time"
+    text = (
+        f"first estimate, without simulation: score finds about {estimate.detection:.2f} of the "
+        f"targets in time"
+    )
+    if estimate.scans is None:
+        return text
+    return (
+        f"{text}, half of the targets within {estimate.scans} pings "
+        f"({(estimate.scans - 1) * case.interval:g} s)"
+    )
+
+
 def rule_table(rules: Sequence[Rule]) -> str:
     """Table of the M/N rules that keep the target false-track rate."""
     return text_table(
@@ -61,6 +78,7 @@ def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
     return text_table(
         [
             "method",
+            "targets",
             "P_D",
             "95 %",
             "time [s]",
@@ -73,18 +91,24 @@ def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
         [
             [
                 candidate.name,
+                f"{candidate.targets.targets}",
                 f"{candidate.targets.detection.value:.3f}",
                 _interval(candidate.targets.detection, ".3f"),
                 f"{candidate.targets.confirmation_time.value:.0f}",
                 f"{candidate.targets.slow_confirmation_time:.0f}",
                 f"{candidate.false_bound:.2g}",
-                f"{candidate.false_simulated.value:.2g}",
-                _interval(candidate.false_simulated, ".2g"),
-                f"{candidate.false_simulated.value / (area / 1e6):.2g}",
+                *_rate_cells(candidate.false_simulated, area),
             ]
             for candidate in candidates
         ],
     )
+
+
+def _rate_cells(false: Estimate, area: float) -> list[str]:
+    if math.isnan(false.value):
+        return ["-", "-", "-"]
+    per_area = false.value / (area / 1e6)
+    return [f"{false.value:.2g}", _interval(false, ".2g"), f"{per_area:.2g}"]
 
 
 def _interval(estimate: Estimate, spec: str) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.analysis.workers import Progress, Workers
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.mn_rules import confirmed_by, rule_detection_probability
@@ -25,6 +27,9 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.sensing.conversion import position_covariance
 
+Labelled = Callable[[str], Progress]
+"""Progress of a part of the simulation by its name."""
+
 WINDOWS = (8, 12, 16, 24, 32, 48, 64)
 RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
 MIN_DETECTION_INCREASE = 0.01
@@ -32,7 +37,11 @@ MIN_DETECTION_INCREASE = 0.01
 MAX_SIMULATED_RULES = 2
 SIMULATED_PINGS = 100_000
 """Simulated pings for the mean increment of a ping."""
-MAX_CLUTTER_DETECTIONS = 200_000.0
+HALF_WIDTH = 0.035
+"""Half the width of the interval of P_D at which the simulation of a method's targets ends."""
+REMEDY_HALF_WIDTH = 0.06
+"""Likewise with a change of the sonar."""
+MAX_CLUTTER_DETECTIONS = 100_000.0
 """Maximum number of false detections simulated without a target."""
 MIN_DETECTIONS_PER_SCAN = 20.0
 """Minimum number of detections for the cost of a scan."""
@@ -79,7 +88,8 @@ class Candidate:
         coverage.
     targets : TargetStatistics
     false_simulated : Estimate
-        Simulated false tracks per hour.
+        Simulated false tracks per hour; unknown for a rule that finds fewer targets than a method
+        that keeps the target false-track rate.
     """
 
     name: str
@@ -90,8 +100,9 @@ class Candidate:
     false_simulated: Estimate
 
     def keeps(self, false_per_hour: float) -> bool:
-        """Whether the simulated rate's interval reaches down to the given rate."""
-        return self.false_simulated.low <= false_per_hour
+        """Whether the simulated rate's interval reaches down to the given rate, or the bound."""
+        low = self.false_simulated.low
+        return (self.false_bound if math.isnan(low) else low) <= false_per_hour
 
 
 @dataclass(frozen=True)
@@ -162,12 +173,12 @@ def _range_rate_ratios(case: Case, owner: NDArray[np.int64]) -> tuple[FloatArray
     return own, ratio(half * rng.standard_cauchy(len(owner)), true[owner])
 
 
-def score_thresholds(
+def passages(
     case: Case, options: ScoreOptions, windows: Sequence[int]
-) -> list[tuple[float, float]]:
-    """For each window the threshold of `score` and the share of targets that pass it.
+) -> list[tuple[float, FloatArray]]:
+    """For each window the threshold of `score` and the share of targets that passed it by scan.
 
-    The targets have the case's scans, without clutter.
+    The targets have at least the case's scans, without clutter.
     """
     plans = threshold_plan.score_plans(
         case.sensor,
@@ -183,8 +194,21 @@ def score_thresholds(
     share = min(options.false_tracks_per_hour / case.starts_per_hour, 1.0)
     thresholds = [plan.threshold(share) for plan in plans]
     return [
-        (threshold, float(plan.passed(threshold)[case.scans - 1]))
+        (threshold, plan.passed(threshold))
         for plan, threshold in zip(plans, thresholds, strict=True)
+    ]
+
+
+def score_thresholds(
+    case: Case, options: ScoreOptions, windows: Sequence[int]
+) -> list[tuple[float, float]]:
+    """For each window the threshold of `score`, and the share that passes it in the case's scans.
+
+    See `passages`.
+    """
+    return [
+        (threshold, float(passed[case.scans - 1]))
+        for threshold, passed in passages(case, options, windows)
     ]
 
 
@@ -209,24 +233,31 @@ def _rule_within(
     gating = Gating(
         sensor=sensor, max_speed=case.max_speed, interval=case.interval, gate_probability=gate
     )
-    for min_hits in range(2, window + 1):
-        chosen = dataclasses.replace(options, min_hits=min_hits, window=window)
+
+    def chosen(min_hits: int) -> TsepmOptions:
+        return dataclasses.replace(options, min_hits=min_hits, window=window)
+
+    def predicted(min_hits: int) -> float:
         raw = expected_counts(gating, min_hits, window, 3 * window).raw[window:].mean()
-        predicted = raw * case.scans_per_hour
-        if predicted > false_per_hour:
-            predicted *= clutter_pass_share(gating, chosen)
-        if predicted <= false_per_hour:
-            probability = sensor.detection_probability
-            passes = target_pass_share(gating, chosen, case.target_speed)
-            by_scan = confirmed_by(min_hits, window, probability, gate, case.scans, passes)
-            return Rule(
-                min_hits,
-                window,
-                rule_detection_probability(min_hits, window, probability, gate),
-                float(by_scan[-1]),
-                float(predicted),
-            )
-    return None
+        rate = float(raw) * case.scans_per_hour
+        if rate > false_per_hour:
+            rate *= clutter_pass_share(gating, chosen(min_hits))
+        return rate
+
+    numbers = range(2, window + 1)  # the rate falls with each more hit
+    place = bisect_left(numbers, True, key=lambda number: predicted(number) <= false_per_hour)
+    if place == len(numbers):
+        return None
+    min_hits, probability = numbers[place], sensor.detection_probability
+    passes = target_pass_share(gating, chosen(min_hits), case.target_speed)
+    by_scan = confirmed_by(min_hits, window, probability, gate, case.scans, passes)
+    return Rule(
+        min_hits,
+        window,
+        rule_detection_probability(min_hits, window, probability, gate),
+        float(by_scan[-1]),
+        predicted(min_hits),
+    )
 
 
 def clutter_scans(case: Case, false_per_hour: float) -> int:
@@ -241,9 +272,16 @@ def candidates(
     score: ScoreOptions,
     tsepm: TsepmOptions,
     rules: list[Rule],
-    **simulation: Any,
+    *,
+    runs: int,
+    seed: int,
+    workers: Workers,
+    progress: Labelled,
 ) -> Iterator[Candidate]:
     """The method `score` and the M/N rules of highest P_D, each run on targets and on clutter.
+
+    All get the same targets, until P_D is known within `HALF_WIDTH`. A rule whose P_D is below that
+    of `score`, if `score` keeps the rate, is not run further.
 
     Parameters
     ----------
@@ -253,25 +291,49 @@ def candidates(
         Options besides the rule.
     rules : list of Rule
         Rules that keep the target false-track rate.
-    **simulation
-        `runs`, `seed`, `workers` and `progress`, see `target_statistics`.
+    runs : int
+        Maximum number of targets.
+    seed : int
+    workers : Workers
+    progress : callable
+        Progress of a part by its name.
     """
-    common = dataclasses.asdict(case.common)
     rate = score.false_tracks_per_hour
-    chosen = [("score", "score", dataclasses.asdict(score), rate)]
+    scans = clutter_scans(case, rate)
+    rival = -math.inf  # the P_D that another method has at least
+
+    def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> Candidate:
+        options = {**dataclasses.asdict(case.common), **own}
+        targets = target_statistics(
+            case,
+            method,
+            options,
+            runs=runs,
+            seed=seed,
+            workers=workers,
+            progress=progress(f"{name}, targets"),
+            enough=lambda found: _within(found, HALF_WIDTH) or found.high < rival,
+        )
+        false = Estimate.unknown()
+        if targets.detection.high >= rival:
+            shown = progress(f"{name}, clutter")
+            false = false_tracks_per_hour(
+                case, method, options, scans=scans, seed=seed, workers=workers, progress=shown
+            )
+        return Candidate(name, method, options, bound, targets, false)
+
+    best = candidate("score", "score", dataclasses.asdict(score), rate)
+    yield best
+    if best.keeps(rate):
+        rival = best.targets.detection.low
     for rule in sorted(rules, key=lambda rule: -rule.in_time)[:MAX_SIMULATED_RULES]:
         changes = {"min_hits": rule.min_hits, "window": rule.window}
-        name = f"tsepm {rule.min_hits}/{rule.window}"
-        chosen.append(
-            (name, "tsepm", {**dataclasses.asdict(tsepm), **changes}, rule.false_per_hour)
-        )
-    without_runs = {name: value for name, value in simulation.items() if name != "runs"}
-    scans = clutter_scans(case, rate)
-    for name, method, own, bound in chosen:
-        options = {**common, **own}
-        targets = target_statistics(case, method, options, **simulation)
-        false = false_tracks_per_hour(case, method, options, scans=scans, **without_runs)
-        yield Candidate(name, method, options, bound, targets, false)
+        own = {**dataclasses.asdict(tsepm), **changes}
+        yield candidate(f"tsepm {rule.min_hits}/{rule.window}", "tsepm", own, rule.false_per_hour)
+
+
+def _within(estimate: Estimate, half_width: float) -> bool:
+    return estimate.high - estimate.low <= 2.0 * half_width
 
 
 def remedies(case: Case) -> list[tuple[str, Case]]:
@@ -298,9 +360,16 @@ def remedies(case: Case) -> list[tuple[str, Case]]:
 
 
 def remedied_detection(
-    case: Case, score: ScoreOptions, *, given_window: bool, **simulation: Any
+    case: Case,
+    score: ScoreOptions,
+    *,
+    given_window: bool,
+    runs: int,
+    seed: int,
+    workers: Workers,
+    progress: Labelled,
 ) -> Iterator[tuple[str, Estimate]]:
-    """P_D of the method `score` as given, with each change, and at a larger false-track rate.
+    """P_D of the method `score` with each change, and at a larger false-track rate.
 
     Parameters
     ----------
@@ -308,15 +377,28 @@ def remedied_detection(
     score : ScoreOptions
     given_window : bool
         Whether the window of `score` is kept.
-    **simulation
-        As in `candidates`.
+    runs, seed, workers, progress
+        As in `candidates`; P_D is determined within `REMEDY_HALF_WIDTH`.
     """
     more = dataclasses.replace(score, false_tracks_per_hour=10.0 * score.false_tracks_per_hour)
-    cases = [("as it is", case, score)]
-    cases += [(text, changed, score) for text, changed in remedies(case)]
+    cases = [(text, changed, score) for text, changed in remedies(case)]
     cases.append(("ten times as many false tracks", case, more))
-    for text, changed, options in cases:
-        window = score.window if given_window else score_window(changed, options)
-        given = {**dataclasses.asdict(case.common), **dataclasses.asdict(options)}
-        values = {**given, "window": window}
-        yield text, target_statistics(changed, "score", values, **simulation).detection
+    jobs = [(changed, options, given_window, runs, seed) for _, changed, options in cases]
+    found = progress("possible changes")(workers.mapped(_remedied, jobs), len(jobs))
+    for (text, _, _), detection in zip(cases, found, strict=True):
+        yield text, detection
+
+
+def _remedied(job: tuple[Case, ScoreOptions, bool, int, int]) -> Estimate:
+    """P_D of a changed case, by this process alone."""
+    case, score, given_window, runs, seed = job
+    window = score.window if given_window else score_window(case, score)
+    options = {**dataclasses.asdict(case.common), **dataclasses.asdict(score), "window": window}
+    return target_statistics(
+        case,
+        "score",
+        options,
+        runs=runs,
+        seed=seed,
+        enough=lambda found: _within(found, REMEDY_HALF_WIDTH),
+    ).detection

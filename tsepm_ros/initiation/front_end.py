@@ -318,6 +318,8 @@ class FrontEnd:
         return self.maintenance.add(tracks, existence, histories, self._hits.misfits(tracks))
 
     def _check(self, scan: Scan) -> None:
+        if not isinstance(scan, Scan):
+            raise ValueError(f"scan must be a tsepm_ros.Scan; got {type(scan).__name__}")
         if self.stamp is not None and scan.stamp <= self.stamp:
             raise ValueError(
                 f"stamp must be later than the last scan's; got {scan.stamp!r} after {self.stamp!r}"

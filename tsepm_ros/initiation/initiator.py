@@ -70,6 +70,12 @@ class Initiator:
         )
         self.reset()
 
+    def __repr__(self) -> str:
+        return (
+            f"Initiator({type(self.method).__name__}, {self.totals.scans} scans, "
+            f"{self.totals.confirmed} tracks confirmed, {len(self.current)} held)"
+        )
+
     def process(self, scan: Scan) -> TrackArrays:
         """Take one scan and return the tracks that it newly confirms.
 
@@ -87,7 +93,7 @@ class Initiator:
         Raises
         ------
         ValueError
-            If the stamp is not later than the last one, or the scan has more than
+            If it is no `Scan`, the stamp is not later than the last one, or the scan has more than
             `max_detections` detections. The scan is then not taken and nothing has changed.
         """
         limit = TimeLimit(self.max_scan_time)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import overload
+from datetime import UTC, datetime, timedelta
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.kalman import predict
 from tsepm_ros.numerics.covariances import proper
+
+UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,62 @@ class ConfirmedTrack:
         """Covariance of the position, (2, 2), m^2."""
         return self.covariance[np.ix_([0, 2], [0, 2])]
 
+    def __repr__(self) -> str:
+        x, vx, y, vy = self.state
+        hits = f"{len(self.hits)} hit{'' if len(self.hits) == 1 else 's'}"
+        return (
+            f"ConfirmedTrack({self.track_id}, {self.stamp:.12g} s, position ({x:.0f}, {y:.0f}) m, "
+            f"velocity ({vx:.1f}, {vy:.1f}) m/s, {hits})"
+        )
+
+    def as_stonesoup(self, epoch: datetime = UNIX_EPOCH) -> Any:
+        """The track as Stone Soup's `GaussianState`, the start of a Stone Soup track.
+
+        Parameters
+        ----------
+        epoch : datetime, optional
+            Time of the stamp 0, by default 1970-01-01 UTC. It is aware of its time zone or not as
+            the timestamps of the detections are, since Python does not compare the two.
+
+        Returns
+        -------
+        stonesoup.types.state.GaussianState
+            With ``[x, vx, y, vy]``, its covariance and its timestamp.
+
+        Raises
+        ------
+        ImportError
+            If Stone Soup is not installed.
+        """
+        try:
+            from stonesoup.types.state import GaussianState
+        except ImportError as error:
+            raise ImportError(
+                f"as_stonesoup needs Stone Soup: pip install stonesoup ({error})"
+            ) from error
+        timestamp = epoch + timedelta(seconds=self.stamp)
+        return GaussianState(self.state.copy(), self.covariance.copy(), timestamp=timestamp)
+
+    def as_filterpy(
+        self, *, order_by_dim: bool = True
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """State and covariance for a filter of filterpy: ``kf.x, kf.P = track.as_filterpy()``.
+
+        Parameters
+        ----------
+        order_by_dim : bool, optional
+            As in filterpy's `Q_discrete_white_noise`. True: ``[x, vx, y, vy]``; False:
+            ``[x, y, vx, vy]``.
+
+        Returns
+        -------
+        x : (4, 1) ndarray
+        P : (4, 4) ndarray
+            Copies, which a filter may change.
+        """
+        order = [0, 1, 2, 3] if order_by_dim else [0, 2, 1, 3]
+        return self.state[order, None], self.covariance[np.ix_(order, order)]
+
     def predicted(self, stamp: float) -> ConfirmedTrack:
         """The track predicted to another time (s) at constant velocity."""
         return TrackArrays.of([self]).predicted(stamp)[0]
@@ -132,6 +191,9 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         """The tracks with covariances that are positive definite, see `covariances.proper`."""
         covariance = proper(self.covariance) if len(self) else self.covariance
         return self if covariance is self.covariance else replace(self, covariance=covariance)
+
+    def __repr__(self) -> str:
+        return f"TrackArrays({list(self[:3])}{f', {len(self)} in all' if len(self) > 3 else ''})"
 
     def __len__(self) -> int:
         """Number of tracks."""

@@ -92,6 +92,32 @@ class Scan:
             object.__setattr__(self, name, _checked(name, value, number))
 
     @classmethod
+    def from_xy(cls, stamp: float, x: ArrayLike, y: ArrayLike, **fields: Any) -> Self:
+        """A scan from positions in the sensor frame.
+
+        Parameters
+        ----------
+        stamp : float
+            Start of transmit, s.
+        x, y : (n,) array_like
+            Position of each detection, m: x ahead and y to the left of the sensor (REP-103).
+        **fields
+            The other fields of a scan.
+
+        Raises
+        ------
+        ValueError
+            As from the constructor; also if x and y differ in length, or a position is the
+            sensor's own.
+        """
+        x, y = _numbers("x", x), _numbers("y", y)
+        if x.ndim != 1 or x.shape != y.shape:
+            raise ValueError(f"x and y must have one shape (n,); got {x.shape} and {y.shape}")
+        if not (np.isfinite(x).all() and np.isfinite(y).all()):
+            raise ValueError("x and y must be finite")
+        return cls(stamp, np.hypot(x, y), np.arctan2(y, x), **fields)
+
+    @classmethod
     def trusted(cls, **fields: Any) -> Self:
         """A scan of fields in the form that this class keeps: none is checked, copied or wrapped.
 

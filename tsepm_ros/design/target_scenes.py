@@ -1,0 +1,154 @@
+"""Scenes of a design: targets that stay in the coverage, and the clutter about them.
+
+A scene has several targets, since most of a scan's cost does not depend on their number. They are
+too far apart to disturb each other, and few beside the clutter, whose density is estimated. Each
+target is drawn by itself and goes into the first scene where it fits: its place does not depend on
+the others. Where the coverage has more clutter than is of use, each target has a patch of it that
+holds all clutter within reach of its track.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tsepm_ros.design.design_case import Case
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.sensing.conversion import major_sigma, position_covariance
+from tsepm_ros.simulation import Scenario
+
+PATCH_SIGMAS = 4.0
+MAX_WHOLE_COVERAGE = 10_000.0
+"""Maximum number of false detections per scan for a scene of the whole coverage."""
+DETECTIONS_PER_TARGET = 36.0
+"""Minimum number of false detections per scan for each target of a scene with several."""
+MAX_TARGETS_PER_SCENE = 50
+MAX_PLACEMENT_TRIES = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """A target: position (x, y) in the middle of the run, velocity, and its range, in SI units."""
+
+    centre: FloatArray
+    velocity: FloatArray
+    range: float
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Positions at times from the middle of the run, (n, 2), m."""
+        return self.centre + times[:, None] * self.velocity
+
+
+@dataclass
+class _Group:
+    """Targets of a scene, with their positions, (scans, 2), and their clearances, m."""
+
+    targets: list[_Target] = field(default_factory=list)
+    paths: list[FloatArray] = field(default_factory=list)
+    clearances: list[float] = field(default_factory=list)
+
+    def takes(self, path: FloatArray, clearance: float) -> bool:
+        """Whether a target with this path is far enough from the others."""
+        return all(
+            float(np.hypot(*(path - other).T).min()) >= clearance + apart
+            for other, apart in zip(self.paths, self.clearances, strict=True)
+        )
+
+
+def target_scenes(case: Case, number: int, seed: int) -> list[Scenario]:
+    """Scenes with a number of targets altogether.
+
+    Target i depends on (seed, i) only.
+
+    Parameters
+    ----------
+    case : Case
+    number, seed : int
+
+    Raises
+    ------
+    ValueError
+        If no target stays in the coverage during all scans.
+    """
+    times = case.interval * (np.arange(case.scans) - 0.5 * (case.scans - 1))
+    drawn = [_drawn(case, np.random.default_rng([seed, i]), times) for i in range(number)]
+    if case.detections_per_scan > MAX_WHOLE_COVERAGE:
+        return [_scene(case, [target], times, _patch(case, target)) for target in drawn]
+    most = int(np.clip(case.detections_per_scan / DETECTIONS_PER_TARGET, 1, MAX_TARGETS_PER_SCENE))
+    groups: list[_Group] = []
+    for target in drawn:
+        path, clearance = target.at(times), _clearance(case, target.range)
+        fitting = (g for g in groups if len(g.targets) < most and g.takes(path, clearance))
+        group = next(fitting, None)
+        if group is None:
+            groups.append(group := _Group())
+        group.targets.append(target)
+        group.paths.append(path)
+        group.clearances.append(clearance)
+    return [_scene(case, group.targets, times) for group in groups]
+
+
+def _drawn(case: Case, rng: np.random.Generator, times: FloatArray) -> _Target:
+    """A target that stays in the coverage, anywhere in it or at the case's range."""
+    sensor = case.sensor
+    for _ in range(MAX_PLACEMENT_TRIES):
+        share, bearing, turn = rng.random(3)
+        azimuth = sensor.azimuth_min + bearing * sensor.sector_width
+        square = sensor.min_range**2 * (1.0 - share) + sensor.max_range**2 * share
+        range_ = case.target_range or math.sqrt(square)
+        heading = 2.0 * math.pi * turn
+        target = _Target(
+            range_ * np.array([math.cos(azimuth), math.sin(azimuth)]),
+            case.target_speed * np.array([math.cos(heading), math.sin(heading)]),
+            range_,
+        )
+        x, y = target.at(times).T
+        if sensor.covers(np.hypot(x, y), np.arctan2(y, x)).all():
+            return target
+    raise ValueError(
+        f"no target of {case.target_speed:g} m/s stays in the coverage for {case.scans} pings"
+    )
+
+
+def _scene(
+    case: Case,
+    targets: list[_Target],
+    times: FloatArray,
+    clutter_box: tuple[float, float, float, float] | None = None,
+) -> Scenario:
+    states = []
+    for target in targets:
+        (x, y), (vx, vy) = target.at(times)[0], target.velocity
+        states.append(np.array([x, vx, y, vy]))
+    return Scenario(
+        name="targets",
+        scans=case.scans,
+        period=case.interval,
+        sensor=case.sensor,
+        targets=tuple(states),
+        clutter_box=clutter_box,
+    )
+
+
+def _clearance(case: Case, range_: float) -> float:
+    """Distance at which a target's detections and gates end, m: two of these are between two."""
+    return PATCH_SIGMAS * _sigma(case, range_) + case.max_speed * case.interval
+
+
+def _patch(case: Case, target: _Target) -> tuple[float, float, float, float]:
+    """Box of a target's clutter: its path, its errors and the reach of clutter paths."""
+    path = 0.5 * case.target_speed * (case.scans - 1) * case.interval
+    reach = case.max_speed * case.interval * math.sqrt(case.scans)
+    half = path + PATCH_SIGMAS * _sigma(case, target.range) + reach
+    x, y = target.centre
+    return x - half, x + half, y - half, y + half
+
+
+def _sigma(case: Case, range_: float) -> float:
+    """Larger axis of the measurement error, m."""
+    covariance = position_covariance(
+        range_, 0.0, case.sensor.range_variance(range_), case.sensor.azimuth_std
+    )
+    return float(major_sigma(covariance))
