@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from tsepm_ros.commands.design_command import add_design_arguments, run_design
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.commands.failure import CommandFailed
+from tsepm_ros.commands.init_command import add_init_arguments, run_init
 from tsepm_ros.commands.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.commands.run_command import add_recording_arguments, run_recording
 from tsepm_ros.commands.watch_command import add_watch_arguments, run_watch
@@ -129,6 +130,11 @@ COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
         "print the parameters of a node, with defaults",
         _add_parameters_arguments,
         _parameters,
+    ),
+    "init": (
+        "ask what a sonar is, write the node's parameter file and estimate the performance",
+        add_init_arguments,
+        run_init,
     ),
     "run": (
         "start tracks on a recording, a bag or a simulated scenario; write CSV or a picture",

@@ -23,6 +23,7 @@ from tsepm_ros.design.design_report import (
     verdict,
 )
 from tsepm_ros.design.first_estimate import first_estimate
+from tsepm_ros.design.remedies import remedied_detection
 from tsepm_ros.design.search import Candidate
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -111,11 +112,11 @@ def run_design(options: argparse.Namespace) -> None:
     print(f"\n{verdict(candidates, options.wanted, target_rate)}", flush=True)
     if max(candidate.targets.detection.high for candidate in candidates) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
-        remedies = search.remedied_detection(
+        changes = remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
         now = ("as it is", candidates[0].targets.detection)
-        print(remedy_table([now, *remedies]))
+        print(remedy_table([now, *changes]))
     if options.write:
         _write_parameters(options, values, candidates)
 

@@ -49,12 +49,10 @@ def first_line(estimate: FirstEstimate, case: Case) -> str:
         f"first estimate, without simulation: score finds about {estimate.detection:.2f} of the "
         f"targets in time"
     )
-    if estimate.scans is None:
+    half = estimate.scans_until(0.5)
+    if half is None:
         return text
-    return (
-        f"{text}, half of the targets within {estimate.scans} pings "
-        f"({(estimate.scans - 1) * case.interval:g} s)"
-    )
+    return f"{text}, half of the targets within {half} pings ({(half - 1) * case.interval:g} s)"
 
 
 def rule_table(rules: Sequence[Rule]) -> str:

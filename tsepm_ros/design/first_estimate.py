@@ -10,9 +10,10 @@ import numpy as np
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.numerics.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FirstEstimate:
     """Threshold of `score` and P_D, of targets without clutter about them.
 
@@ -22,23 +23,28 @@ class FirstEstimate:
         Window of `score`, scans.
     threshold : float
         Log-likelihood ratio.
-    detection : float
-        P_D within the case's scans.
-    scans : int or None
-        Scans within which half of the targets are found; None if fewer are found in time.
+    found : (scans,) ndarray
+        P_D by each scan.
     """
 
     window: int
     threshold: float
-    detection: float
-    scans: int | None
+    found: FloatArray
+
+    @property
+    def detection(self) -> float:
+        """P_D within all scans."""
+        return float(self.found[-1])
+
+    def scans_until(self, share: float) -> int | None:
+        """Scans within which a share of the targets is found; None if it is not."""
+        reached = self.found >= share
+        return int(np.argmax(reached)) + 1 if reached[-1] else None
 
 
 def first_estimate(case: Case, options: ScoreOptions, *, given_window: bool) -> FirstEstimate:
     """The estimate of a case, at the design's window unless the given window is kept."""
     if not given_window:
         options = dataclasses.replace(options, window=search.score_window(case, options))
-    [(threshold, passed)] = search.passages(case, options, [options.window])
-    within = passed[: case.scans]
-    half = int(np.argmax(within >= 0.5)) + 1 if within[-1] >= 0.5 else None
-    return FirstEstimate(options.window, threshold, float(within[-1]), half)
+    [(threshold, found)] = search.passages(case, options, [options.window])
+    return FirstEstimate(options.window, threshold, found[: case.scans])

@@ -1,0 +1,106 @@
+"""The command `tsepm init`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterator
+
+import pytest
+import yaml
+
+from tsepm_ros.commands.cli import main
+from tsepm_ros.commands.init_command import asked
+from tsepm_ros.design.sonar_questions import QUESTIONS, completed
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
+
+GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
+
+
+def test_in_a_pipe_defaults_are_taken_and_said(capsys, tmp_path):
+    file = tmp_path / "sonar.yaml"
+    assert main(["init", str(file), *GIVEN]) == 0
+    said = capsys.readouterr().out
+    assert "--sound-speed 1500" in said and "--sector 120" not in said
+    assert "not asked, since the node learns it" in said and "half found in pings" in said
+    assert f"--params-file {file}" in said
+    content = yaml.safe_load(file.read_text())
+    values = content["/**"]["ros__parameters"]
+    make_groups(TRACK_INITIATOR, values)
+    assert values["sensor.max_range"] == 200.0 and values["max_speed"] == 3.0
+
+
+def test_the_line_in_the_file_writes_it_again(capsys, tmp_path):
+    file = tmp_path / "sonar.yaml"
+    assert main(["init", str(file), *GIVEN]) == 0
+    text = file.read_text()
+    program, *line = shlex.split(text.splitlines()[0].removeprefix("# "))
+    assert program == "tsepm"
+    assert main([*line, "--force"]) == 0
+    assert file.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--sector", "wide"], "--sector"),
+        (["--max-range", "0"], "--max-range"),
+        (["--min-range", "9500"], "min_range"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_and_nothing_written(capsys, tmp_path, arguments, named):
+    file = tmp_path / "sonar.yaml"
+    assert main(["init", str(file), *arguments]) == 2
+    assert named in capsys.readouterr().err
+    assert not file.exists()
+
+
+def test_a_file_is_overwritten_only_by_force(capsys, tmp_path):
+    file = tmp_path / "sonar.yaml"
+    file.write_text("mine")
+    assert main(["init", str(file)]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert file.read_text() == "mine"
+    assert main(["init", str(tmp_path / "none" / "sonar.yaml")]) == 2
+    assert "no folder" in capsys.readouterr().err
+
+
+def replies(*texts: str) -> Iterator[str]:
+    yield from texts
+
+
+def test_what_is_given_is_not_asked_and_enter_takes_the_default():
+    prompts = []
+
+    def ask(prompt: str) -> str:
+        prompts.append(prompt)
+        return "500" if prompt.startswith("Range setting") else ""
+
+    answers = asked({"sector": 90.0}, ask)
+    assert answers == completed({"sector": 90.0, "max_range": 500.0})
+    assert len(prompts) == len(QUESTIONS) - 1
+    assert all(question.explanation in "".join(prompts) for question in QUESTIONS[3:])
+
+
+def test_an_answer_that_is_not_allowed_is_asked_again(capsys):
+    texts = replies("2 km", "2000", *[""] * len(QUESTIONS))
+    assert asked({}, lambda prompt: next(texts))["max_range"] == 2000.0
+    assert "--max-range must be a number of m; got '2 km'" in capsys.readouterr().out
+
+
+def test_an_end_of_the_input_is_said():
+    def ask(prompt: str) -> str:
+        raise EOFError
+
+    with pytest.raises(ValueError, match="no answer to --max-range"):
+        asked({}, ask)
+
+
+def test_on_a_terminal_it_asks(capsys, tmp_path, monkeypatch):
+    file = tmp_path / "sonar.yaml"
+    texts = replies("300", *[""] * len(QUESTIONS))
+    monkeypatch.setattr("builtins.input", lambda prompt: next(texts))
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    assert main(["init", str(file)]) == 0
+    assert "sensor.max_range: 300.0" in file.read_text()

@@ -1,0 +1,109 @@
+"""Questions of the first set-up: what a data sheet says, as parameters."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tsepm_ros.design.sonar_questions import QUESTIONS, completed, expected, parameters
+from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
+
+BY_NAME = {question.name: question for question in QUESTIONS}
+
+
+def sensor(**given: float) -> SensorModel:
+    made: SensorModel = make_groups(TRACK_INITIATOR, parameters(completed(given)))[SensorModel]
+    return made
+
+
+def test_without_answers_the_sensor_is_the_default():
+    made, default = sensor(), SensorModel()
+    for name in vars(default):
+        assert getattr(made, name) == pytest.approx(getattr(default, name), rel=1e-5), name
+
+
+def test_widths_of_beam_and_cell_are_uniform_distributions():
+    made = sensor(beam_width=2.0, range_cell=0.5)
+    assert made.azimuth_resolution == pytest.approx(math.radians(2.0), rel=1e-5)
+    assert made.azimuth_std == pytest.approx(math.radians(2.0) / math.sqrt(12.0), rel=1e-2)
+    assert made.range_resolution == 0.5
+    assert made.range_std == pytest.approx(0.5 / math.sqrt(12.0), rel=1e-2)
+    assert sensor(beam_width=2.0, bearing_accuracy=0.1).azimuth_std == pytest.approx(
+        math.radians(0.1), rel=1e-5
+    )
+
+
+def test_a_sector_lies_about_its_middle():
+    made = sensor(sector=120.0, sector_centre=-30.0)
+    assert math.degrees(made.azimuth_min) == pytest.approx(-90.0, abs=1e-3)
+    assert math.degrees(made.azimuth_max) == pytest.approx(30.0, abs=1e-3)
+    assert sensor(sector=360.0, sector_centre=90.0).all_round
+
+
+@pytest.mark.parametrize(
+    ("range_", "speed", "interval"),
+    [(9000.0, 1500.0, 12.0), (200.0, 1500.0, 0.27), (750.0, 1500.0, 1.0), (100.0, 0.0, 12.0)],
+)
+def test_pings_follow_each_other_as_sound_allows(range_, speed, interval):
+    answers = completed({"max_range": range_, "sound_speed": speed})
+    assert answers["interval"] == pytest.approx(interval)
+
+
+def test_what_is_not_asked_is_learned():
+    values = parameters(completed({"false_tracks": 0.5, "extent": 3.0, "max_speed": 4.0}))
+    assert values["clutter_density"] == values["detection_probability"] == "estimated"
+    assert not {"sensor.clutter_density", "sensor.detection_probability"} & set(values)
+    assert values["score.false_tracks_per_hour"] == 0.5
+    assert (values["target_extent"], values["max_speed"]) == (3.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("max_range", " 200 m ", 200.0),
+        ("sector", "90°", 90.0),
+        ("beam_width", "1.5 deg", 1.5),
+        ("range_error", ".5%", 0.5),
+        ("sound_speed", "1.48e3", 1480.0),
+    ],
+)
+def test_an_answer_may_have_its_unit(name, text, value):
+    assert BY_NAME[name].read(text) == value
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("max_range", "2 km"),
+        ("max_range", "far"),
+        ("max_range", "0"),
+        ("max_range", "-5"),
+        ("sector", "400"),
+        ("beam_width", "1,5"),
+        ("min_range", ""),
+        ("max_speed", "nan"),
+        ("max_range", "1e999"),
+    ],
+)
+def test_an_answer_that_is_none_is_refused_by_name(name, text):
+    with pytest.raises(ValueError, match=f"^{BY_NAME[name].argument} must be "):
+        BY_NAME[name].read(text)
+
+
+def test_answers_that_contradict_each_other_are_refused():
+    with pytest.raises(ValueError, match=r"sensor\.min_range must be below max_range"):
+        parameters(completed({"min_range": 500.0, "max_range": 100.0}))
+    with pytest.raises(ValueError, match="range_std and range_std_fraction"):
+        parameters(completed({"range_error": 0.0}))
+
+
+def test_more_clutter_needs_more_pings():
+    estimates = [estimate for _, estimate in expected(completed({"range_error": 1.0}))]
+    thresholds = [estimate.threshold for estimate in estimates]
+    assert thresholds == sorted(thresholds)
+    scans = [estimate.scans_until(0.5) or 99 for estimate in estimates]
+    assert 3 <= scans[0] < scans[-1]
+    for estimate, half in zip(estimates, scans, strict=True):
+        assert (estimate.scans_until(0.9) or 99) >= half

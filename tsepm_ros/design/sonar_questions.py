@@ -1,0 +1,311 @@
+"""Questions of the first set-up in the wordings of data sheets, and what follows from the answers.
+
+Answers are numbers by the names of `QUESTIONS`, in the units that data sheets use: angles in
+degrees, shares in percent. The parameters that follow are in SI units and radians.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from tsepm_ros.design.design_case import Case
+from tsepm_ros.design.first_estimate import FirstEstimate, first_estimate
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.parameters import Value
+from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
+
+Answers = Mapping[str, float]
+
+CELL_TO_STD = 1.0 / math.sqrt(12.0)
+"""Standard deviation of a value anywhere in a cell, as a share of the cell's width."""
+ALL_ROUND = 360.0
+FALSE_DETECTIONS = (10.0, 50.0, 250.0)
+"""False detections per ping for which the performance is estimated: they are not known before."""
+ESTIMATED_SCANS = 32
+"""Scans within which a target should be found, in the estimate."""
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question about the sonar, its targets or the operator's wish.
+
+    Attributes
+    ----------
+    name : str
+        Name of the answer and, with hyphens, of the command's argument.
+    text : str
+        What is asked for, as a data sheet has it.
+    unit : str
+    explanation : str
+        One sentence: what the answer is used for, or where it is found.
+    default : callable
+        The answer that is taken if none is given, from the answers so far.
+    minimum, maximum : float
+        Inclusive bounds.
+    positive : bool
+        The answer must be above 0.
+    """
+
+    name: str
+    text: str
+    unit: str
+    explanation: str
+    default: Callable[[Answers], float]
+    minimum: float = 0.0
+    maximum: float = math.inf
+    positive: bool = False
+
+    @property
+    def argument(self) -> str:
+        """Argument of the command line."""
+        return "--" + self.name.replace("_", "-")
+
+    def read(self, text: str) -> float:
+        """An answer from its text, with or without the unit.
+
+        Raises
+        ------
+        ValueError
+            If it is no number in the unit, or out of bounds; the message names the argument.
+        """
+        match = NUMBER.fullmatch(text)
+        if match is None or match[2] not in ("", self.unit, *UNIT_NAMES.get(self.unit, ())):
+            unit = f" of {self.unit}" if self.unit else ""
+            raise ValueError(f"{self.argument} must be a number{unit}; got {text.strip()!r}")
+        return self.checked(float(match[1]))
+
+    def checked(self, value: float) -> float:
+        """The answer, if it is within the bounds; else ValueError."""
+        inside = self.minimum <= value <= self.maximum and not (self.positive and value <= 0.0)
+        if not inside or not math.isfinite(value):
+            low = "above 0" if self.positive else f"at least {self.minimum:g}"
+            high = f" and at most {self.maximum:g}" if self.maximum < math.inf else ""
+            raise ValueError(f"{self.argument} must be {low}{high}; got {value:g}")
+        return value
+
+
+UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
+
+
+def _constant(value: float) -> Callable[[Answers], float]:
+    return lambda answers: value
+
+
+def _of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
+    return lambda answers: _rounded(answers[name] * CELL_TO_STD) or unknown
+
+
+def _ping_interval(answers: Answers) -> float:
+    """Two-way travel time to the farthest range, rounded up to two digits."""
+    if not answers["sound_speed"]:
+        return Case(sensor=SensorModel()).interval
+    travel = 2.0 * answers["max_range"] / answers["sound_speed"]
+    step = 10.0 ** (math.floor(math.log10(travel)) - 1)
+    return float(f"{math.ceil(travel / step - 1e-9) * step:.2g}")
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+_SENSOR, _COMMON = SensorModel(), CommonOptions()
+
+QUESTIONS = (
+    Question(
+        "max_range",
+        "Range setting, the farthest range",
+        "m",
+        "Detections far beyond it are not used.",
+        _constant(_SENSOR.max_range),
+        positive=True,
+    ),
+    Question(
+        "min_range",
+        "Blanking distance, the nearest range",
+        "m",
+        "Nearer targets cannot be detected.",
+        _constant(_SENSOR.min_range),
+    ),
+    Question(
+        "sector",
+        "Swath or sector, the full angle covered",
+        "degrees",
+        f"{ALL_ROUND:g}: all round.",
+        _constant(ALL_ROUND),
+        maximum=ALL_ROUND,
+        positive=True,
+    ),
+    Question(
+        "sector_centre",
+        "Middle of the sector",
+        "degrees",
+        "From the sensor's x axis, mostly ahead; left is positive.",
+        _constant(0.0),
+        minimum=-180.0,
+        maximum=180.0,
+    ),
+    Question(
+        "beam_width",
+        "Beam width",
+        "degrees",
+        "Horizontal, at -3 dB; echoes nearer in bearing may be one target's. 0: not known.",
+        _constant(0.0),
+        maximum=math.degrees(1.0),
+    ),
+    Question(
+        "bearing_accuracy",
+        "Bearing accuracy, one standard deviation",
+        "degrees",
+        "An echo anywhere in a beam has the beam width / 3.5.",
+        _of_cell("beam_width", 1.0),
+        maximum=math.degrees(1.0),
+        positive=True,
+    ),
+    Question(
+        "range_cell",
+        "Range resolution, the length of a resolution cell",
+        "m",
+        "Sound speed times pulse length / 2 if it is not stated. 0: not known.",
+        _constant(0.0),
+        maximum=1e4,
+    ),
+    Question(
+        "range_accuracy",
+        "Range accuracy, one standard deviation",
+        "m",
+        "An echo anywhere in a cell has the cell / 3.5.",
+        _of_cell("range_cell", 0.0),
+        maximum=1e5,
+    ),
+    Question(
+        "range_error",
+        "Range error that grows with range, one standard deviation",
+        "%",
+        "Mostly of the sound speed: 1.5 where it is assumed, 0.5 where it is measured.",
+        _constant(100.0 * _SENSOR.range_std_fraction),
+        maximum=100.0,
+    ),
+    Question(
+        "sound_speed",
+        "Sound speed",
+        "m/s",
+        "Gives each echo its time. 0: no sonar, or the driver gives the times.",
+        _constant(1500.0),
+        maximum=1e4,
+    ),
+    Question(
+        "interval",
+        "Time between pings",
+        "s",
+        "For the estimate below only: the node measures it.",
+        _ping_interval,
+        positive=True,
+    ),
+    Question(
+        "max_speed",
+        "Maximum speed of targets",
+        "m/s",
+        "Swimmer 2, underwater vehicle 5, ship 15; faster targets are not found.",
+        _constant(_COMMON.max_speed),
+        maximum=1e4,
+        positive=True,
+    ),
+    Question(
+        "extent",
+        "Extent of targets, their length",
+        "m",
+        "Echoes so near to each other become one. 0: learned from the detections.",
+        _constant(_COMMON.target_extent),
+        maximum=1e3,
+    ),
+    Question(
+        "false_tracks",
+        "Acceptable false tracks per hour, over the whole coverage",
+        "per hour",
+        "The only wish: fewer false tracks need more pings to confirm a target.",
+        _constant(ScoreOptions().false_tracks_per_hour),
+        maximum=1e6,
+        positive=True,
+    ),
+)
+"""In the order in which they are asked; a default depends on earlier answers only."""
+
+
+def completed(given: Answers) -> dict[str, float]:
+    """All answers: those given, checked, and the defaults of the others.
+
+    Raises
+    ------
+    ValueError
+        If an answer is not allowed; the message names the argument.
+    """
+    answers: dict[str, float] = {}
+    for question in QUESTIONS:
+        value = given[question.name] if question.name in given else question.default(answers)
+        answers[question.name] = question.checked(value)
+    return answers
+
+
+def parameters(answers: Answers) -> dict[str, Value]:
+    """Parameters of the node `track_initiator` that follow from all answers.
+
+    Raises
+    ------
+    ValueError
+        If the answers contradict each other; the message has the parameter's name.
+    """
+    values: dict[str, Value] = {
+        "method": "score",
+        "sensor.max_range": answers["max_range"],
+        "sensor.min_range": answers["min_range"],
+        "sensor.azimuth_std": math.radians(answers["bearing_accuracy"]),
+        "sensor.azimuth_resolution": math.radians(answers["beam_width"]),
+        "sensor.range_std": answers["range_accuracy"],
+        "sensor.range_std_fraction": answers["range_error"] / 100.0,
+        "sensor.range_resolution": answers["range_cell"],
+        "sound_speed": answers["sound_speed"],
+        "max_speed": answers["max_speed"],
+        "target_extent": answers["extent"],
+        "score.false_tracks_per_hour": answers["false_tracks"],
+        "clutter_density": "estimated",
+        "detection_probability": "estimated",
+    }
+    if answers["sector"] < ALL_ROUND:
+        half = 0.5 * answers["sector"]
+        values["sensor.azimuth_min"] = math.radians(answers["sector_centre"] - half)
+        values["sensor.azimuth_max"] = math.radians(answers["sector_centre"] + half)
+    values = {
+        name: float(f"{value:.6g}") if isinstance(value, float) else value
+        for name, value in values.items()
+    }
+    make_groups(TRACK_INITIATOR, values)
+    return values
+
+
+def expected(answers: Answers) -> list[tuple[float, FirstEstimate]]:
+    """First estimate of the performance for each of `FALSE_DETECTIONS` per ping.
+
+    Targets have half the maximum speed; detection probability 0.9.
+    """
+    values = parameters(answers)
+    groups = make_groups(TRACK_INITIATOR, values)
+    area = groups[SensorModel].coverage_area
+    estimates = []
+    for number in FALSE_DETECTIONS:
+        dense = make_groups(TRACK_INITIATOR, {**values, "sensor.clutter_density": number / area})
+        case = Case(
+            sensor=dense[SensorModel],
+            common=groups[CommonOptions],
+            interval=answers["interval"],
+            scans=ESTIMATED_SCANS,
+            target_speed=0.5 * answers["max_speed"],
+        )
+        options = groups[ScoreOptions]
+        estimates.append((number, first_estimate(case, options, given_window=True)))
+    return estimates
