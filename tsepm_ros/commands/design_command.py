@@ -101,7 +101,9 @@ def run_design(options: argparse.Namespace) -> None:
         "workers": workers_of(options),
         "progress": named_progress,
     }
-    candidates = list(search.candidates(case, score, tsepm, rules, **simulation))
+    candidates = list(
+        search.candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation)
+    )
     hours = search.clutter_scans(case, target_rate) / case.scans_per_hour
     print(
         f"\nsimulated: up to {options.runs} targets, {hours:.1f} h of clutter alone, seed "

@@ -148,8 +148,8 @@ def expectation_text(answers: Answers) -> str:
         "time",
     ]
     return (
-        f"what to expect at {answers['false_tracks']:g} false tracks per hour, by theory, of targets\n"
-        f"at {0.5 * answers['max_speed']:g} m/s, seen in 9 of 10 pings, a ping every "
+        f"what to expect at {answers['false_tracks']:g} false tracks per hour, by theory,\n"
+        f"of targets at {0.5 * answers['max_speed']:g} m/s, seen in 9 of 10 pings, a ping every "
         f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n{text_table(head, rows)}\n"
         "tsepm design simulates a sonar"
     )

@@ -25,7 +25,7 @@ from tsepm_ros.simulation import Scenario, Simulator
 
 SEGMENTS = 8
 """Number of runs with clutter alone."""
-MIN_TARGETS = 40
+MIN_TARGETS = 28
 """Minimum number of simulated targets before an early end."""
 ONE_PROCESS = Workers()
 

@@ -39,7 +39,7 @@ SIMULATED_PINGS = 100_000
 """Simulated pings for the mean increment of a ping."""
 HALF_WIDTH = 0.04
 """Half the width of the interval of P_D at which the simulation of a method's targets ends."""
-MAX_CLUTTER_DETECTIONS = 100_000.0
+MAX_CLUTTER_DETECTIONS = 80_000.0
 """Maximum number of false detections simulated without a target."""
 MIN_DETECTIONS_PER_SCAN = 20.0
 """Minimum number of detections for the cost of a scan."""
@@ -271,6 +271,7 @@ def candidates(
     tsepm: TsepmOptions,
     rules: list[Rule],
     *,
+    wanted: float,
     runs: int,
     seed: int,
     workers: Workers,
@@ -278,7 +279,8 @@ def candidates(
 ) -> Iterator[Candidate]:
     """The method `score` and the M/N rules of highest P_D, each run on targets and on clutter.
 
-    All get the same targets, until P_D is known within `HALF_WIDTH`. A rule whose P_D is below that
+    All get the same targets, until P_D is known within `HALF_WIDTH` and is certainly above or below
+    the required P_D. A rule whose P_D is below that
     of `score`, if `score` keeps the rate, is not run further.
 
     Parameters
@@ -289,6 +291,8 @@ def candidates(
         Options besides the rule.
     rules : list of Rule
         Rules that keep the target false-track rate.
+    wanted : float
+        Required P_D.
     runs : int
         Maximum number of targets.
     seed : int
@@ -300,6 +304,10 @@ def candidates(
     scans = clutter_scans(case, rate)
     rival = -math.inf  # the P_D that another method has at least
 
+    def enough(found: Estimate) -> bool:
+        decided = not found.low < wanted <= found.high
+        return (decided and known_within(found, HALF_WIDTH)) or found.high < rival
+
     def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> Candidate:
         options = {**dataclasses.asdict(case.common), **own}
         targets = target_statistics(
@@ -310,7 +318,7 @@ def candidates(
             seed=seed,
             workers=workers,
             progress=progress(f"{name}, targets"),
-            enough=lambda found: known_within(found, HALF_WIDTH) or found.high < rival,
+            enough=enough,
         )
         false = Estimate.unknown()
         if targets.detection.high >= rival:
