@@ -16,7 +16,7 @@ from tsepm_ros.analysis.study import study
 from tsepm_ros.commands.cli import main
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
-from tsepm_ros.design.expected_counts import Gating
+from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
 from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -182,6 +182,43 @@ def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path)
 def test_what_cannot_be_designed_is_refused_at_once(capsys, arguments, named):
     assert main(["design", *arguments]) == 2
     assert named in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("_little_clutter")
+def test_a_first_set_up_is_designed_further(capsys, tmp_path):
+    file, further = tmp_path / "sonar.yaml", tmp_path / "further.yaml"
+    assert main(["init", str(file), "--max-range", "3000", "--max-speed", "4"]) == 0
+    given = ["design", "--params-file", str(file), "--runs", "3", "--workers", "1"]
+    given += ["--interval", "12", "--wanted", "0.1", "-p", "sensor.clutter_density:=1.0e-7"]
+    assert main([*given, "--write", str(further)]) == 0
+    assert "28.27 km^2" in capsys.readouterr().out
+    values = yaml.safe_load(further.read_text())["/**"]["ros__parameters"]
+    assert values["sensor.max_range"] == 3000.0 and values["max_speed"] == 4.0
+    assert values["sensor.clutter_density"] == 1.0e-7
+    assert main(["design", "--params-file", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml is no parameter file" in capsys.readouterr().err
+
+
+def test_bisection_finds_the_first_rule_that_keeps_the_rate():
+    case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
+    for rule in search.rules_within(case, TsepmOptions(), 60.0):
+        gating = Gating(
+            sensor=case.sensor, max_speed=10.0, interval=case.interval, gate_probability=0.9
+        )
+        for min_hits in range(2, rule.min_hits):
+            fewer = TsepmOptions(min_hits=min_hits, window=rule.window)
+            raw = expected_counts(gating, min_hits, rule.window, 3 * rule.window).raw
+            rate = raw[rule.window :].mean() * case.scans_per_hour
+            assert rate * clutter_pass_share(gating, fewer) > 60.0
+
+
+@pytest.mark.usefixtures("_little_clutter")
+def test_the_first_estimate_comes_before_the_simulation(capsys):
+    arguments = ["design", "--runs", "2", "--workers", "1", "--wanted", "0.01"]
+    assert main([*arguments, "-p", "sensor.clutter_density:=1.0e-8"]) == 0
+    said = capsys.readouterr().out
+    first = said.index("first estimate, without simulation: score finds about 0.9")
+    assert first < said.index("simulated: up to 2 targets")
 
 
 @pytest.mark.usefixtures("_little_clutter")

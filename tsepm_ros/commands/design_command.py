@@ -32,6 +32,7 @@ from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import Value
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session.angle_units import questions
+from tsepm_ros.settings.parameter_files import values_for
 from tsepm_ros.settings.rendering import ANY_NODE
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 from tsepm_ros.settings.value_text import parse_values
@@ -57,6 +58,9 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
         "--wanted", type=float, default=0.9, help="required share of targets that are found"
     )
     add_runs(parser, 400, "simulated targets, at most")
+    parser.add_argument(
+        "--params-file", type=Path, metavar="FILE", help="parameter file, such as of tsepm init"
+    )
     parser.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
     add_values(parser)
 
@@ -76,6 +80,9 @@ def run_design(options: argparse.Namespace) -> None:
     """
     values = parse_values(options.parameter)
     _check(options, values)
+    if options.params_file is not None:
+        values = values_for(options.params_file, "/track_initiator") | values
+        values.pop("method", None)  # the design chooses it
     groups = make_groups(TRACK_INITIATOR, values)
     for question in questions(groups[SensorModel], groups[Mounting]):
         print(f"note: {question}", file=sys.stderr)

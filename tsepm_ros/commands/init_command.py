@@ -19,7 +19,9 @@ from tsepm_ros.design.sonar_questions import (
     parameters,
 )
 from tsepm_ros.parameters import Value
+from tsepm_ros.settings.rendering import ANY_NODE
 from tsepm_ros.settings.value_text import yaml_text
+from tsepm_ros.whole_files import write_text
 
 LEARNED = """not asked, since the node learns it: the clutter density, the detection probability,
 the time between pings, and whether targets have several detections in a ping"""
@@ -71,13 +73,13 @@ def run_init(options: argparse.Namespace) -> None:
         given = asked(given, input)
     answers = completed(given)
     values = parameters(answers)
-    path.write_text(file_text(values, _line(path, answers)), encoding="utf-8")
+    write_text(path, file_text(values, _line(path, answers)))
     missing = [question for question in QUESTIONS if question.name not in given]
     if missing:
         print("not given, defaults taken:")
         for question in missing:
             print(f"  {question.argument} {answers[question.name]:g}  ({question.text})")
-    print(f"{LEARNED}\n\n{expectation_text(answers)}\n")
+    print(f"{LEARNED}\n\n{expectation_text(answers, path)}\n")
     print(f"written: {path}; run it with\n  {_run_line(path)}")
     print("on a moving vessel add: -p own_ship_source:=odometry -r own_ship/odometry:=YOUR_TOPIC")
 
@@ -125,13 +127,13 @@ def file_text(values: dict[str, Value], line: str) -> str:
         "# The clutter density and the detection probability are learned.",
         "/**:",
     ]
-    lines.append("  ros__parameters:")
+    lines += [f"{ANY_NODE}:", "  ros__parameters:"]
     lines += [f"    {name}: {yaml_text(value)}" for name, value in values.items()]
     return "\n".join(lines) + "\n"
 
 
-def expectation_text(answers: Answers) -> str:
-    """Table of the estimated performance by the number of false detections."""
+def expectation_text(answers: Answers, path: Path) -> str:
+    """Table of the estimated performance by the number of false detections; a more exact way."""
     interval = answers["interval"]
     rows = []
     for number, estimate in expected(answers):
@@ -151,7 +153,8 @@ def expectation_text(answers: Answers) -> str:
         f"what to expect at {answers['false_tracks']:g} false tracks per hour, by theory,\n"
         f"of targets at {0.5 * answers['max_speed']:g} m/s, seen in 9 of 10 pings, a ping every "
         f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n{text_table(head, rows)}\n"
-        "tsepm design simulates a sonar"
+        "more exact, with a required P_D: "
+        f"tsepm design --params-file {shlex.quote(str(path))} --interval {interval:g}"
     )
 
 

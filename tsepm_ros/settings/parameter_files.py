@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from tsepm_ros.parameters import Value
 from tsepm_ros.settings.rendering import ANY_NODE
 
 _SECTION = "ros__parameters"
@@ -51,6 +52,20 @@ def without_value(arguments: Sequence[str], node: str) -> list[str]:
         for name, value in _flattened(values)
         if value is None or value == []
     ]
+
+
+def values_for(path: Path, node: str) -> dict[str, Value]:
+    """Values by full name that a parameter file has for a node.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, or has nothing for the node.
+    """
+    sections = [values for key, values in _sections(_content(path)) if fits(key, node)]
+    if not sections:
+        raise ValueError(f"{path} is no parameter file for {node}")
+    return {name: value for values in sections for name, value in _flattened(values)}
 
 
 def fits(key: str, node: str) -> bool:
