@@ -95,7 +95,7 @@ def run_design(options: argparse.Namespace) -> None:
     increments = search.ping_increments(case, score.gate_probability)
     print(increments_line(increments, first.threshold))
     print(first_line(first, case), flush=True)
-    rules = search.rules_within(case, tsepm, target_rate)
+    rules = search.rules_within(case, tsepm, target_rate, workers_of(options))
     print(
         "\nM/N rules of the method tsepm that keep the target false-track rate:"
         + ("" if rules else " none")

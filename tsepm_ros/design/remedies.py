@@ -12,7 +12,7 @@ from tsepm_ros.design.prediction import target_statistics
 from tsepm_ros.design.search import Labelled, known_within, score_window
 from tsepm_ros.methods.score.score_options import ScoreOptions
 
-REMEDY_HALF_WIDTH = 0.07
+REMEDY_HALF_WIDTH = 0.09
 """Half the width of the interval of P_D at which the simulation of a change ends."""
 
 

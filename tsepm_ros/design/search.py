@@ -18,7 +18,12 @@ from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.mn_rules import confirmed_by, rule_detection_probability
 from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
-from tsepm_ros.design.prediction import TargetStatistics, false_tracks_per_hour, target_statistics
+from tsepm_ros.design.prediction import (
+    ONE_PROCESS,
+    TargetStatistics,
+    false_tracks_per_hour,
+    target_statistics,
+)
 from tsepm_ros.methods.score import threshold_plan
 from tsepm_ros.methods.score.likelihood_ratio import MAX_DETECTION_PROBABILITY, miss_increment
 from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
@@ -217,16 +222,18 @@ def score_window(case: Case, options: ScoreOptions) -> int:
     return windows[int(np.argmax(shares >= shares.max() - MIN_DETECTION_INCREASE))]
 
 
-def rules_within(case: Case, options: TsepmOptions, false_per_hour: float) -> list[Rule]:
+def rules_within(
+    case: Case, options: TsepmOptions, false_per_hour: float, workers: Workers = ONE_PROCESS
+) -> list[Rule]:
     """For each window the rule of fewest hits that keeps the target false-track rate, if any."""
-    windows = [window for window in RULE_WINDOWS if window <= case.scans]
-    rules = (_rule_within(case, options, false_per_hour, window) for window in windows)
-    return [rule for rule in rules if rule is not None]
+    windows = [window for window in reversed(RULE_WINDOWS) if window <= case.scans]
+    jobs = [(case, options, false_per_hour, window) for window in windows]  # the longest first
+    rules = [rule for rule in workers.mapped(_rule_within, jobs) if rule is not None]
+    return rules[::-1]
 
 
-def _rule_within(
-    case: Case, options: TsepmOptions, false_per_hour: float, window: int
-) -> Rule | None:
+def _rule_within(job: tuple[Case, TsepmOptions, float, int]) -> Rule | None:
+    case, options, false_per_hour, window = job
     sensor, gate = case.sensor, options.gate_probability
     gating = Gating(
         sensor=sensor, max_speed=case.max_speed, interval=case.interval, gate_probability=gate
