@@ -164,6 +164,7 @@ def test_kennedy_s_test_keeps_the_tight_track_and_removes_the_loose_one():
             max_speed=100.0,
             evaluation="clutter_statistic",
             clutter_test_size=0.05,
+            clutter_density="given",
         )
         scans = [scan_at(12.0 * k, [(2000.0 + step * k, 0.0)]) for k in range(3)]
         return sum(len(initiator.process(scan)) for scan in scans)

@@ -131,7 +131,7 @@ def read(text: str, sensor: SensorModel, frame_id: str, time: float, max_age: fl
         _check(counts.shape == fresh.clutter_map.memory[0].shape)
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ValueError("its content is not that of a learned state") from None
-    fresh.seen_extent.update(places[0], places[1], np.ones(places.shape[1]))
+    fresh.seen_extent.remember(places[0], places[1])
     fresh.clutter_map.remember(share * counts, share * figures[0], fresh.seen_extent.region)
     fresh.detection_probability.remember(share * figures[1], share * figures[2])
     return Remembered(fresh, age)

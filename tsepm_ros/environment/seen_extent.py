@@ -11,6 +11,7 @@ Biometrika 52, 1965), where that is smaller.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ from tsepm_ros.sensing.scan import MAX_MAGNITUDE, wrap
 from tsepm_ros.sensing.sensor import SensorModel
 
 MAX_DETECTIONS = 500
-"""Detections, the last ones, whose extent counts."""
+"""Detections of the last scans whose extent counts, and the rest of the oldest of these scans."""
 MIN_CLUTTER_PROBABILITY = 0.5
 """A detection less probably clutter does not count."""
 RENEWAL = 0.05
@@ -113,6 +114,7 @@ class SeenExtent:
 
     def __init__(self, limit: Extent) -> None:
         self._limit = limit
+        self._scans: deque[tuple[FloatArray, FloatArray]] = deque()
         self._range = np.zeros(0)
         self._azimuth = np.zeros(0)
         self._new = 0
@@ -123,11 +125,24 @@ class SeenExtent:
         clutter = np.flatnonzero(weight > MIN_CLUTTER_PROBABILITY)
         if not len(clutter):
             return
-        # Evenly from all of a large scan.
+        # In an order of their own, and evenly from all of a large scan: the order in the message
+        # does not matter.
+        clutter = clutter[np.lexsort((range[clutter], azimuth[clutter]))]
         clutter = clutter[:: math.ceil(len(clutter) / MAX_DETECTIONS)]
-        self._range = np.append(self._range, range[clutter])[-MAX_DETECTIONS:]
-        self._azimuth = np.append(self._azimuth, wrap(azimuth[clutter]))[-MAX_DETECTIONS:]
-        self._new += len(clutter)
+        self._take(range[clutter], wrap(azimuth[clutter]))
+
+    def remember(self, range: FloatArray, azimuth: FloatArray) -> None:
+        """Begin with the `places` of another estimate."""
+        if len(range):
+            self._take(range, azimuth)
+
+    def _take(self, range: FloatArray, azimuth: FloatArray) -> None:
+        self._scans.append((range, azimuth))
+        number = self.detections + len(range)
+        while number - len(self._scans[0][0]) >= MAX_DETECTIONS:
+            number -= len(self._scans.popleft()[0])
+        self._range, self._azimuth = map(np.concatenate, zip(*self._scans, strict=True))
+        self._new += len(range)
         if self._new > RENEWAL * self.detections and self.detections >= 3:
             self._new = 0
             self._region = self._convex(self._estimated())
