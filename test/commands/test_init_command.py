@@ -24,7 +24,9 @@ def test_in_a_pipe_defaults_are_taken_and_said(capsys, tmp_path):
     assert "--sound-speed 1500" in said and "--sector 120" not in said
     assert "not asked, since the node learns it" in said and "half found in pings" in said
     assert f"--params-file {file}" in said
-    content = yaml.safe_load(file.read_text())
+    text = file.read_text()
+    assert text.count("/**:") == 1, "ROS refuses a key that comes twice"
+    content = yaml.safe_load(text)
     values = content["/**"]["ros__parameters"]
     make_groups(TRACK_INITIATOR, values)
     assert values["sensor.max_range"] == 200.0 and values["max_speed"] == 3.0

@@ -125,7 +125,6 @@ def file_text(values: dict[str, Value], line: str) -> str:
     lines = [
         f"# {line}",
         "# The clutter density and the detection probability are learned.",
-        "/**:",
     ]
     lines += [f"{ANY_NODE}:", "  ros__parameters:"]
     lines += [f"    {name}: {yaml_text(value)}" for name, value in values.items()]

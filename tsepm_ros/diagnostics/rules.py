@@ -371,7 +371,7 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
                 Level.ERROR,
                 mismatch,
                 "The message names the topic: set the reliability and durability of the other side "
-                "as in the table in the README, or set `detections_reliability`",
+                "as in docs/topics.md, or set `detections_reliability`",
             ),
         ),
     ),

@@ -89,8 +89,9 @@ def coverage_too_large(figures: SensorFigures) -> str:
     if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
         return ""
     return (
-        f"all detections are {_of(seen)}; the coverage as given is {_of(Extent.of(figures.sensor))}"
-        f": if the sonar sees no more, set {_settings(seen, figures.sensor)}"
+        f"all detections are {_of(seen)}; by the parameters, the coverage is "
+        f"{_of(Extent.of(figures.sensor))}: if the sonar covers no more, set "
+        f"{_settings(seen, figures.sensor)} (m, rad)"
     )
 
 
@@ -115,17 +116,17 @@ def errors_differ(figures: SensorFigures) -> str:
     parts = []
     if not 1.0 / ERROR_FACTOR <= errors.range_factor <= ERROR_FACTOR:
         parts.append(
-            f"range errors are {errors.range_factor:.2g} times those given (at a median range of "
-            f"{errors.median_range:.3g} m): set sensor.range_std to {errors.range_std:.2g} and "
-            f"sensor.range_std_fraction to {errors.range_std_fraction:.2g}"
+            f"range errors are {errors.range_factor:.2g} times those of the parameters (at a "
+            f"median range of {errors.median_range:.3g} m): set sensor.range_std to "
+            f"{errors.range_std:.2g} and sensor.range_std_fraction to {errors.range_std_fraction:.2g}"
         )
     if not 1.0 / ERROR_FACTOR <= errors.azimuth_factor <= ERROR_FACTOR:
         parts.append(
-            f"azimuth errors are {errors.azimuth_factor:.2g} times those given: set "
+            f"azimuth errors are {errors.azimuth_factor:.2g} times those of the parameters: set "
             f"sensor.azimuth_std to {errors.azimuth_std:.2g} rad "
             f"({math.degrees(errors.azimuth_std):.2g} degrees)"
         )
-    return "by the detections of held tracks, " + "; ".join(parts) if parts else ""
+    return "as the detections of held tracks show, " + "; ".join(parts) if parts else ""
 
 
 def many_confirmations(figures: SensorFigures) -> str:

@@ -12,12 +12,14 @@ _EXAMPLES = {
     "track_initiator": "-r detections:=/my_sonar/detections -p max_speed:=5.0",
     "sonar_simulator": "-p scenario:=four_targets -p rate_factor:=10.0",
     "scan_player": "-p recording:=my_recording -p rate_factor:=10.0",
+    "track_viewer": "-r tracks/current:=/my_boat/tracks/current -p port:=8080",
 }
 _TOPICS = {
     "track_initiator": "subscribes to detections, own_ship/odometry and tracked; publishes tracks, "
     "tracks/current, tracks/markers and others (docs/topics.md)",
     "sonar_simulator": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
     "scan_player": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
+    "track_viewer": "subscribes to tracks/current, fixed_echoes and others (docs/watching.md)",
 }
 
 
