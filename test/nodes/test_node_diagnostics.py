@@ -20,6 +20,7 @@ TASKS = [
     "own ship",
     "latency",
     "clutter",
+    "sensor parameters",
     "quality of service",
     "downstream tracker",
     "land",
@@ -106,7 +107,7 @@ def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
     missing = world.status("detections")
     assert (missing.message, missing.level) == ("no publisher of detections yet", b"\x01")
     world.end(node)
-    boat = Boat(world)
+    boat = Boat(world, clutter_density="given")
     boat.driver.destroy_publisher(boat.driver.odometry)  # else it is said that nobody listens to it
     assert world.status("detections").message == "no scan yet"
     before = boat.node.get_clock().now().nanoseconds

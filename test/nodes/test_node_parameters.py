@@ -134,6 +134,8 @@ def test_topics_frames_and_types_are_read_only_the_rest_is_live(world):
         "detections_depth",
         "bearing_reference",
         "sweep",
+        "learned_file",
+        "learned_max_age",
     }
 
 

@@ -149,7 +149,7 @@ def test_detections_are_handed_over_with_what_a_filter_needs(world):
 
 
 def test_potential_tracks_are_drawn_by_their_evidence(world):
-    boat = Boat(world, publish_potential_tracks=True, method="score")
+    boat = Boat(world, publish_potential_tracks=True, method="score", clutter_density="given")
     clouds = world.listen(PointCloud2, "potential_tracks")
     markers = world.listen(MarkerArray, "potential_tracks/markers")
     world.until_connected()

@@ -118,7 +118,8 @@ def errors_differ(figures: SensorFigures) -> str:
         parts.append(
             f"range errors are {errors.range_factor:.2g} times those of the parameters (at a "
             f"median range of {errors.median_range:.3g} m): set sensor.range_std to "
-            f"{errors.range_std:.2g} and sensor.range_std_fraction to {errors.range_std_fraction:.2g}"
+            f"{errors.range_std:.2g} and sensor.range_std_fraction to "
+            f"{errors.range_std_fraction:.2g}"
         )
     if not 1.0 / ERROR_FACTOR <= errors.azimuth_factor <= ERROR_FACTOR:
         parts.append(
