@@ -145,6 +145,11 @@ def test_the_page_on_python_runs_and_prints_what_it_says():
     assert blocks(page) == [printed[0]]
 
 
+def test_the_driver_of_the_quick_start_is_the_example_that_is_tested():
+    driver = (ROOT / "examples" / "minimal_driver.py").read_text(encoding="utf-8").rstrip()
+    assert driver in [block.rstrip() for block in blocks(DOCS / "quick_start.md", "python")]
+
+
 def test_the_smallest_method_is_the_one_that_is_tested():
     toy, registration = blocks(DOCS / "contributing.md", "python")
     assert toy in (ROOT / "test" / "methods" / "test_methods.py").read_text(encoding="utf-8")
