@@ -19,7 +19,7 @@ from tsepm_ros.design.sonar_questions import (
     parameters,
 )
 from tsepm_ros.parameters import Value
-from tsepm_ros.settings.rendering import ANY_NODE
+from tsepm_ros.settings.rendering import section
 from tsepm_ros.settings.value_text import yaml_text
 from tsepm_ros.whole_files import write_text
 
@@ -125,9 +125,9 @@ def file_text(values: dict[str, Value], line: str) -> str:
     lines = [
         f"# {line}",
         "# The clutter density and the detection probability are learned.",
+        *section(),
+        *(f"    {name}: {yaml_text(value)}" for name, value in values.items()),
     ]
-    lines += [f"{ANY_NODE}:", "  ros__parameters:"]
-    lines += [f"    {name}: {yaml_text(value)}" for name, value in values.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -41,7 +41,7 @@ MIN_EXISTENCE = 0.01
 """Probability of existence below which a track ends."""
 TRACKED_EXISTENCE = 0.99
 """Existence probability of a target that a downstream tracker lists: a choice."""
-OWN_PROBABILITY = 0.9
+ALMOST_CERTAIN = 0.9
 """Probability from which on a detection is almost certainly a track's."""
 
 
@@ -242,7 +242,7 @@ class TrackMaintenance:
         held = publication.judged(replace(held, fits=fits), self.speed_prior)
         of_target = association.probability * held.existence[near.track]
         self.held_association = HeldAssociation(near.row, of_target)
-        own = of_target > OWN_PROBABILITY
+        own = of_target > ALMOST_CERTAIN
         self.own_detections = OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
         self._held = held
         # End.

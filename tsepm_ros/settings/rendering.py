@@ -12,12 +12,17 @@ ANY_NODE = "/**"
 """Key of a parameter file that fits a node of any name in any namespace."""
 
 
+def section(key: str = ANY_NODE) -> list[str]:
+    """Lines that begin the section of a parameter file for the nodes of a key."""
+    return [f"{key}:", "  ros__parameters:"]
+
+
 def as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
     """A ROS parameter file with the default of every parameter of a node.
 
     By default the key fits any node that gets the file, also under another name or in a namespace.
     """
-    lines = [f"# Parameters of {node}", f"{key}:", "  ros__parameters:"]
+    lines = [f"# Parameters of {node}", *section(key)]
     for row in full_table(groups):
         note = ", ".join(part for part in (row.unit, row.bounds) if part)
         lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")
