@@ -106,6 +106,8 @@ class SecondaryEchoes:
         self, clutter_map: ClutterMap, targets: HeldTargets, range: FloatArray, azimuth: FloatArray
     ) -> FloatArray:
         """Factor (n,) of the map's density at positions in the sensor's frame, by held targets."""
+        if not len(targets.track_id):
+            return np.ones(len(range))
         factor = self._grid_behind(clutter_map, targets)
         return np.asarray(factor[clutter_map.cells(range, azimuth)])
 
