@@ -39,14 +39,18 @@ class PlacedByTheStamp:
 
 
 @functools.cache
-def figures(moving, method, factory=make_method):
-    """Share of the targets found in each run, and what is said of each true start."""
+def figures(moving, method, factory=make_method, pure=False):
+    """Share of the targets found in each run; errors, NEES and time of true (or pure) starts."""
     found, starts = [], []
     point = OperatingPoint(method, factory=factory)
     for run in study(SQUARE if moving else FIXED, point, range(RUNS), 1):
         true = [start for start in run.starts if start.outcome is Outcome.TRUE]
         found.append(len(true) / run.targets)
-        starts += [(s.position_error**2, s.velocity_error**2, s.nees, s.time) for s in true]
+        starts += [
+            (s.position_error**2, s.velocity_error**2, s.nees, s.time)
+            for s in true
+            if s.pure or not pure
+        ]
     return np.array(found), np.array(starts)
 
 
@@ -61,9 +65,10 @@ def assert_equal(one, other, largest):
 @pytest.mark.parametrize("method", ["score", "tsepm"])
 def test_detections_and_errors_are_those_of_a_sonar_that_stays(method):
     # 160 targets; the same scenes, 40 runs, seed 1. A difference of 0.08 in P_D would be seen, or
-    # of the whole of a mean square (1.4 times the error), of the NEES or of 15 s.
+    # of the whole of a mean square (1.4 times the error), of the NEES or of 15 s. Starts with a
+    # wrong hit are left out: their errors are of any size, whether the sonar moves or not.
     (found_moving, moving), (found_fixed, fixed) = (
-        figures(moving, method) for moving in (True, False)
+        figures(moving, method, pure=True) for moving in (True, False)
     )
     assert found_fixed.mean() > 0.9
     assert_equal(found_moving, found_fixed, 0.08)

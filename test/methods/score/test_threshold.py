@@ -72,7 +72,7 @@ def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, densit
     # Enough scans for 60 false tracks: a true factor of 1.5 stays within 2 with 99 %.
     sensor = replace(SONAR, clutter_density=density)
     scans = round(60 / wish * 300)
-    initiator = score(sensor, false_tracks_per_hour=wish)
+    initiator = score(sensor, false_tracks_per_hour=wish, **AS_GIVEN)
     rng = np.random.default_rng([7, round(wish)])
     confirmed = 0
     for index in range(scans + 10):
@@ -90,6 +90,7 @@ def test_an_unknown_clutter_density_is_learned_within_ten_scans():
             SensorModel(clutter_density=given),
             false_tracks_per_hour=300.0,
             clutter_density=clutter_is,
+            detection_probability="given",
         )
         rng = np.random.default_rng(12)
         confirmed = [
@@ -124,6 +125,7 @@ def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density
                 SensorModel(max_range=12000.0, clutter_density=given),
                 false_tracks_per_hour=100.0,
                 clutter_density=clutter_is,
+                detection_probability="given",
             )
             for index in range(50):
                 x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
