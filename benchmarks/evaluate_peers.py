@@ -1,7 +1,8 @@
 """The evaluation of `tsepm evaluate` with the peers in the same tables and pictures.
 
 Peers start tracks but hold none here, and norfair gives no covariance. Measures that need them are
-left out for peers.
+left out for peers. `jipda` is joint integrated probabilistic data association as published, with
+tracks that start on single detections (`contenders/jipda.py`).
 
     python benchmarks/evaluate_peers.py box --runs 100 --horizon 8
 """
@@ -29,10 +30,13 @@ from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
 
 RULES = ((8, 12), (6, 8), (5, 8), (4, 5), (3, 4))
 """(min_hits, window) of a peer's sweep, from few to many false tracks."""
+CONFIRM = (0.999, 0.99, 0.97, 0.9, 0.7, 0.5)
+"""Existence probability from which a track of JIPDA is confirmed, as a sweep."""
 PEERS = {
     "stonesoup": ("stonesoup", "stone_soup", "TunedStoneSoupContender"),
     "stonesoup-xy": ("stonesoup", "stone_soup", "ConvertedStoneSoupContender"),
     "norfair": ("norfair", "norfair_tracker", "NorfairContender"),
+    "jipda": ("numpy", "jipda", "JipdaContender"),
 }
 """Package, module and class of each, without Stone Soup's k-d tree, which gates by range alone."""
 
@@ -96,9 +100,14 @@ def peer_points(peer: str) -> Iterator[OperatingPoint]:
     folder = Path(__file__).resolve().parent
     files = [folder / "evaluate_peers.py", folder / "contenders" / f"{module}.py"]
     release = f"{package} {version(package)} {digest(files)}"
-    for min_hits, window in RULES:
-        rule = {"min_hits": min_hits, "window": window}
-        yield OperatingPoint(peer, f"{min_hits}/{window}", rule, make_peer, release)
+    rules: dict[str, dict[str, float]] = {
+        f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
+        for min_hits, window in RULES
+    }
+    if peer == "jipda":
+        rules = {f"{confirm:g}": {"confirm": confirm} for confirm in CONFIRM}
+    for label, options in rules.items():
+        yield OperatingPoint(peer, label, options, make_peer, release)
 
 
 def installed(peers: list[str]) -> list[OperatingPoint]:
