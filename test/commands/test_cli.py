@@ -75,6 +75,16 @@ def test_what_was_only_noticed_is_said_too(capsys, recording, tmp_path):
     assert "note: long gap before 9000.000 s" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("content", ["rosbag2: [\n", "a: 'b\n\nc\n" * 200], ids=["list", "long"])
+def test_an_error_of_many_lines_is_said_in_one(capsys, tmp_path, content):
+    pytest.importorskip("rosbags")
+    (tmp_path / "metadata.yaml").write_text(content)
+    assert main(["run", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("refused: the bag ") and "metadata.yaml" in line
+    assert len(line) < 900
+
+
 def test_a_run_that_drops_every_scan_fails_with_the_remedy(capsys, recording, tmp_path):
     (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n500.0,0.0,0.0\n600.0,0.0,0.0\n")
     assert main(["run", recording]) == 1

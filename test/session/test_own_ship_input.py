@@ -166,6 +166,16 @@ def test_a_bad_own_ship_sample_is_dropped_and_the_others_are_used(fault):
     assert one.dropped == {"own_ship_invalid": 1}
 
 
+def test_poses_that_leave_the_earth_between_them_cost_their_ping_under_a_name():
+    one = moving()
+    for stamp, vx in ((0.0, 1e3), (20.0, -1e3)):  # each alone is usable
+        pose = PoseSample(stamp, 1e9 - 1000.0, 0.0, 0.0, rates=(vx, 0.0, 0.0), frame_id="odom")
+        one.add_own_ship(pose)
+    sail(one, 40.0, 60.0)
+    assert [result.stamp for result in play(one, [10, 50], now=0.0)] == [50.0]
+    assert one.dropped == {"own_ship_jump": 1}
+
+
 def test_a_time_offset_before_the_first_pose_drops_the_scan_and_no_other():
     # Scan allows negative time offsets: a driver may stamp the end of listening.
     one = moving()

@@ -30,6 +30,9 @@ INTERRUPTED = 130
 TERMINATED = 143
 """Exit code of a process that was ended by SIGTERM."""
 
+MAX_SENTENCE = 800
+"""Most characters of an error's sentence."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command.
@@ -67,7 +70,7 @@ def _run(arguments: Sequence[str]) -> int:
     try:
         options.command(options)
     except ValueError as error:
-        print(f"refused: {error}", file=sys.stderr)
+        print(f"refused: {_sentence(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
@@ -75,9 +78,15 @@ def _run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (OSError, CommandFailed) as error:
-        print(f"failed: {error}", file=sys.stderr)
+        print(f"failed: {_sentence(error)}", file=sys.stderr)
         return 1
     return 0
+
+
+def _sentence(error: Exception) -> str:
+    """What an error says, on one line and of bounded length: it may quote a whole file."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= MAX_SENTENCE else f"{text[:MAX_SENTENCE]} ..."
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -64,6 +64,10 @@ class SensorScan:
     beyond_turn: int = 0
 
 
+class PosesJump(ValueError):
+    """Poses so far apart, or with such rates, that none between them is a pose."""
+
+
 def at_rest(sensor_scan: SensorScan) -> Scan:
     """Register a scan of a level sensor at rest at the origin of the fixed frame."""
     return _with_horizontal(sensor_scan, sensor_scan.scan.range, sensor_scan.scan.azimuth).scan
@@ -95,6 +99,8 @@ def to_fixed_frame(
     ------
     ValueError
         If a time is beyond the coverage of the poses.
+    PosesJump
+        If an interpolated pose is beyond `MAX_MAGNITUDE`.
     """
     sensor_scan = _levelled(sensor_scan, poses, mounting)
     scan = sensor_scan.scan
@@ -105,16 +111,19 @@ def to_fixed_frame(
         known = np.asarray((np.abs(velocity) <= MAX_MAGNITUDE["sensor_velocity"]).all(axis=-1))
         velocity = np.where(known[..., None], velocity, 0.0)
         features = {**features, "range_rate": np.where(known, features["range_rate"], np.nan)}
+    sensor_pose = echo_poses(
+        lambda times: _sensor_poses(times, poses, mounting),
+        scan.stamp,
+        scan.time_offset,
+        scan.azimuth,
+        transmit_offset=sensor_scan.transmit_offset,
+        heading=heading,
+    )
+    if not (np.abs(sensor_pose) <= MAX_MAGNITUDE["sensor_pose"]).all():
+        raise PosesJump(f"the poses around {scan.stamp:.3f} s jump: none between them is on earth")
     registered = scan.replaced(
         features=features,
-        sensor_pose=echo_poses(
-            lambda times: _sensor_poses(times, poses, mounting),
-            scan.stamp,
-            scan.time_offset,
-            scan.azimuth,
-            transmit_offset=sensor_scan.transmit_offset,
-            heading=heading,
-        ),
+        sensor_pose=sensor_pose,
         sensor_pose_covariance=_sensor_covariance(scan.stamp, poses, mounting, heading),
         sensor_velocity=velocity,
     )

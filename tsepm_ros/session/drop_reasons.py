@@ -191,6 +191,12 @@ _SINGLE = {
         "Compare the clocks of sonar and navigation; check `own_ship_timeout`, "
         "`own_ship_max_extrapolation` and `own_ship_max_gap`",
     ),
+    "own_ship_jump": DropReason(
+        OWN_SHIP,
+        "scan",
+        "the poses around the scan are so far apart, or so fast, that none between them is on earth",
+        "Check the navigation: its positions are in m, its velocities in m/s",
+    ),
     "message_corrupt": DropReason(
         DETECTIONS,
         "scan",

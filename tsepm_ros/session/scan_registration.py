@@ -47,7 +47,10 @@ def register(
         return None, [*remarks, refusal]
     if own_ship.moves:
         sector = not sensor.all_round
-        scan = registration.to_fixed_frame(arrived, own_ship.poses, mounting, sector=sector)
+        try:
+            scan = registration.to_fixed_frame(arrived, own_ship.poses, mounting, sector=sector)
+        except registration.PosesJump as error:
+            return None, [*remarks, Refusal("own_ship_jump", str(error))]
         remarks.append(_refuse_vertical(arrived, scan))
     else:
         scan = registration.at_rest(arrived)

@@ -1,0 +1,182 @@
+"""What every campaign shares: cases by number, a time limit, resumption, counts and findings.
+
+A case is a function of its number and of a generator seeded with (seed, number), so that any case
+can be repeated alone. What was done is in build/campaigns/NAME-SEED.json, and a later call goes on
+from there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILD = ROOT / "build" / "campaigns"
+for folder in (ROOT, ROOT / "test"):  # the package as it is here, and what its tests share
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
+
+# Messages with values that cannot be sent are refused by rclpy's classes only if they are asked to.
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[name] = "1"
+
+from tsepm_ros.whole_files import write_text  # noqa: E402
+
+SAVING_PERIOD = 5.0
+"""Time between two writings of the state, s."""
+MAX_FINDINGS = 100
+"""Findings after which a campaign ends: one fault must not fill the disk."""
+
+CASE_LIMIT = 300
+"""Time of a case that is taken for a hang, s; a hundred times what it takes on a quiet machine."""
+
+Tried = Counter[str]
+Case = Callable[[int, np.random.Generator], Tried]
+
+
+class Finding(Exception):
+    """A requirement that does not hold."""
+
+
+@dataclass
+class State:
+    """What a campaign has done.
+
+    Attributes
+    ----------
+    following : int
+        Number of the next case.
+    tried : Counter
+        What was tried, by name.
+    findings : list of str
+    seconds : float
+    """
+
+    following: int = 0
+    tried: Counter[str] = field(default_factory=Counter)
+    findings: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @classmethod
+    def of(cls, path: Path) -> State:
+        """The state in a file, or a new one if there is no file."""
+        if not path.exists():
+            return cls()
+        return cls(**{**(content := json.loads(path.read_text())), "tried": Counter(content["tried"])})
+
+    def write(self, path: Path) -> None:
+        """Write the state whole."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, json.dumps(vars(self), indent=1) + "\n")
+
+
+def main(
+    name: str,
+    description: str,
+    case: Case,
+    *,
+    cases: int | None = None,
+    arguments: list[str] | None = None,
+    folder: Path = BUILD,
+) -> int:
+    """Run cases of a campaign and print what was tried and found.
+
+    Parameters
+    ----------
+    name, description : str
+    case : callable
+        Called as ``case(number, generator)``; returns counts of what it tried, and raises a
+        `Finding`, or whatever the package raised, if a requirement does not hold.
+    cases : int, optional
+        Number of all cases, if they end.
+    arguments : list of str, optional
+        Of the command line.
+    folder : Path, optional
+        Of the state.
+
+    Returns
+    -------
+    int
+        1 if there are findings, of this call or of an earlier one that it continues, else 0.
+    """
+    options = _options(description, arguments)
+    if options.case is not None:
+        print(_listed(case(options.case, _generator(options.seed, options.case))))
+        return 0
+    path = folder / f"{name}-{options.seed}.json"
+    if options.fresh:
+        path.unlink(missing_ok=True)
+    state = State.of(path)
+    last = min(x for x in (options.cases, cases, sys.maxsize) if x is not None)
+    begin = written = time.monotonic()
+    before = state.seconds
+    while (
+        state.following < last
+        and len(state.findings) < MAX_FINDINGS
+        and time.monotonic() - begin < options.seconds
+    ):
+        _one(case, options.seed, state, f"python campaigns/{name}.py")
+        state.seconds = before + time.monotonic() - begin
+        if time.monotonic() - written > SAVING_PERIOD:
+            state.write(path)
+            written = time.monotonic()
+    state.write(path)
+    print(f"{name}, seed {options.seed}: cases 0 to {state.following - 1} in {state.seconds:.0f} s")
+    print(_listed(state.tried))
+    print(f"{len(state.findings)} findings; {path}")
+    return 1 if state.findings else 0
+
+
+def _one(case: Case, seed: int, state: State, command: str) -> None:
+    """Do the next case, and note what it tried or found."""
+    number = state.following
+    signal.signal(signal.SIGALRM, _too_long)
+    signal.alarm(CASE_LIMIT)
+    try:
+        state.tried.update(case(number, _generator(seed, number)))
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # pytest's failures are no Exceptions
+        where = "" if isinstance(error, Finding) else f"\n{traceback.format_exc(limit=-6)}"
+        found = f"--seed {seed} --case {number}: {type(error).__name__}: {str(error)[:2000]}{where}"
+        state.findings.append(found)
+        print(f"FOUND, {command} {found}", flush=True)
+    finally:
+        signal.alarm(0)
+    state.following += 1
+
+
+def _too_long(*_: object) -> None:
+    raise TimeoutError(f"the case takes more than {CASE_LIMIT} s")
+
+
+def _generator(seed: int, number: int) -> np.random.Generator:
+    return np.random.default_rng((seed, number))
+
+
+def _listed(tried: Counter[str]) -> str:
+    return "\n".join(f"  {number:>9} {what}" for what, number in sorted(tried.items()))
+
+
+def _options(description: str, arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=60.0, help="no case begins after these")
+    parser.add_argument("--cases", type=int, help="no case from this number on")
+    parser.add_argument("--case", type=int, help="only this case, and its traceback")
+    parser.add_argument("--fresh", action="store_true", help="from case 0 again")
+    return parser.parse_args(arguments)

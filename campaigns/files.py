@@ -1,0 +1,296 @@
+"""Broken files and arguments, and what the commands say of them.
+
+A case breaks one file in its bytes, lines or values: of a recording, a bag (sqlite3 or MCAP), a
+scenario, a parameter file, the runs of an evaluation, or learned values; or the arguments of a
+command. The command must end with 0, or with another code and one sentence; never with a traceback,
+a hang, or memory without bound. Each runs in a process of its own, with limits, in a folder of its
+own, and writes to no other.
+
+    python campaigns/files.py [--seed 1] [--seconds 60]
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import math
+import os
+import re
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import campaign
+import numpy as np
+from campaign import Tried
+from invariants import require
+from support.bag_files import simulated, small_scenario, storage_file, write_bag
+
+from tsepm_ros import SensorModel
+from tsepm_ros.commands.cli import COMMANDS, main
+from tsepm_ros.environment import learned_memory
+from tsepm_ros.settings.parameter_files import values_for
+from tsepm_ros.settings.rendering import ANY_NODE, as_yaml
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.simulation import shipped_scenarios
+
+LIMIT = 60
+"""Processor time of a command, s."""
+MEMORY = 3 * 2**30
+"""Address space of a command, bytes."""
+WRONG_RUN = ("evaluate", "box", "--method", "heuristic", "--runs", "2", "--scans", "4")
+TOKENS = (
+    *("nan", "inf", "-inf", "1e308", "1e-308", "1e999", "-1", "0", "1e18", "9" * 400, "0x10", ""),
+    *("null", "true", "[]", "{}", "[" * 300, "{a: " * 200, "&a [*a, *a]", "*a", "!!python/name:os"),
+    *("!!python/object/apply:os.system ['touch pwned']", "\x00", "\ufeff", "\udcff", "\"", "'", ","),
+    *("2024-01-01", "1_000", "~", "..", "../../pwned", "/etc/passwd", "x" * 100_000, "é" * 50),
+)
+BOMB = "\n".join(
+    ["a: &a [x, x, x, x, x, x, x, x, x]"]
+    + [f"{b}: &{b} [{', '.join(f'*{a}' for _ in range(9))}]" for a, b in zip("abcdefgh", "bcdefghi", strict=True)]
+)
+Command = Callable[[Path], Sequence[str] | Callable[[], object]]
+
+
+@functools.cache
+def originals() -> Path:
+    """Good files of every kind, made once."""
+    folder = Path(tempfile.mkdtemp(prefix="tsepm_files_"))
+    recording = folder / "recording"
+    recording.mkdir()
+    lines = [
+        f"{12.0 * k},{3000.0 + 5.0 * k},{0.5 + 0.001 * k},20.0,{k % 3}.5" for k in range(8)
+    ]
+    (recording / "detections.csv").write_text(
+        "\n".join(["time_s,range_m,azimuth_rad,range_std_m,intensity", *lines, ""])
+    )
+    poses = [f"{12.0 * k - 6.0},{k}.0,0.0,0.1,{0.01 * k}" for k in range(10)]
+    (recording / "own_ship.csv").write_text(
+        "\n".join(["time_s,east_m,north_m,east_mps,heading_rad", *poses, ""])
+    )
+    target = [f"{12.0 * k},2000.0,{1500.0 + k}" for k in range(8)]
+    (recording / "target.csv").write_text("\n".join(["time_s,east_m,north_m", *target, ""]))
+    for storage in ("mcap", "sqlite3"):
+        write_bag(folder / storage, simulated(small_scenario(scans=4)), storage)
+    scenarios = Path(campaign.ROOT) / "tsepm_ros" / "simulation" / "scenarios"
+    for name in shipped_scenarios():
+        text = (scenarios / f"{name}.yaml").read_text()
+        (folder / f"{name}.yaml").write_text(re.sub(r"scans: \d+", "scans: 3", text))
+    (folder / "parameters.yaml").write_text(as_yaml("track_initiator", TRACK_INITIATOR, ANY_NODE))
+    out = folder / "runs"
+    code, _, error = run([*WRONG_RUN, "--workers", "1", "--out", str(out)], folder)
+    require(code == 0, f"the evaluation that is to be broken fails: {error}")
+    for kind, (_, command) in KINDS.items():
+        code, _, error = run(command(folder), folder)
+        require(code == 0, f"{kind} is refused before it is broken: {error}")
+    return folder
+
+
+def run(given: Sequence[str] | Callable[[], object], folder: Path) -> tuple[int, str, str]:
+    """Run a command, or a function, in a process with limits; its code, output and errors."""
+    outputs = [folder / "stdout", folder / "stderr"]
+    child = os.fork()
+    if child:
+        end = time.monotonic() + 10 * LIMIT
+        while time.monotonic() < end:
+            ended, status = os.waitpid(child, os.WNOHANG)
+            if ended:
+                texts = [path.read_text(errors="replace") for path in outputs]
+                return os.waitstatus_to_exitcode(status), *texts
+            time.sleep(0.002)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        return -signal.SIGALRM, "", "it hangs"
+    signal.alarm(0)
+    code = 99
+    with contextlib.suppress(BaseException):
+        for path, descriptor in zip(outputs, (1, 2), strict=True):
+            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), descriptor)
+        os.chdir(folder)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        try:
+            code = main(given) if not callable(given) else _called(given)
+        except SystemExit as error:
+            code = error.code if isinstance(error.code, int) else 98
+        except BaseException:
+            traceback.print_exc()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
+
+
+def _called(function: Callable[[], object]) -> int:
+    """Call a reader, whose refusals are ValueErrors and OSErrors."""
+    try:
+        function()
+    except (ValueError, OSError) as error:
+        print(f"refused: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _recording(folder: Path) -> Sequence[str]:
+    return ["run", str(folder / "recording")]
+
+
+def _parameters(folder: Path) -> Callable[[], object]:
+    path = folder / "parameters.yaml"
+    return lambda: settings_from(make_groups(TRACK_INITIATOR, values_for(path, "/track_initiator")))
+
+
+def _learned(folder: Path) -> Callable[[], object]:
+    path = folder / "learned.json"
+    return lambda: learned_memory.read(
+        path.read_text(), SensorModel(), "map", time=1e9, max_age=math.inf
+    )
+
+
+def _scenario(name: str) -> Command:
+    return lambda folder: ["run", f"{folder}/{name}.yaml"]
+
+
+def _runs(folder: Path) -> Sequence[str]:
+    return [*WRONG_RUN, "--workers", "1", "--out", str(folder / "runs")]
+
+
+KINDS: dict[str, tuple[str, Command]] = {
+    "detections.csv": ("recording/detections.csv", _recording),
+    "own_ship.csv": ("recording/own_ship.csv", _recording),
+    "target.csv": ("recording/target.csv", _recording),
+    "mcap": ("mcap/*.mcap", lambda folder: ["run", str(folder / "mcap")]),
+    "mcap alone": ("mcap/*.mcap", lambda folder: ["run", str(storage_file(folder / "mcap"))]),
+    "sqlite3": ("sqlite3/*.db3", lambda folder: ["run", str(folder / "sqlite3")]),
+    "metadata": ("mcap/metadata.yaml", lambda folder: ["run", str(folder / "mcap")]),
+    "parameters": ("parameters.yaml", _parameters),
+    "runs": ("runs/**/*.jsonl", _runs),
+    **{f"scenario {name}": (f"{name}.yaml", _scenario(name)) for name in shipped_scenarios()},
+}
+"""The file to break and what reads it, by kind."""
+
+
+def broken(content: bytes, rng: np.random.Generator) -> bytes:
+    """The content with one to three faults."""
+    for _ in range(int(rng.integers(1, 4))):
+        content = FAULTS[rng.integers(len(FAULTS))](content, rng)
+    return content
+
+
+def _cut(content: bytes, rng: np.random.Generator) -> bytes:
+    return content[: int(rng.integers(len(content) + 1))]
+
+
+def _flip(content: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(content)
+    for place in rng.integers(0, max(1, len(content)), int(rng.integers(1, 9))).tolist():
+        if place < len(changed):
+            changed[place] = int(rng.integers(256))
+    return bytes(changed)
+
+
+def _lines(content: bytes, rng: np.random.Generator) -> bytes:
+    """A line is repeated, removed or moved."""
+    lines = content.split(b"\n")
+    place, other = rng.integers(0, len(lines), 2).tolist()
+    line = lines.pop(place) if rng.random() < 0.6 else lines[place]
+    if rng.random() < 0.6:
+        lines.insert(other, line)
+    return b"\n".join(lines)
+
+
+def _token(content: bytes, rng: np.random.Generator) -> bytes:
+    """A word or a number becomes another text."""
+    found = list(re.finditer(rb"[\w.+-]+", content[:200_000]))
+    if not found:
+        return content
+    match = found[rng.integers(len(found))]
+    token = TOKENS[rng.integers(len(TOKENS))].encode(errors="surrogateescape")
+    return content[: match.start()] + token + content[match.end() :]
+
+
+def _block(content: bytes, rng: np.random.Generator) -> bytes:
+    """A block of bytes is zero, repeated or removed, as by a bad disk."""
+    size = int(rng.integers(1, 600))
+    start = int(rng.integers(len(content) + 1))
+    middle = [bytes(size), content[start : start + size] * 2, b""][rng.integers(3)]
+    return content[:start] + middle + content[start + size :]
+
+
+def _other(content: bytes, rng: np.random.Generator) -> bytes:
+    """Something else altogether."""
+    return [b"", b"\n", BOMB.encode(), b"- 1\n", b"1", b"\xff\xfe", bytes(5000)][rng.integers(7)]
+
+
+FAULTS = (_cut, _flip, _lines, _token, _token, _token, _block, _other)
+
+
+def case(number: int, rng: np.random.Generator) -> Tried:
+    """A broken file or, for every eighth case, arguments."""
+    with tempfile.TemporaryDirectory(prefix="tsepm_case_") as name:
+        folder = Path(name)
+        if number % 8 == 7:
+            return _judged("arguments", arguments(rng), folder)
+        kind = list(KINDS)[number % len(KINDS)]
+        pattern, command = KINDS[kind]
+        for source in originals().iterdir():
+            if source.name.split(".")[0] == pattern.split("/")[0].split(".")[0]:
+                _copy(source, folder / source.name)
+        paths = sorted(folder.glob(pattern))
+        path = paths[rng.integers(len(paths))]
+        path.write_bytes(broken(path.read_bytes(), rng))
+        return _judged(kind, command(folder), folder)
+
+
+def _copy(source: Path, target: Path) -> None:
+    if source.is_dir():
+        shutil.copytree(source, target)
+    else:
+        shutil.copy(source, target)
+
+
+def arguments(rng: np.random.Generator) -> list[str]:
+    """Arguments of a command, of which some are nonsense."""
+    command = str(rng.choice(list(COMMANDS)))
+    usable = ["box", "--runs", "1", "--out", "out", "-p", "method:=tsepm", "--seed", "2"]
+    words = [
+        *usable,
+        *("--scene", "name:=", "a:=b", "sensor.max_range:=1e9", "max_speed:=", "=", "-p", "--"),
+        *("--runs", "0", "-1", "--seed", "x", "--workers", "0", "--method", "nonsense"),
+        *("--horizon", "--animation", "run.png", "missing/", "/dev/null", "--scans"),
+        *(token for token in TOKENS if "\x00" not in token and len(token) < 2000),
+    ]
+    # Without a command that simulates for long: a nonsense word is among them.
+    chosen = rng.choice(words, int(rng.integers(0, 5))).tolist()
+    return [command, *chosen, "--no-such-argument"]
+
+
+def _judged(kind: str, given: Sequence[str] | Callable[[], object], folder: Path) -> Tried:
+    """Run, and check the end."""
+    code, _, error = run(given, folder)
+    what = f"{kind}: code {code}, {error[-1500:]!r}"
+    require("Traceback" not in error, f"{kind}: a traceback: {error[-1500:]}")
+    require(0 <= code <= 2, what)
+    require(not list(folder.rglob("pwned")), f"{kind}: it ran code of the file")
+    lines = [line for line in error.splitlines() if line.startswith(("refused:", "failed:"))]
+    if code and kind != "arguments":
+        require(len(lines) == 1 and error.splitlines()[-1] == lines[0], what)
+        require(len(lines[0]) < 1000, f"{kind}: the sentence is long: {lines[0][:1000]}")
+    leftovers = [path for path in folder.rglob(".*.part*")]
+    require(not leftovers, f"{kind}: {leftovers} left behind")
+    return Counter({"files": 1, f"{kind}, {'refused' if code else 'read'}": 1})
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(campaign.main("files", __doc__, case))
+    finally:
+        if originals.cache_info().currsize:
+            shutil.rmtree(originals(), ignore_errors=True)

@@ -1,0 +1,156 @@
+"""Every parameter of the track initiator at and beyond the ends of its range, in every method.
+
+Cases go through methods, parameters and values, in an order that the seed shuffles; after these
+come random pairs of extreme values. A value is refused with a sentence that names its parameter, or
+a stream of good pings is processed with it: from the start, and as a change in the middle and back.
+
+    python campaigns/parameters.py [--seed 1] [--seconds 60]
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import resource
+import sys
+from collections import Counter
+
+import campaign
+import numpy as np
+from campaign import Finding, Tried
+from invariants import check_reasons, require
+from messages import Fed
+from streams import good_stream
+
+from tsepm_ros import available_methods
+from tsepm_ros.parameters import Parameter, Value
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.tables import TRACK_INITIATOR, full_table, make_groups, settings_from
+
+METHODS = available_methods()
+KIND = "sensor_msgs/msg/PointCloud2"
+MEMORY = 6 * 2**30
+"""Address space of the process, bytes: more is an allocation without bound."""
+NUMBERS = (0.0, 1e-300, 1e-12, 1e-9, 1e-3, 1.0, 1e3, 1e6, 1e9, 1e12, 1e154, 1e300, 1.7e308)
+SPECIAL = (math.nan, math.inf, -math.inf, -1.0, -1e300)
+INTEGERS = (0, 1, 2, 3, 15, 16, 17, 1000, 10**6, 2**31 - 1, 2**31, 2**63 - 1, -1, -(2**63))
+WRONG: tuple[Value, ...] = ("", "nan", "1e-06", "x" * 300, True, 0)
+SLOW = ("learned_file",)
+"""Not of a session."""
+
+
+@functools.cache
+def rows() -> dict[str, Parameter]:
+    """The table of the node."""
+    return {row.name: row for row in full_table(TRACK_INITIATOR) if row.name not in SLOW}
+
+
+def values_of(row: Parameter) -> list[Value]:
+    """Values to try: the ends of the range, values beside them, and what is no value."""
+    if row.choices:
+        return [*row.choices, "nonsense", *WRONG[:2]]
+    if row.type is bool:
+        return [True, False, "", 1]
+    if row.type is str:
+        return ["", "odom", "map", "/", "x" * 300, "\n", 1]
+    ends = [x for x in (row.minimum, row.maximum) if math.isfinite(x)]
+    if row.type is int:
+        return [*{*map(int, ends), *(int(x) - 1 for x in ends), *(int(x) + 1 for x in ends)}] + [
+            *INTEGERS,
+            1.5,
+            "",
+        ]
+    beside = [float(np.nextafter(x, to)) for x in ends for to in (-math.inf, math.inf)]
+    return [*ends, *beside, *NUMBERS, *SPECIAL, "", True]
+
+
+@functools.cache
+def single(seed_key: int) -> list[tuple[str, str, Value]]:
+    """All methods, parameters and values in the order of a seed; foreign groups only once."""
+    listed = []
+    for method in METHODS:
+        for name, row in rows().items():
+            group = name.partition(".")[0]
+            if group in METHODS and group != method:
+                continue
+            listed += [(method, name, value) for value in values_of(row)]
+    order = np.random.default_rng(seed_key).permutation(len(listed))
+    return [listed[index] for index in order]
+
+
+def case(number: int, rng: np.random.Generator) -> Tried:
+    """A value, or a pair of them."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    listed = single(1)
+    if number < len(listed):
+        method, name, value = listed[number]
+        return _tried(method, {name: value})
+    method, name, value = listed[rng.integers(len(listed))]
+    _, other, more = next(
+        triple
+        for triple in (listed[i] for i in rng.integers(0, len(listed), 10_000).tolist())
+        if triple[0] == method and triple[1] != name
+    )
+    return _tried(method, {name: value, other: more})
+
+
+def _tried(method: str, values: dict[str, Value]) -> Tried:
+    given = {"own_ship_source": "odometry", "own_ship_max_gap": 60.0, "method": method, **values}
+    where = f"{method}, {values}"
+    try:
+        groups = make_groups(TRACK_INITIATOR, given)
+        settings = settings_from(groups)
+        settings.make_initiator()
+    except ValueError as error:
+        named = any(name.rpartition(".")[2] in str(error) for name in given)
+        require(named, f"{where}: the refusal names no parameter: {error}")
+        require("\n" not in str(error) and len(str(error)) < 600, f"{where}: {error}")
+        return Counter({"values": 1, "refused": 1})
+    try:
+        _process(groups)
+        if settings.session.own_ship_source == "odometry":
+            _change(method, values)
+    except Finding as error:
+        raise Finding(f"{where}: {error}") from error
+    return Counter({"values": 1, "accepted": 1, f"accepted by {settings.session.method}": 1})
+
+
+def _process(groups: dict[type, object]) -> None:
+    """The good stream with the values from the start."""
+    fed = Fed(settings_from(groups), node=groups[InitiatorNodeOptions])
+    for ping in good_stream(KIND).pings:
+        for pose in ping.poses if fed.settings.session.own_ship_source != "none" else ():
+            fed.feed("own_ship", pose)
+        fed.feed("detections", ping.detections)
+        check_reasons(fed.session.dropped)
+    fed.finish()
+    check_reasons(fed.session.dropped)
+    if fed.settings.session.sweep == "off":
+        fed.check_counts()
+
+
+def _change(method: str, values: dict[str, Value]) -> None:
+    """The values come in the middle of the stream, if they may change, and go again."""
+    read_only = [name for name in values if rows()[name].read_only]
+    if read_only:
+        return
+    usual = {"own_ship_source": "odometry", "own_ship_max_gap": 60.0, "method": method}
+    before = settings_from(make_groups(TRACK_INITIATOR, usual))
+    after = settings_from(make_groups(TRACK_INITIATOR, {**usual, **values}))
+    fed = Fed(before)
+    fed.book.max_speed = max(before.common.max_speed, after.common.max_speed)
+    for index, ping in enumerate(good_stream(KIND).pings):
+        if index in (5, 9):
+            chosen = after if index == 5 else before
+            fed.session.rehearse(chosen)
+            fed.session.configure(chosen)
+        for pose in ping.poses:
+            fed.feed("own_ship", pose)
+        fed.feed("detections", ping.detections)
+        check_reasons(fed.session.dropped)
+    fed.finish()
+    check_reasons(fed.session.dropped)
+
+
+if __name__ == "__main__":
+    sys.exit(campaign.main("parameters", __doc__, case))
