@@ -1,0 +1,316 @@
+"""The node over the middleware: mutated messages, clocks that jump, peers that vanish, overload.
+
+A case has a node, a driver and an observer in a domain of their own. Five kinds take turns:
+
+- mutated: mutated messages of a type that the wheels have, on every topic that the node reads, and
+  bytes that are no message at all;
+- clock: simulated time that jumps ahead, back and to 0 while pings arrive;
+- vanishing: the driver ends and comes back, also as another type, and odometry comes and goes;
+- stopped: a reliable subscriber of every topic that reads nothing (its process is stopped);
+- overload: pings in bursts beyond what the node can process at once.
+
+No callback raises; everything that came in is a scan or a counted drop; after it a good stream
+confirms its target, at the same ping as alone where only refused messages came before.
+
+    python campaigns/middleware.py [--seed 1] [--seconds 60]
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import campaign
+import numpy as np
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+os.environ.setdefault("ROS_LOG_DIR", str(campaign.BUILD / "ros_log"))
+os.environ.setdefault(
+    "FASTRTPS_DEFAULT_PROFILES_FILE", str(campaign.ROOT / "test" / "nodes" / "fastdds.xml")
+)
+
+import rclpy  # noqa: E402
+from campaign import Finding, Tried  # noqa: E402
+from invariants import lost_scans, require  # noqa: E402
+from mutation import mutate  # noqa: E402
+from nav_msgs.msg import OccupancyGrid, Odometry  # noqa: E402
+from rclpy.context import Context  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
+from rclpy.serialization import serialize_message  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import LaserScan, PointCloud2  # noqa: E402
+from streams import PERIOD, START, good_stream, land_message, stamp_of, tracker_message  # noqa: E402
+from support.ros_world import World  # noqa: E402
+
+from tsepm_ros.nodes.track_initiator import TrackInitiator  # noqa: E402
+from tsepm_ros.session.drop_reasons import DROP_REASONS  # noqa: E402
+
+POINTS = "sensor_msgs/msg/PointCloud2"
+DEEP = QoSProfile(depth=1000)
+LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+MUTATED = 1500
+"""Messages of a case of that kind."""
+BURST = 100
+OFTEN = 0.1
+"""Period of the diagnostics, s."""
+WAIT = 30.0
+DOMAINS = 80
+STOPPED = """
+import os, sys, rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import PointCloud2
+from nav_msgs.msg import Odometry
+from visualization_msgs.msg import MarkerArray
+rclpy.init(domain_id=int(sys.argv[1]))
+node = Node("stopped")
+for name, kind in {"tracks": PointCloud2, "tracks/current": PointCloud2, "tracks/odometry": Odometry,
+                   "tracks/markers": MarkerArray, "detections/placed": PointCloud2}.items():
+    node.create_subscription(kind, name, lambda message: None, QoSProfile(depth=5))
+print("ready", flush=True)
+rclpy.spin(node)
+"""
+
+
+class Scene:
+    """A node, its driver and what it says."""
+
+    def __init__(self, world: World, **parameters: Any) -> None:
+        self.world = world
+        self.driver = world.add(Node("driver", context=world.context))
+        self.detections = self.driver.create_publisher(PointCloud2, "detections", DEEP)
+        values = {"diagnostics_period": OFTEN, "max_speed": 10.0, **parameters}
+        self.node = world.make(TrackInitiator, values)
+        self.tracks = world.listen(PointCloud2, "tracks")
+        world.until(self.detections.get_subscription_count, "the subscription")
+        world.until_connected()
+        self.sent = 0
+
+    def counted(self) -> int:
+        """Scans and drops of scans, from diagnostics."""
+        return int(self.world.figures()["scans"]) + lost_scans(Counter(self.world.dropped()))
+
+    def settle(self, waiting: int = 0) -> None:
+        """Wait until everything sent is counted, but for a number of scans that may wait."""
+        end = time.monotonic() + WAIT
+        while not (self.sent - waiting <= (counted := self.counted()) <= self.sent):
+            if time.monotonic() > end:
+                raise Finding(f"{self.sent} sent, {counted} counted: {self.world.dropped()}")
+        dropped = self.world.dropped()
+        require(not dropped.get("internal_error"), f"internal errors: {dropped}")
+        require(set(dropped) <= set(DROP_REASONS), f"reasons without description: {dropped}")
+
+    def send(self, message: Any) -> bool:
+        """Publish detections; False if the message cannot be sent."""
+        try:
+            self.detections.publish(message)
+        except (AssertionError, OverflowError, TypeError, ValueError, UnicodeError):
+            return False
+        self.sent += 1
+        return True
+
+    def stream(self, shift: float = 0.0) -> list[int]:
+        """Send the good stream; returns the number of new tracks of each ping."""
+        seen = len(self.tracks)
+        pings = good_stream(POINTS).pings
+        for ping in pings:
+            message = copy.deepcopy(ping.detections)
+            message.header.stamp = stamp_of(seconds_of(message) + shift)
+            self.send(message)
+        self.world.until(lambda: len(self.tracks) >= seen + len(pings), "an answer to every ping")
+        return [cloud.width for cloud in self.tracks[seen:]]
+
+
+def seconds_of(message: Any) -> float:
+    """Stamp of a message, s."""
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+
+
+def mutated_messages(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """Mutated messages on every topic, then a good stream long after."""
+    scene = Scene(world, own_ship_source=str(rng.choice(["none", "odometry"])))
+    others = {
+        "own_ship/odometry": (Odometry, good_stream(POINTS).pings[3].poses[0]),
+        "tracked": (PointCloud2, tracker_message(START + 40.0)),
+        "land": (OccupancyGrid, land_message()),
+    }
+    publishers = {
+        topic: scene.driver.create_publisher(kind, topic, LATCHED if topic == "land" else DEEP)
+        for topic, (kind, _) in others.items()
+    }
+    world.until_connected()
+    tried: Tried = Counter()
+    for index in range(MUTATED):
+        if rng.random() < 0.7:
+            ping = good_stream(POINTS).pings[rng.integers(14)]
+            message = copy.deepcopy(ping.detections)
+            message.header.stamp = stamp_of(START + 0.1 * index)
+            mutate(message, rng)
+            tried["detections"] += scene.send(message)
+        else:
+            topic = str(rng.choice(list(others)))
+            message = copy.deepcopy(others[topic][1])
+            mutate(message, rng)
+            try:
+                publishers[topic].publish(message)
+                tried[topic] += 1
+            except (AssertionError, OverflowError, TypeError, ValueError, UnicodeError):
+                continue
+        if index % BURST == BURST - 1:
+            world.spin_once()
+            scene.settle(waiting=scene.sent)
+    scene.settle(waiting=0 if scene.node.get_parameter("own_ship_source").value == "none" else 999)
+    tried["messages"] += sum(tried.values())
+    return tried
+
+
+def no_messages(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """Bytes that are no message, between the pings of a good stream."""
+    scene = Scene(world)
+    alone = scene.stream()
+    whole = serialize_message(good_stream(POINTS).pings[5].detections)
+    pings = good_stream(POINTS).pings
+    seen, number = len(scene.tracks), 0
+    for ping in pings:
+        for _ in range(4):
+            data = bytearray(whole[: int(rng.integers(len(whole)))])
+            for place in rng.integers(0, max(1, len(data)), 3).tolist() if data else ():
+                data[place] = int(rng.integers(256))
+            scene.detections.publish(bytes(data))
+            number += 1
+        message = copy.deepcopy(ping.detections)
+        message.header.stamp = stamp_of(seconds_of(message) + 10_000.0)
+        scene.send(message)
+        world.until(lambda: len(scene.tracks) > seen, "an answer")
+        seen = len(scene.tracks)
+    return Counter({"byte strings": number, "messages": number, "good tracks": sum(alone)})
+
+
+def clock_jumps(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """Simulated time jumps while pings arrive."""
+    scene = Scene(world, use_sim_time=True, own_ship_source=str(rng.choice(["none", "odometry"])))
+    clock = scene.driver.create_publisher(Clock, "/clock", DEEP)
+    world.until_connected()
+    jumps = 0
+    for ping in good_stream(POINTS).pings:
+        for _ in range(3):
+            jump = float(rng.choice([0.0, 1.0, 1e3, 1e6, 1e9, 2**31 - 1, START, rng.uniform(0, 1e9)]))
+            clock.publish(Clock(clock=stamp_of(jump)))
+            jumps += 1
+            world.spin_once()
+        scene.send(copy.deepcopy(ping.detections))
+        world.spin_once()
+    scene.settle(waiting=999 if len(scene.tracks) == 0 else 0)
+    return Counter({"clock jumps": jumps, "messages": scene.sent})
+
+
+@contextlib.contextmanager
+def other_type(domain: int) -> Iterator[None]:
+    """A driver of LaserScan on the same topic, as of another process."""
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = Node("laser", context=context)
+    try:
+        publisher = node.create_publisher(LaserScan, "detections", DEEP)
+        publisher.publish(good_stream("sensor_msgs/msg/LaserScan").pings[0].detections)
+        yield
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
+def vanishing(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """The driver goes and comes back."""
+    scene = Scene(world)
+    tried: Tried = Counter()
+    for turn in range(4):
+        widths = scene.stream(shift=turn * 1000.0)
+        require(sum(widths) >= 1, f"turn {turn}: nothing is confirmed")
+        world.end(scene.driver)
+        scene.driver = world.add(Node("driver", context=world.context))
+        if rng.random() < 0.5:
+            with other_type(domain):
+                for _ in range(20):
+                    world.spin_once()
+            tried["another type"] += 1
+        scene.detections = scene.driver.create_publisher(PointCloud2, "detections", DEEP)
+        world.until(scene.detections.get_subscription_count, "the subscription")
+        world.until_connected()
+        tried["vanished drivers"] += 1
+    scene.settle()
+    tried["messages"] += scene.sent
+    return tried
+
+
+def stopped_subscriber(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """A reliable subscriber is stopped: the node does not wait for it."""
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(
+            [sys.executable, "-c", STOPPED, str(domain)], stdout=subprocess.PIPE, stderr=output
+        )
+        try:
+            require(process.stdout.readline() == b"ready\n", "the subscriber does not start")
+            scene = Scene(world)
+            world.until(lambda: world.observer.count_subscribers("/tracks") > 1, "it to be seen")
+            process.send_signal(signal.SIGSTOP)
+            for turn in range(3):
+                require(sum(scene.stream(shift=turn * 1000.0)) >= 1, "nothing is confirmed")
+            scene.settle()
+            return Counter({"stopped subscribers": 1, "messages": scene.sent})
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+
+
+def overload(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """Big pings in bursts, faster than the node; every one is answered."""
+    scene = Scene(world, method=str(rng.choice(["score", "tsepm"])), max_scan_time=0.05)
+    before = len(scene.tracks)
+    number = 60
+    for index in range(number):
+        count = int(rng.integers(1, 400))
+        columns = np.zeros((count, 2), "<f4")
+        columns[:, 0] = 9000 * np.sqrt(rng.uniform(0.01, 1, count))
+        columns[:, 1] = rng.uniform(-np.pi, np.pi, count)
+        message = copy.deepcopy(good_stream(POINTS).pings[0].detections)
+        message.header.stamp = stamp_of(START + 2.0 * index)
+        message.fields = message.fields[:2]
+        message.fields[0].name, message.fields[1].name = "range", "azimuth"
+        message.fields[1].offset, message.point_step = 4, 8
+        message.width, message.row_step = count, 8 * count
+        message.data = columns.tobytes()
+        scene.send(message)
+    scene.settle()
+    world.until(lambda: len(scene.tracks) >= before + number, "an answer to every ping")
+    return Counter({"overloading pings": number, "messages": number})
+
+
+KINDS = (
+    *(mutated_messages, mutated_messages, no_messages, clock_jumps, vanishing),
+    *(stopped_subscriber, overload),
+)
+
+
+def case(number: int, rng: np.random.Generator) -> Tried:
+    """A case of a kind, in a domain of its own."""
+    domain = 10 + (os.getpid() + number) % DOMAINS
+    with World(domain, WAIT) as world:
+        kind = KINDS[number % len(KINDS)]
+        return Counter({f"cases {kind.__name__}": 1}) + kind(world, rng, domain)
+
+
+if __name__ == "__main__":
+    Path(os.environ["ROS_LOG_DIR"]).mkdir(parents=True, exist_ok=True)
+    sys.exit(campaign.main("middleware", __doc__, case))
