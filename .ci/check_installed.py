@@ -18,7 +18,7 @@ from support.patience import WAIT
 
 PACKAGE = "tsepm_ros"
 EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "track_viewer", "tsepm"]
-SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*", "foxglove/*"]
+SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*", "foxglove/*", "sros2/*"]
 DOMAIN = 1 + os.getpid() % 100  # so that checks side by side do not meet
 
 

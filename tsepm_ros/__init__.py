@@ -9,6 +9,8 @@ from tsepm_ros.methods.registry import available_methods, make_initiator
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
+__version__ = "0.2.0"
+
 __all__ = [
     "ConfirmedTrack",
     "LandMask",

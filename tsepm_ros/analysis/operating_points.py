@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -119,7 +118,7 @@ def package_version() -> str:
     files = [
         path for path in folder.rglob("*.py") if path.relative_to(folder).parts[0] not in NO_TRACKS
     ]
-    return f"{version('tsepm_ros')} {digest(files)}"
+    return f"{tsepm_ros.__version__} {digest(files)}"
 
 
 def digest(files: Iterable[Path]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -90,7 +91,7 @@ def _run(make_node: Callable[[], Node]) -> int:
         # Before the node, which takes longer: a signal during its construction prints a traceback.
         executor = SingleThreadedExecutor()
         try:
-            _spin(executor, make_node())
+            _spin(executor, _made(make_node))
         finally:
             executor.shutdown()
     except ParameterError as error:
@@ -101,6 +102,16 @@ def _run(make_node: Callable[[], Node]) -> int:
         if rclpy.ok():
             raise
     return 0
+
+
+def _made(make_node: Callable[[], Node]) -> Node:
+    """Make the node; what the middleware refuses, such as security without keys, is refused."""
+    try:
+        return make_node()
+    except rclpy_implementation.RCLError as error:
+        if not rclpy.ok():
+            raise
+        raise ParameterError(" ".join(str(error).split())) from error
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
