@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from tsepm_ros import plain_yaml
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.rendering import ANY_NODE
 
@@ -83,7 +84,7 @@ def fits(key: str, node: str) -> bool:
 def _content(path: Path) -> Any:
     """Content of a file; None if it is no YAML, which ROS itself refuses."""
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return plain_yaml.load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError, ValueError):
         return None
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import yaml
 
+from tsepm_ros import plain_yaml
 from tsepm_ros.parameters import EXPONENT, Value, shown
 
 
@@ -34,7 +35,7 @@ def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
             raise ValueError(f"a parameter must have the form NAME:=VALUE; got {shown(assignment)}")
         try:
             exponential = EXPONENT.fullmatch(text.strip())
-            values[name] = float(text) if exponential else yaml.safe_load(text)
+            values[name] = float(text) if exponential else plain_yaml.load(text)
         except (yaml.YAMLError, RecursionError, ValueError):  # a date such as 2026-13-01
             raise ValueError(f"{name}: {shown(text)} is not a value") from None
     return values

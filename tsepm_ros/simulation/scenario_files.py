@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from tsepm_ros import plain_yaml
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import shown
 from tsepm_ros.sensing.plot_features import NAMES
@@ -61,7 +62,7 @@ def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenar
         known = ", ".join(shipped_scenarios())
         raise ValueError(f"scenario must be a .yaml file or one of {known}; got {name!r}")
     try:
-        content = yaml.safe_load(text)
+        content = plain_yaml.load(text)
     except (yaml.YAMLError, RecursionError) as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"scenario {name!r} is not valid YAML: {problem}") from None
