@@ -7,6 +7,8 @@ VENV := .venv
 PYTHON ?=
 DEMO_ARGS ?=
 TEST_ARGS ?=
+# Seconds of each campaign.
+SECONDS_EACH ?= 30
 # More arguments for pip install; .ci/run uses it.
 MORE :=
 
@@ -38,7 +40,7 @@ unexport ROS_STATIC_PEERS ROS_LOCALHOST_ONLY
 export ROS_LOG_DIR := $(CURDIR)/build/ros_log
 export MPLCONFIGDIR := $(CURDIR)/build/matplotlib
 
-.PHONY: help demo test lint docs env clean
+.PHONY: help demo test coverage campaigns lint docs env clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -54,6 +56,30 @@ else
 	$(VENV)/bin/python -m pytest -n auto --dist worksteal --ignore test/nodes
 	$(VENV)/bin/python -m pytest -n auto --dist worksteal test/nodes
 endif
+
+# Branches too; processes that the tests start are measured as well, by coverage's own .pth file.
+COVERAGE := $(CURDIR)/build/coverage
+coverage: $(MADE)-test  ## lines and branches that the tests run, with and without the nodes
+	rm -rf $(COVERAGE)
+	mkdir -p $(COVERAGE)
+	COVERAGE_FILE=$(COVERAGE)/data $(VENV)/bin/python -m coverage run -m pytest -q $(TEST_ARGS)
+	cd $(COVERAGE) && ../../$(VENV)/bin/python -m coverage combine --rcfile=../../pyproject.toml \
+	  --data-file=data
+	@for part in all core; do \
+	  omit=$$([ $$part = all ] || echo '--omit=tsepm_ros/nodes/*,tsepm_ros/demo/*'); \
+	  echo "== $$part"; \
+	  $(VENV)/bin/python -m coverage report --data-file=$(COVERAGE)/data $$omit --skip-covered; \
+	done
+	$(VENV)/bin/python -m coverage html -q --data-file=$(COVERAGE)/data -d $(COVERAGE)/html
+
+campaigns: $(MADE)-test  ## each campaign for half a minute; campaigns/README.md for more
+	@for name in messages parameters files middleware processes kills replays; do \
+	  echo "== $$name"; \
+	  $(VENV)/bin/python campaigns/$$name.py --fresh --seconds $(SECONDS_EACH) > build/campaigns-$$name.log 2>&1; \
+	  code=$$?; \
+	  grep -a '^FOUND\|findings;\|, seed' build/campaigns-$$name.log; \
+	  [ $$code = 0 ] || { tail -n 40 build/campaigns-$$name.log; exit 1; }; \
+	done
 
 lint: $(MADE)-test  ## ruff and mypy
 	$(VENV)/bin/python -m ruff check .

@@ -62,7 +62,7 @@ setup(
         "distributed": ["distributed>=2023.1"],
         "docs": ["mkdocs>=1.6,<2", "mkdocstrings[python]>=0.26"],
         "test": [
-            "coverage[toml]>=7.4",
+            "coverage>=7.10",
             "distributed>=2023.1",
             "hypothesis>=6.98",
             "rosbags>=0.11",

@@ -32,7 +32,12 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[name] = "1"
 
-from tsepm_ros.whole_files import write_text  # noqa: E402
+# Nothing leaves this machine, and nothing is written to the home directory.
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+os.environ.setdefault("ROS_LOG_DIR", str(BUILD / "ros_log"))
+os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "test/nodes/fastdds.xml"))
+
+from tsepm_ros.whole_files import write_text
 
 SAVING_PERIOD = 5.0
 """Time between two writings of the state, s."""
@@ -74,7 +79,9 @@ class State:
         """The state in a file, or a new one if there is no file."""
         if not path.exists():
             return cls()
-        return cls(**{**(content := json.loads(path.read_text())), "tried": Counter(content["tried"])})
+        return cls(
+            **{**(content := json.loads(path.read_text())), "tried": Counter(content["tried"])}
+        )
 
     def write(self, path: Path) -> None:
         """Write the state whole."""

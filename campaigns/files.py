@@ -49,12 +49,15 @@ WRONG_RUN = ("evaluate", "box", "--method", "heuristic", "--runs", "2", "--scans
 TOKENS = (
     *("nan", "inf", "-inf", "1e308", "1e-308", "1e999", "-1", "0", "1e18", "9" * 400, "0x10", ""),
     *("null", "true", "[]", "{}", "[" * 300, "{a: " * 200, "&a [*a, *a]", "*a", "!!python/name:os"),
-    *("!!python/object/apply:os.system ['touch pwned']", "\x00", "\ufeff", "\udcff", "\"", "'", ","),
+    *("!!python/object/apply:os.system ['touch pwned']", "\x00", "\ufeff", "\udcff", '"', "'", ","),
     *("2024-01-01", "1_000", "~", "..", "../../pwned", "/etc/passwd", "x" * 100_000, "é" * 50),
 )
 BOMB = "\n".join(
     ["a: &a [x, x, x, x, x, x, x, x, x]"]
-    + [f"{b}: &{b} [{', '.join(f'*{a}' for _ in range(9))}]" for a, b in zip("abcdefgh", "bcdefghi", strict=True)]
+    + [
+        f"{b}: &{b} [{', '.join(f'*{a}' for _ in range(9))}]"
+        for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+    ]
 )
 Command = Callable[[Path], Sequence[str] | Callable[[], object]]
 
@@ -65,9 +68,7 @@ def originals() -> Path:
     folder = Path(tempfile.mkdtemp(prefix="tsepm_files_"))
     recording = folder / "recording"
     recording.mkdir()
-    lines = [
-        f"{12.0 * k},{3000.0 + 5.0 * k},{0.5 + 0.001 * k},20.0,{k % 3}.5" for k in range(8)
-    ]
+    lines = [f"{12.0 * k},{3000.0 + 5.0 * k},{0.5 + 0.001 * k},20.0,{k % 3}.5" for k in range(8)]
     (recording / "detections.csv").write_text(
         "\n".join(["time_s,range_m,azimuth_rad,range_std_m,intensity", *lines, ""])
     )

@@ -37,7 +37,16 @@ CALLS = {
         *("evaluate", "box", "--method", "heuristic", "--method", "tsepm", "--runs", "3"),
         *("--scans", "6", "--workers", "2", "--out", "{out}"),
     ],
-    "reproduce": ["reproduce", "split_merge_2016", "--runs", "2", "--workers", "1", "--out", "{out}"],
+    "reproduce": [
+        "reproduce",
+        "split_merge_2016",
+        "--runs",
+        "2",
+        "--workers",
+        "1",
+        "--out",
+        "{out}",
+    ],
 }
 VOLATILE = (".png", ".svg")
 """Files that name the time of their making; they are read instead of compared."""
@@ -66,7 +75,10 @@ def _start(call: str, folder: Path, largest: int | None = None) -> subprocess.Po
     return subprocess.Popen(
         [sys.executable, "-m", "tsepm_ros.commands.cli", *words],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": f"{campaign.ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
+        env={
+            **os.environ,
+            "PYTHONPATH": f"{campaign.ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+        },
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -106,7 +118,10 @@ def check_whole(call: str, out: Path, *, complete: bool) -> None:
             continue
         require(content(path) == content(other), f"{call}: {path.name} is not whole")
     if complete:
-        names = [{p.relative_to(f) for f in (folder,) for p in f.rglob("*")} for folder in (out, expected)]
+        names = [
+            {p.relative_to(f) for f in (folder,) for p in f.rglob("*")}
+            for folder in (out, expected)
+        ]
         require(names[0] == names[1], f"{call}: {names[0] ^ names[1]} differ")
 
 
@@ -121,10 +136,14 @@ def case(number: int, rng: np.random.Generator) -> Tried:
         shutil.copytree(original / "bag", folder / "bag")
         (folder / "out").mkdir()
         if full:
-            sizes = [path.stat().st_size for path in (original / "out").rglob("*") if path.is_file()]
+            sizes = [
+                path.stat().st_size for path in (original / "out").rglob("*") if path.is_file()
+            ]
             largest = int(rng.uniform(0, max(sizes)))
             code, error = _wait(_start(call, folder, largest))
-            require(code in (0, 1, 2), f"{call}, full at {largest} bytes: code {code}, {error[-800:]}")
+            require(
+                code in (0, 1, 2), f"{call}, full at {largest} bytes: code {code}, {error[-800:]}"
+            )
             require("Traceback" not in error, f"{call}, full at {largest} bytes: {error[-2000:]}")
             check_whole(call, folder / "out", complete=code == 0)
             tried[f"{call}, full disk"] += 1

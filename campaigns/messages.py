@@ -29,13 +29,13 @@ from streams import KINDS, Stream, good_stream
 
 from msg_adapters import MessageError, read_detections, read_land, read_own_ship, tracker_report
 from tsepm_ros import available_methods
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.initiation.common_options import CommonOptions
 
 METHODS = available_methods()
 SOURCES = ("none", "odometry")
@@ -63,9 +63,7 @@ class Fed:
     def feed(self, kind: str, message: Any) -> list[ScanResult]:
         """Give a message, and process what is ready; check the answer and the counts."""
         self.now += 0.01
-        getattr(self.input, f"take_{kind}")(
-            message, *([self.now] if kind == "detections" else [])
-        )
+        getattr(self.input, f"take_{kind}")(message, *([self.now] if kind == "detections" else []))
         self.sent += kind == "detections"
         return self._take(self.session.process(self.now))
 
@@ -102,7 +100,9 @@ def settings_of(method: str, source: str, **common: Any) -> Settings:
 
 
 @functools.cache
-def clean_results(method: str, source: str, kind: str, density: str, min_speed: float) -> list[ScanResult]:
+def clean_results(
+    method: str, source: str, kind: str, density: str, min_speed: float
+) -> list[ScanResult]:
     """Results of the good stream alone."""
     fed = Fed(settings_of(method, source, clutter_density=density, min_speed=min_speed))
     stream = good_stream(kind)

@@ -55,11 +55,8 @@ def values_of(row: Parameter) -> list[Value]:
         return ["", "odom", "map", "/", "x" * 300, "\n", 1]
     ends = [x for x in (row.minimum, row.maximum) if math.isfinite(x)]
     if row.type is int:
-        return [*{*map(int, ends), *(int(x) - 1 for x in ends), *(int(x) + 1 for x in ends)}] + [
-            *INTEGERS,
-            1.5,
-            "",
-        ]
+        beside = {int(end) + step for end in ends for step in (-1, 0, 1)}
+        return [*sorted(beside), *INTEGERS, 1.5, ""]
     beside = [float(np.nextafter(x, to)) for x in ends for to in (-math.inf, math.inf)]
     return [*ends, *beside, *NUMBERS, *SPECIAL, "", True]
 

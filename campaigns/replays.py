@@ -19,17 +19,10 @@ from typing import Any
 
 import campaign
 import numpy as np
-
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-os.environ.setdefault("ROS_LOG_DIR", str(campaign.BUILD / "ros_log"))
-os.environ.setdefault(
-    "FASTRTPS_DEFAULT_PROFILES_FILE", str(campaign.ROOT / "test" / "nodes" / "fastdds.xml")
-)
-
-from campaign import Tried  # noqa: E402
-from invariants import require  # noqa: E402
-from sensor_msgs.msg import PointCloud2  # noqa: E402
-from support.bag_files import (  # noqa: E402
+from campaign import Tried
+from invariants import require
+from sensor_msgs.msg import PointCloud2
+from support.bag_files import (
     PARAMETERS,
     POINTS,
     STORAGES,
@@ -37,14 +30,14 @@ from support.bag_files import (  # noqa: E402
     simulated,
     write_bag,
 )
-from support.ros_world import RELIABLE, World  # noqa: E402
+from support.ros_world import RELIABLE, World
 
-from tsepm_ros import available_methods  # noqa: E402
-from tsepm_ros.commands.cli import main  # noqa: E402
-from tsepm_ros.nodes.scan_player import ScanPlayer  # noqa: E402
-from tsepm_ros.nodes.track_initiator import TrackInitiator  # noqa: E402
-from tsepm_ros.replay.bag import Bag  # noqa: E402
-from tsepm_ros.settings.value_text import parse_values  # noqa: E402
+from tsepm_ros import available_methods
+from tsepm_ros.commands.cli import main
+from tsepm_ros.nodes.scan_player import ScanPlayer
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.replay.bag import Bag
+from tsepm_ros.settings.value_text import parse_values
 
 METHODS = available_methods()
 TOPICS = ("/tracks", "/tracks/current", "/fixed_echoes")

@@ -32,4 +32,4 @@ def load(text: str) -> Any:
     yaml.YAMLError, ValueError, RecursionError
         If it is none.
     """
-    return yaml.load(text, _PlainLoader)  # noqa: S506 - a SafeLoader
+    return yaml.load(text, _PlainLoader)

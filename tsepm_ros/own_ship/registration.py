@@ -64,7 +64,7 @@ class SensorScan:
     beyond_turn: int = 0
 
 
-class PosesJump(ValueError):
+class PosesJumpError(ValueError):
     """Poses so far apart, or with such rates, that none between them is a pose."""
 
 
@@ -99,7 +99,7 @@ def to_fixed_frame(
     ------
     ValueError
         If a time is beyond the coverage of the poses.
-    PosesJump
+    PosesJumpError
         If an interpolated pose is beyond `MAX_MAGNITUDE`.
     """
     sensor_scan = _levelled(sensor_scan, poses, mounting)
@@ -120,7 +120,9 @@ def to_fixed_frame(
         heading=heading,
     )
     if not (np.abs(sensor_pose) <= MAX_MAGNITUDE["sensor_pose"]).all():
-        raise PosesJump(f"the poses around {scan.stamp:.3f} s jump: none between them is on earth")
+        raise PosesJumpError(
+            f"the poses around {scan.stamp:.3f} s jump: none between them is on earth"
+        )
     registered = scan.replaced(
         features=features,
         sensor_pose=sensor_pose,

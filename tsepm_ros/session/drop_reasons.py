@@ -194,7 +194,8 @@ _SINGLE = {
     "own_ship_jump": DropReason(
         OWN_SHIP,
         "scan",
-        "the poses around the scan are so far apart, or so fast, that none between them is on earth",
+        "the poses around the scan are so far apart, or so fast, that none between them is on "
+        "earth",
         "Check the navigation: its positions are in m, its velocities in m/s",
     ),
     "message_corrupt": DropReason(

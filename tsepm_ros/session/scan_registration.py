@@ -49,7 +49,7 @@ def register(
         sector = not sensor.all_round
         try:
             scan = registration.to_fixed_frame(arrived, own_ship.poses, mounting, sector=sector)
-        except registration.PosesJump as error:
+        except registration.PosesJumpError as error:
             return None, [*remarks, Refusal("own_ship_jump", str(error))]
         remarks.append(_refuse_vertical(arrived, scan))
     else:
