@@ -72,7 +72,7 @@ def originals() -> Path:
     (recording / "detections.csv").write_text(
         "\n".join(["time_s,range_m,azimuth_rad,range_std_m,intensity", *lines, ""])
     )
-    poses = [f"{12.0 * k - 6.0},{k}.0,0.0,0.1,{0.01 * k}" for k in range(10)]
+    poses = [f"{2.0 * k - 6.0},{k}.0,0.0,0.5,{0.01 * k}" for k in range(60)]
     (recording / "own_ship.csv").write_text(
         "\n".join(["time_s,east_m,north_m,east_mps,heading_rad", *poses, ""])
     )
