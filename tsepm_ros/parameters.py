@@ -111,7 +111,8 @@ class Parameter:
         if isinstance(typed, int | float) and not isinstance(typed, bool):
             inside = self.minimum <= typed <= self.maximum and not (self.positive and typed <= 0)
             if not inside:
-                raise ValueError(self.out_of_bounds(value, name))
+                given = typed if isinstance(value, str) else value  # a text such as 1e-06
+                raise ValueError(self.out_of_bounds(given, name))
         return typed
 
     def out_of_bounds(self, value: Any, name: str = "") -> str:

@@ -122,6 +122,8 @@ def test_allowed_values_are_taken_in_the_parameter_s_type(name, value, taken):
         ("length", None, "length must be a number; got None"),
         ("length", [1.0], "length must be a number; got [1.0]"),
         ("depth", -1e-9, "depth must be at least 0; got -1e-09"),
+        ("depth", "-1e-09", "depth must be at least 0; got -1e-09"),
+        ("length", "1e+99", "length must be above 0 and at most 10; got 1e+99"),
         ("shift", 2.1, "shift must be from -2 to 2; got 2.1"),
         ("any", math.nan, "any must be a number; got nan"),
         ("mode", "Fast", "mode must be one of slow, fast; got 'Fast'"),
