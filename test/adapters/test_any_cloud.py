@@ -6,10 +6,8 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import ClassVar
 
+import hypothesis
 import numpy as np
-import pytest
-
-hypothesis = pytest.importorskip("hypothesis")
 from hypothesis import strategies as st
 
 from msg_adapters import MessageError, read_detections

@@ -31,7 +31,7 @@ def ranges(distances, vectors, **more):
     return SonarRanges(
         header=make_header(STAMP, "sonar"),
         ranges=distances,
-        beam_unit_vec=[Vector3(x=x, y=y, z=z) for x, y, z in vectors],
+        beam_unit_vec=[Vector3(x=float(x), y=float(y), z=float(z)) for x, y, z in vectors],
         **{"ping_info": KNOWN, **more},
     )
 
