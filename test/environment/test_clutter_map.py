@@ -24,12 +24,12 @@ def learned(density: float, scans: int, given: float = 1e-6) -> ClutterMap:
     made = ClutterMap(SensorModel(clutter_density=given))
     for _ in range(scans):
         range_, azimuth = disc(rng, density)
-        made.update(range_, azimuth, np.ones(len(range_)))
+        made.update(made.grid.cells(range_, azimuth), np.ones(len(range_)))
     return made
 
 
 def everywhere(made: ClutterMap) -> np.ndarray:
-    return made.at(*disc(np.random.default_rng(9), 3e-5))
+    return made.at(made.grid.cells(*disc(np.random.default_rng(9), 3e-5)))
 
 
 def test_before_the_first_scan_the_data_sheet_counts():
@@ -57,9 +57,9 @@ def test_a_zone_of_clutter_is_found_where_it_is():
         range_, azimuth = disc(rng, 1e-6)
         zone = (range_ > 4500.0) & (azimuth > 0.0)
         kept = zone | (rng.random(len(range_)) < 0.1)
-        made.update(range_[kept], azimuth[kept], np.ones(kept.sum()))
-    inside = made.at(np.array([7000.0, 6000.0]), np.array([1.0, 2.5]))
-    outside = made.at(np.array([7000.0, 2000.0]), np.array([-1.0, 1.0]))
+        made.update(made.grid.cells(range_[kept], azimuth[kept]), np.ones(kept.sum()))
+    inside = made.at(made.grid.cells(np.array([7000.0, 6000.0]), np.array([1.0, 2.5])))
+    outside = made.at(made.grid.cells(np.array([7000.0, 2000.0]), np.array([-1.0, 1.0])))
     np.testing.assert_allclose(inside, 1e-6, rtol=0.4)
     # Beside the zone too high rather than too low.
     assert (outside > 0.5e-7).all() and (outside < 3e-7).all()
@@ -80,8 +80,8 @@ def test_where_clutter_ends_it_is_not_taken_for_thinner(scans):
         made = ClutterMap(SensorModel(max_range=12000.0))
         for _ in range(scans):
             range_, azimuth = box(rng)
-            made.update(range_, azimuth, np.ones(len(range_)))
-        found.append(made.at(*box(rng)))
+            made.update(made.grid.cells(range_, azimuth), np.ones(len(range_)))
+        found.append(made.at(made.grid.cells(*box(rng))))
     ratio = np.concatenate(found) / 1e-6
     assert np.mean(ratio < 0.6) < 0.1
     assert np.exp(np.log(ratio).mean()) == pytest.approx(1.0, abs=0.25)
@@ -94,8 +94,8 @@ def test_a_new_target_in_an_empty_sea_is_not_taken_for_clutter():
         range_, azimuth = disc(rng, 1e-7)
         if index >= 9:
             range_, azimuth = np.append(range_, 5000.0), np.append(azimuth, 0.3)
-        made.update(range_, azimuth, np.ones(len(range_)))
-    assert made.at(np.array([5000.0]), np.array([0.3]))[0] < 2e-7
+        made.update(made.grid.cells(range_, azimuth), np.ones(len(range_)))
+    assert made.at(made.grid.cells(np.array([5000.0]), np.array([0.3])))[0] < 2e-7
 
 
 def test_what_is_withdrawn_was_never_there():
@@ -103,12 +103,14 @@ def test_what_is_withdrawn_was_never_there():
     with_target, without = ClutterMap(SONAR), ClutterMap(SONAR)
     for _ in range(30):
         range_, azimuth = disc(rng, 2e-7)
-        without.update(range_, azimuth, np.ones(len(range_)))
+        without.update(without.grid.cells(range_, azimuth), np.ones(len(range_)))
         range_, azimuth = np.append(range_, 5000.0), np.append(azimuth, 0.3)
-        with_target.update(range_, azimuth, np.ones(len(range_)))
-        with_target.withdraw(np.array([5000.0]), np.array([0.3]), np.ones(1))
+        with_target.update(with_target.grid.cells(range_, azimuth), np.ones(len(range_)))
+        with_target.withdraw(
+            with_target.grid.cells(np.array([5000.0]), np.array([0.3])), np.ones(1)
+        )
     for made in (with_target, without):
-        made.update(np.zeros(0), np.zeros(0), np.zeros(0))
+        made.update(made.grid.cells(np.zeros(0), np.zeros(0)), np.zeros(0))
     np.testing.assert_allclose(everywhere(with_target), everywhere(without))
 
 
@@ -117,7 +119,7 @@ def test_a_coverage_far_beyond_all_detections_costs_nothing():
     made = ClutterMap(SensorModel(max_range=1e6))
     for _ in range(10):
         range_, azimuth = disc(rng, 1e-6)
-        made.update(range_, azimuth, np.ones(len(range_)))
+        made.update(made.grid.cells(range_, azimuth), np.ones(len(range_)))
     assert np.median(everywhere(made)) == pytest.approx(1e-6, rel=0.2)
 
 
@@ -130,11 +132,13 @@ def test_windows_go_round_where_the_coverage_does():
         range_, azimuth = disc(rng, 1e-6)
         kept = np.abs(azimuth) < 1.0
         range_, azimuth = range_[kept], azimuth[kept]
-        straight.update(range_, azimuth, np.ones(len(range_)))
-        turned.update(range_, azimuth + turn, np.ones(len(range_)))
+        straight.update(straight.grid.cells(range_, azimuth), np.ones(len(range_)))
+        turned.update(turned.grid.cells(range_, azimuth + turn), np.ones(len(range_)))
     range_, azimuth = disc(rng, 1e-6)
     np.testing.assert_allclose(
-        turned.at(range_, azimuth + turn), straight.at(range_, azimuth), rtol=1e-9
+        turned.at(turned.grid.cells(range_, azimuth + turn)),
+        straight.at(straight.grid.cells(range_, azimuth)),
+        rtol=1e-9,
     )
 
 
@@ -143,9 +147,10 @@ def test_what_is_a_target_s_does_not_count():
     with_target, without = ClutterMap(SONAR), ClutterMap(SONAR)
     for _ in range(30):
         range_, azimuth = disc(rng, 2e-7)
-        without.update(range_, azimuth, np.ones(len(range_)))
+        without.update(without.grid.cells(range_, azimuth), np.ones(len(range_)))
         weight = np.append(np.ones(len(range_)), 0.0)
-        with_target.update(np.append(range_, 5000.0), np.append(azimuth, 0.3), weight)
+        cells = with_target.grid.cells(np.append(range_, 5000.0), np.append(azimuth, 0.3))
+        with_target.update(cells, weight)
     np.testing.assert_array_equal(everywhere(with_target), everywhere(without))
 
 
@@ -154,7 +159,7 @@ def test_what_was_long_ago_fades():
     rng = np.random.default_rng(4)
     for _ in range(400):
         range_, azimuth = disc(rng, 1e-7)
-        made.update(range_, azimuth, np.ones(len(range_)))
+        made.update(made.grid.cells(range_, azimuth), np.ones(len(range_)))
     assert np.median(everywhere(made)) == pytest.approx(1e-7, rel=0.5)
 
 
@@ -163,10 +168,12 @@ def test_positions_outside_the_coverage_have_the_nearest_cell_s_density():
         min_range=1000.0, max_range=5000.0, azimuth_min=-0.5, azimuth_max=0.5, clutter_density=1e-6
     )
     made = ClutterMap(sensor)
-    found = made.at(np.array([10.0, 1e6, 3000.0]), np.array([0.0, 0.0, 3.0]))
+    found = made.at(made.grid.cells(np.array([10.0, 1e6, 3000.0]), np.array([0.0, 0.0, 3.0])))
     np.testing.assert_allclose(found, 1e-6)
-    made.update(np.array([10.0, 1e6, 3000.0]), np.array([0.0, 0.0, 3.0]), np.ones(3))
-    assert np.isfinite(made.at(np.array([3000.0]), np.array([0.0]))).all()
+    made.update(
+        made.grid.cells(np.array([10.0, 1e6, 3000.0]), np.array([0.0, 0.0, 3.0])), np.ones(3)
+    )
+    assert np.isfinite(made.at(made.grid.cells(np.array([3000.0]), np.array([0.0])))).all()
 
 
 def test_an_empty_scan_is_one_without_clutter():
@@ -174,7 +181,7 @@ def test_an_empty_scan_is_one_without_clutter():
     nothing = np.zeros(0)
     before = everywhere(made).mean()
     for _ in range(10):
-        made.update(nothing, nothing, nothing)
+        made.update(made.grid.cells(nothing, nothing), nothing)
     assert 0 < everywhere(made).mean() < before / 5
 
 
@@ -184,9 +191,9 @@ def test_the_mean_is_over_the_area():
     for _ in range(30):
         range_, azimuth = disc(rng, 1e-5)
         near = range_ < 2000.0  # a twentieth of the area, but most of the rings
-        made.update(range_[near], azimuth[near], np.ones(near.sum()))
+        made.update(made.grid.cells(range_[near], azimuth[near]), np.ones(near.sum()))
     # 25 000 places even over the area, 1250 of them near: 10 % is 3.5 standard errors.
-    assert made.mean == pytest.approx(made.at(*disc(rng, 1e-4)).mean(), rel=0.1)
+    assert made.mean == pytest.approx(made.at(made.grid.cells(*disc(rng, 1e-4))).mean(), rel=0.1)
 
 
 def test_a_few_detections_in_a_small_hull_may_be_targets_and_make_no_dense_clutter():
@@ -195,7 +202,7 @@ def test_a_few_detections_in_a_small_hull_may_be_targets_and_make_no_dense_clutt
     made, seen = ClutterMap(sensor), SeenExtent(Extent.of(sensor))
     for _ in range(3):
         seen.update(range_, azimuth, np.ones(3))
-        made.update(range_, azimuth, np.ones(3), seen.region, min_area=5e5)
+        made.update(made.grid.cells(range_, azimuth), np.ones(3), seen.region, min_area=5e5)
     # In the hull clutter would be ten times as dense as where one target may be.
     assert seen.region.area < 5e4
-    assert made.at(range_, azimuth).max() < 2.0 * 3.0 / 5e5
+    assert made.at(made.grid.cells(range_, azimuth)).max() < 2.0 * 3.0 / 5e5

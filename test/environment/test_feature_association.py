@@ -12,6 +12,7 @@ from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.feature_association import MEMORY, Environment, Surroundings
+from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.simulation import Simulator, load_scenario
@@ -121,10 +122,13 @@ def test_a_zone_is_where_clutter_is_dense_against_the_coverage():
         x, y = rng.uniform(2000.0, 3500.0, (2, 20))
         more = rng.uniform(-4000.0, 4000.0, (2, 6))
         x, y = np.concatenate([[x, y], more], axis=1)
-        clutter.update(np.hypot(x, y), np.arctan2(y, x), np.ones(len(x)))
+        clutter.update(clutter.grid.cells(np.hypot(x, y), np.arctan2(y, x)), np.ones(len(x)))
     inside, outside = (2750.0, 2750.0), (-2750.0, 2750.0)
     x, y = np.array([inside, outside]).T
-    assert clutter.in_zone(np.hypot(x, y), np.arctan2(y, x)).tolist() == [True, False]
+    assert clutter.in_zone(clutter.grid.cells(np.hypot(x, y), np.arctan2(y, x))).tolist() == [
+        True,
+        False,
+    ]
 
 
 @pytest.mark.parametrize("method", available_methods())
@@ -190,8 +194,8 @@ class Zone(ClutterMap):
         super().__init__(sensor)
         self.zone = zone
 
-    def in_zone(self, range: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-        return np.full(len(range), self.zone)
+    def in_zone(self, cells: Cells) -> np.ndarray:
+        return np.full(len(cells.row), self.zone)
 
 
 @pytest.mark.parametrize("method", ["sequential", "logic", "multiple_model"])

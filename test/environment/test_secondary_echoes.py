@@ -40,8 +40,9 @@ class Sea:
     def take(self, places: np.ndarray, targets: HeldTargets = NO_TARGETS) -> np.ndarray:
         range_, azimuth = places
         weight = np.ones(len(range_))
-        self.map.update(range_, azimuth, weight)
-        return self.echoes.update(self.map, targets, range_, azimuth, weight)
+        cells = self.map.grid.cells(range_, azimuth)
+        self.map.update(cells, weight)
+        return self.echoes.update(self.map, targets, cells, weight)
 
 
 @pytest.mark.parametrize("number", [3.0, 30.0, 250.0])
@@ -58,8 +59,8 @@ def test_pairs_are_those_that_a_loop_counts():
     rng, sea = np.random.default_rng(5), Sea()
     places = disc(rng, 60.0)
     sea.take(places)
-    row, column = sea.map.cells(*places)
-    columns = sea.map.shape[1]
+    row, column = sea.map.grid.cells(*places)
+    columns = sea.map.grid.shape[1]
     expected = sea.map.expected
     for width, found in zip(HALF_WIDTHS, sea.echoes.pair_correlation, strict=True):
         pairs = mean = 0.0
@@ -97,10 +98,11 @@ def test_ghosts_behind_a_held_target_are_dense_clutter_wherever_its_bearing_goes
         sea.take(places, held(2000.0, bearing))
     after = math.radians(36.0)
     behind, beside, before = sea.echoes.behind_targets(
-        sea.map,
+        sea.map.grid,
         held(2000.0, after),
-        np.array([7000.0, 7000.0, 1500.0]),
-        np.array([after, after + 1.5, after]),
+        sea.map.grid.cells(
+            np.array([7000.0, 7000.0, 1500.0]), np.array([after, after + 1.5, after])
+        ),
     )
     # Five ghosts in a strip where the map expects 0.7 at most.
     assert behind > 3.0
@@ -114,7 +116,9 @@ def test_a_second_target_behind_a_held_one_is_not_taken_for_its_ghost():
         places = np.append(disc(rng, 30.0), [[5000.0], [bearing]], axis=1)
         sea.take(places, held(2000.0, bearing))
         where = np.array([5000.0]), np.array([bearing])
-        factor = sea.echoes.behind_targets(sea.map, held(2000.0, bearing), *where)
+        factor = sea.echoes.behind_targets(
+            sea.map.grid, held(2000.0, bearing), sea.map.grid.cells(*where)
+        )
         assert factor[0] < 1.2
 
 

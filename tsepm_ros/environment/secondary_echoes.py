@@ -26,11 +26,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tsepm_ros.environment.clutter_map import MAX_DEVIATIONS, MEMORY, ClutterMap, poisson_bound
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.environment.clutter_map import MEMORY, ClutterMap
+from tsepm_ros.environment.polar_grid import BlockSums, Cells, PolarGrid
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.rows import Rows
 
 HALF_WIDTHS = 1, 2, 4, 8
 """Cells on either side of the middle of a strip."""
+_WIDTHS = np.array(HALF_WIDTHS)[:, None]
 BEHIND = 3
 """Cells in range between a target and a strip behind it."""
 TARGET_MEMORY = 20
@@ -60,24 +64,68 @@ class HeldTargets(NamedTuple):
     existence: FloatArray
 
 
-@dataclass(frozen=True)
-class _Behind:
-    """Clutter behind a target in each strip (widths, 2), behind it and in the farther half."""
+@dataclass(frozen=True, eq=False)
+class _Behind(Rows):
+    """Clutter behind targets in each strip (n, widths, 2): behind a target, and the farther half.
 
-    scans: float
+    Attributes
+    ----------
+    scans : (n,) ndarray
+    count, expected : (n, widths, 2) ndarray
+    """
+
+    scans: FloatArray
     count: FloatArray
     expected: FloatArray
+
+    @classmethod
+    def nothing(cls, number: int) -> _Behind:
+        """Of targets of which nothing is known."""
+        return cls(np.zeros(number), *np.zeros((2, number, len(HALF_WIDTHS), 2)))
 
     @property
     def factor(self) -> FloatArray:
         """Factor of each strip, at least 1."""
-        target = min(self.scans + 2.0, MAX_TARGET_COUNT)
+        target = np.minimum(self.scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
         low = poisson_bound(np.maximum(self.count - target, 0.0), -MAX_DEVIATIONS)
         seen = self.expected > 0.0
         return np.maximum(np.divide(low, self.expected, out=np.ones_like(low), where=seen), 1.0)
 
 
-_NOTHING = _Behind(0.0, np.zeros((len(HALF_WIDTHS), 2)), np.zeros((len(HALF_WIDTHS), 2)))
+class _Strips(NamedTuple):
+    """Strips behind targets (n, widths, 2).
+
+    Attributes
+    ----------
+    middle : (n, 1, 1) ndarray of int
+        Column of each target.
+    start : (n, 1, 2) ndarray of int
+        Rows at which the strips begin: behind the target, and at half the area left.
+    """
+
+    middle: IntArray
+    start: IntArray
+
+    @classmethod
+    def of(cls, grid: PolarGrid, targets: HeldTargets) -> _Strips:
+        """The strips behind targets."""
+        row, middle = grid.cells(targets.range, targets.azimuth)
+        start = np.minimum(row + BEHIND, grid.shape[0])
+        starts = np.stack([start, grid.halfway(start)], axis=1)
+        return cls(middle[:, None, None], starts[:, None, :])
+
+    def hold(self, grid: PolarGrid, cells: Cells) -> BoolArray:
+        """Whether each strip holds each of the cells (d,): (n, widths, 2, d)."""
+        away = np.abs(cells.column - self.middle)
+        if grid.wraps:
+            away = np.minimum(away, grid.shape[1] - away)
+        near = away <= _WIDTHS
+        return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
+
+    def sums(self, values: BlockSums, rows: int) -> FloatArray:
+        """Sums in each strip, (n, widths, 2)."""
+        to_end = values.nearer(np.array(rows), self.middle, _WIDTHS)
+        return np.maximum(to_end - values.nearer(self.start, self.middle, _WIDTHS), 0.0)
 
 
 class SecondaryEchoes:
@@ -93,7 +141,8 @@ class SecondaryEchoes:
     def __init__(self) -> None:
         self._pairs = np.zeros(len(HALF_WIDTHS))
         self._expected_pairs = np.zeros(len(HALF_WIDTHS))
-        self._behind: dict[int, _Behind] = {}
+        self._track_id = np.zeros(0, np.int64)
+        self._behind = _Behind.nothing(0)
 
     @property
     def pair_correlation(self) -> FloatArray:
@@ -102,22 +151,20 @@ class SecondaryEchoes:
         ones = np.ones(len(HALF_WIDTHS))
         return np.divide(self._pairs, self._expected_pairs, out=ones, where=known)
 
-    def behind_targets(
-        self, clutter_map: ClutterMap, targets: HeldTargets, range: FloatArray, azimuth: FloatArray
-    ) -> FloatArray:
-        """Factor (n,) of the map's density at positions in the sensor's frame, by held targets."""
-        if not len(targets.track_id):
-            return np.ones(len(range))
-        factor = self._grid_behind(clutter_map, targets)
-        return np.asarray(factor[clutter_map.cells(range, azimuth)])
+    def behind_targets(self, grid: PolarGrid, targets: HeldTargets, cells: Cells) -> FloatArray:
+        """Factor (n,) of the map's density in cells of its grid, by held targets."""
+        behind = self._of_targets(targets)
+        factor = 1.0 + targets.existence[:, None, None] * (behind.factor - 1.0)
+        crowded = (factor > 1.0).any(axis=(1, 2))
+        if not crowded.any() or not len(cells.row):
+            return np.ones(len(cells.row))
+        every = _Strips.of(grid, targets)
+        strips = _Strips(every.middle[crowded], every.start[crowded])
+        factors = np.where(strips.hold(grid, cells), factor[crowded][..., None], 1.0)
+        return np.asarray(factors.max(axis=(0, 1, 2)))
 
     def update(
-        self,
-        clutter_map: ClutterMap,
-        targets: HeldTargets,
-        range: FloatArray,
-        azimuth: FloatArray,
-        weight: FloatArray,
+        self, clutter_map: ClutterMap, targets: HeldTargets, cells: Cells, weight: FloatArray
     ) -> FloatArray:
         """Learn from a scan, with the map after it.
 
@@ -125,28 +172,36 @@ class SecondaryEchoes:
         ----------
         clutter_map : ClutterMap
         targets : HeldTargets
-        range, azimuth, weight : (n,) ndarray
-            See `ClutterMap.update`.
+        cells : Cells
+            Of the detections (n,); see `ClutterMap.update`.
+        weight : (n,) ndarray
 
         Returns
         -------
         (n,) ndarray
             Factor of the map's density at each detection.
         """
-        cells = clutter_map.cells(range, azimuth)
-        counts = np.zeros(clutter_map.shape)
-        np.add.at(counts, cells, weight)
-        count = _nearer(counts, clutter_map.wraps)
-        expected = _nearer(clutter_map.expected, clutter_map.wraps)
-        self._learn_behind(clutter_map, targets, count, expected)
-
-        row, column = cells
-        before, expected_before = count[:, row, column], expected[:, row, column]
         keep = 1.0 - 1.0 / MEMORY
-        self._pairs = keep * self._pairs + before @ weight
-        self._expected_pairs = keep * self._expected_pairs + expected_before @ weight
+        self._pairs = keep * self._pairs
+        self._expected_pairs = keep * self._expected_pairs
+        if not len(weight) and not len(targets.track_id):
+            self._behind, self._track_id = _Behind.nothing(0), targets.track_id
+            return np.ones(0)
+        grid = clutter_map.grid
+        counts = np.zeros(grid.shape)
+        np.add.at(counts, cells, weight)
+        reach = min(max(HALF_WIDTHS), grid.shape[1]) if grid.wraps else 0
+        count, expected = (
+            BlockSums(values, grid.wraps, reach, reach) for values in (counts, clutter_map.expected)
+        )
+        self._learn_behind(grid, targets, count, expected)
+        before, expected_before = (
+            sums.nearer(cells.row, cells.column, _WIDTHS) for sums in (count, expected)
+        )
+        self._pairs += before @ weight
+        self._expected_pairs += expected_before @ weight
         factor = self._of_pairs(before, expected_before).max(axis=0)
-        return factor * self._grid_behind(clutter_map, targets)[cells]
+        return factor * self.behind_targets(grid, targets, cells)
 
     def _of_pairs(self, count: FloatArray, expected: FloatArray) -> FloatArray:
         """Factors (w, n), at least 1, by the detections (w, n) in front of others."""
@@ -156,64 +211,30 @@ class SecondaryEchoes:
         variance = np.maximum(correlation - 1.0, 0.0)[:, None]
         return np.maximum((1.0 + variance * count) / (1.0 + variance * expected), 1.0)
 
-    def _grid_behind(self, clutter_map: ClutterMap, targets: HeldTargets) -> FloatArray:
-        """Factor of each cell of the map by held targets, (r, c)."""
-        factor = np.ones(clutter_map.shape)
-        columns = clutter_map.shape[1]
-        rows, middles = clutter_map.cells(targets.range, targets.azimuth)
-        for id_, existence, row, middle in zip(
-            targets.track_id.tolist(), targets.existence, rows, middles, strict=True
-        ):
-            of_strips = 1.0 + existence * (self._behind.get(id_, _NOTHING).factor - 1.0)
-            starts = _starts(clutter_map, row)
-            for half_width, of_width in zip(HALF_WIDTHS, of_strips, strict=True):
-                near = np.arange(middle - half_width, middle + half_width + 1)
-                near = near % columns if clutter_map.wraps else near[(near >= 0) & (near < columns)]
-                for start, of_strip in zip(starts, of_width, strict=True):
-                    if of_strip > 1.0:
-                        factor[start:, near] = np.maximum(factor[start:, near], of_strip)
-        return factor
+    def _of_targets(self, targets: HeldTargets) -> _Behind:
+        """What was learned of targets."""
+        track_id = targets.track_id
+        if np.array_equal(track_id, self._track_id):
+            return self._behind
+        found = _Behind.nothing(len(track_id))
+        _, new, old = np.intersect1d(track_id, self._track_id, return_indices=True)
+        for name in ("scans", "count", "expected"):
+            getattr(found, name)[new] = getattr(self._behind, name)[old]
+        return found
 
     def _learn_behind(
-        self,
-        clutter_map: ClutterMap,
-        targets: HeldTargets,
-        count: FloatArray,
-        expected: FloatArray,
+        self, grid: PolarGrid, targets: HeldTargets, count: BlockSums, expected: BlockSums
     ) -> None:
         """Learn how many detections are behind each target."""
+        old = self._of_targets(targets)
+        self._track_id = targets.track_id
+        if not len(targets.track_id):
+            self._behind = old
+            return
         keep = 1.0 - 1.0 / TARGET_MEMORY
-        behind = {}
-        rows, middles = clutter_map.cells(targets.range, targets.azimuth)
-        for id_, row, middle in zip(targets.track_id.tolist(), rows, middles, strict=True):
-            starts = _starts(clutter_map, row)
-            old = self._behind.get(id_, _NOTHING)
-            found, mean = (
-                np.maximum(sums[:, [-1], middle] - sums[:, starts, middle], 0.0)
-                for sums in (count, expected)
-            )
-            behind[id_] = _Behind(
-                keep * old.scans + 1.0, keep * old.count + found, keep * old.expected + mean
-            )
-        self._behind = behind
-
-
-def _starts(clutter_map: ClutterMap, row: int) -> list[int]:
-    """Rows at which the strips behind a target begin: behind it, and at half the area left."""
-    start = min(row + BEHIND, clutter_map.shape[0])
-    return [start, clutter_map.halfway(start)]
-
-
-def _nearer(counts: FloatArray, wraps: bool) -> FloatArray:
-    """Sums (w, r + 1, c) of counts (r, c) in the strip of each width, up to each row."""
-    sums = np.zeros((len(HALF_WIDTHS), counts.shape[0] + 1, counts.shape[1]))
-    along_range = np.cumsum(counts, axis=0)
-    for strip, half_width in zip(sums, HALF_WIDTHS, strict=True):
-        if wraps and 2 * half_width < counts.shape[1]:
-            padded = np.pad(along_range, ((0, 0), (half_width, half_width)), mode="wrap")
-        else:
-            padded = np.pad(along_range, ((0, 0), (half_width, half_width)))
-        total = np.pad(np.cumsum(padded, axis=1), ((0, 0), (1, 0)))
-        width = 2 * half_width + 1
-        strip[1:] = np.maximum(total[:, width:] - total[:, :-width], 0.0)  # rounding errors
-    return sums
+        strips = _Strips.of(grid, targets)
+        self._behind = _Behind(
+            keep * old.scans + 1.0,
+            keep * old.count + strips.sums(count, grid.shape[0]),
+            keep * old.expected + strips.sums(expected, grid.shape[0]),
+        )

@@ -97,10 +97,24 @@ class Region:
         turn = np.remainder(azimuth - extent.azimuth_min, 2.0 * np.pi)
         inside = turn <= extent.azimuth_max - extent.azimuth_min
         inside = inside & (range >= extent.min_range) & (range <= extent.max_range)
-        x, y = range * np.cos(azimuth), range * np.sin(azimuth)
-        for along_x, along_y, offset in self.edges:
-            inside &= along_x * x + along_y * y + offset <= 0.0
+        if len(self.edges):
+            nearest, farthest = self._ranges(azimuth)
+            inside &= (range >= nearest) & (range <= farthest)
         return np.asarray(inside)
+
+    def _ranges(self, azimuth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Nearest and farthest range between the edges along azimuths (...).
+
+        Where nothing is, the nearest is infinite.
+        """
+        along_x, along_y, offset = self.edges.reshape(-1, 3, *([1] * azimuth.ndim)).swapaxes(0, 1)
+        along = along_x * np.cos(azimuth) + along_y * np.sin(azimuth)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = -offset / along
+        farthest = np.where(along > 0.0, crossing, np.inf).min(axis=0)
+        nearest = np.where(along < 0.0, crossing, -np.inf)
+        nearest = np.where((along == 0.0) & (offset > 0.0), np.inf, nearest).max(axis=0)
+        return nearest, farthest
 
 
 class SeenExtent:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.environment.land import LandMask, afloat
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.environment.secondary_echoes import HeldTargets
@@ -16,11 +16,12 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.plot_extraction import Join, PlotExtraction
 from tsepm_ros.initiation.recent_hits import RecentHits
+from tsepm_ros.initiation.scan_clutter import ScanClutter
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.hulls import Hulls
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMaintenance
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
@@ -88,8 +89,7 @@ class FrontEnd:
         self.learned = Learned.initial(self.sensor)
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
-        self._polar = np.zeros(0), np.zeros(0)
-        self._clutter_weight = np.zeros(0)
+        self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
 
     def configure(self, sensor: SensorModel, common: CommonOptions, most_tracks_true: bool) -> None:
         """Change the options before the next scan; what was learned and still holds is kept."""
@@ -131,7 +131,7 @@ class FrontEnd:
         """The sensor with the detection probability in use."""
         if self.common.detection_probability == "given":
             return self.sensor
-        return dataclasses.replace(self.sensor, detection_probability=self.detection_probability)
+        return self.sensor.with_detection_probability(self.detection_probability)
 
     def begin(self, scan: Scan, window: int) -> list[Scan]:
         """Learn from the next scan how closely its detections lie together.
@@ -194,67 +194,20 @@ class FrontEnd:
             `max_detections` detections. Nothing has changed then.
         """
         self._check(scan)
-        interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
-        self.learned.scan_interval.update(interval)
-        self.stamp = scan.stamp
-        self.scan_index += 1
-        self._poses = echo_poses_of(scan) or self._poses
-        self._scan = scan
+        interval = self._count_in(scan)
         detections = self._detections(scan)
-
-        learned, with_features = self.learned, self.common.plot_features
-        in_zone, environment = np.zeros(len(detections), bool), None
-        if with_features:
-            in_zone = learned.clutter_map.in_zone(*self._polar)
-            environment = learned.features.at(in_zone, self.common.encounter_time)
-        learned.clutter_range_rates.update(detections)
-        clutter_sensor = self.sensor
-        if self.common.clutter_density == "estimated":
-            clutter_sensor = learned.clutter_range_rates.estimate(self.sensor)
-        of_rates = range_rates.clutter_density(detections, clutter_sensor)
-        before = self._local_density() * of_rates
-        if self._learns_secondary_echoes:
-            before *= learned.secondary_echoes.behind_targets(
-                learned.clutter_map, self._held_targets, *self._polar
-            )
-        held_density = self.maintenance.step(
-            scan.stamp,
-            detections,
-            before,
-            self.detection_probability_at,
-            self.sensor_in_use,
-            self.common.max_speed,
-            environment,
-        )
-        learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        self._learn_errors(detections)
-        held_association = self.maintenance.held_association
-        if self.plots.active:
-            further = self._further_plots(detections["position"])
-            held_density = held_density + further
-            held_association = held_association.joined(further, before)
-        if with_features:
-            learned.features.observe(
-                self.scan_index, detections["index"], detections["features"], held_density < before
-            )
-        self._clutter_weight = np.ones(len(detections))
-        if self.most_tracks_true:
-            self._clutter_weight = before / (before + held_density)
-        learned.seen_extent.update(*self._polar, self._clutter_weight)
-        learned.clutter_map.update(
-            *self._polar, self._clutter_weight, learned.seen_extent.region, self._reach_area
-        )
-        detections["clutter_density"] = self._local_density()
-        if self._learns_secondary_echoes:
-            detections["clutter_density"] *= learned.secondary_echoes.update(
-                learned.clutter_map, self._held_targets, *self._polar, self._clutter_weight
-            )
+        in_zone, environment = self._zones(detections)
+        clutter_sensor, of_rates = self._clutter_rates(detections)
+        before = self._clutter.before(self._held_targets()) * of_rates
+        held_density, held_association = self._carry_held(scan, detections, before, environment)
+        self._learn_from_held(detections, held_density < before)
+        detections["clutter_density"] = self._learn_clutter(before, held_density)
         self._hits.append(self.scan_index, detections, self._window)
         return Observation(
             stamp=scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
-            median_interval=learned.scan_interval.median,
+            median_interval=self.learned.scan_interval.median,
             detections=detections,
             clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
@@ -262,19 +215,85 @@ class FrontEnd:
             held_association=held_association,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
-            seen_extent=learned.seen_extent.estimate,
+            seen_extent=self.learned.seen_extent.estimate,
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
             time_limit=time_limit,
         )
 
-    @property
-    def _learns_secondary_echoes(self) -> bool:
-        """Whether the density counts clutter behind targets, which the held tracks must be."""
-        return self.common.clutter_density == "estimated" and self.most_tracks_true
+    def _count_in(self, scan: Scan) -> float:
+        """Count a scan in; returns the time since the one before, s."""
+        interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
+        self.learned.scan_interval.update(interval)
+        self.stamp = scan.stamp
+        self.scan_index += 1
+        self._poses = echo_poses_of(scan) or self._poses
+        self._scan = scan
+        return interval
 
-    @property
+    def _zones(self, detections: NDArray[np.void]) -> tuple[BoolArray, Environment | None]:
+        """Which detections (d,) are in a clutter zone, and where features count, if they do."""
+        if not self.common.plot_features:
+            return np.zeros(len(detections), bool), None
+        in_zone = self._clutter.in_zone
+        return in_zone, self.learned.features.at(in_zone, self.common.encounter_time)
+
+    def _clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
+        """The sensor with its clutter's range rates, and the density of the detections' own."""
+        self.learned.clutter_range_rates.update(detections)
+        sensor = self.sensor
+        if self.common.clutter_density == "estimated":
+            sensor = self.learned.clutter_range_rates.estimate(sensor)
+        return sensor, range_rates.clutter_density(detections, sensor)
+
+    def _carry_held(
+        self,
+        scan: Scan,
+        detections: NDArray[np.void],
+        clutter: FloatArray,
+        environment: Environment | None,
+    ) -> tuple[FloatArray, HeldAssociation]:
+        """Carry the held tracks to a scan; returns the density of their detections (d,), and whose.
+
+        With plots, a target may have others beside its own.
+        """
+        density = self.maintenance.step(
+            scan.stamp,
+            detections,
+            clutter,
+            self.detection_probability_at,
+            self.sensor_in_use,
+            self.common.max_speed,
+            environment,
+        )
+        association = self.maintenance.held_association
+        if self.plots.active:
+            further = further_plots(
+                self.maintenance.held,
+                detections["position"],
+                self.plots.extent,
+                self._poses.middle[:2],
+            )
+            density = density + further
+            association = association.joined(further, clutter)
+        return density, association
+
+    def _learn_from_held(self, detections: NDArray[np.void], is_clutter: BoolArray) -> None:
+        """Learn from the held tracks' detections: how many there are, their errors and features."""
+        learned = self.learned
+        learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
+        self._learn_errors(detections)
+        if self.common.plot_features:
+            learned.features.observe(
+                self.scan_index, detections["index"], detections["features"], is_clutter
+            )
+
+    def _learn_clutter(self, clutter: FloatArray, held: FloatArray) -> FloatArray:
+        """Learn from what is probably clutter; returns the density at each detection, (d,)."""
+        weight = clutter / (clutter + held) if self.most_tracks_true else np.ones(len(clutter))
+        return self._clutter.learn(weight, self._reach_area, self._held_targets())
+
     def _held_targets(self) -> HeldTargets:
         """The held tracks in the sensor's frame, as of the last step."""
         held = self.maintenance.held
@@ -293,11 +312,6 @@ class FrontEnd:
         held = self.maintenance.held.tracks.track_id
         self.learned.errors.update(track_id[rows], own, variance, held)
 
-    def _further_plots(self, position: FloatArray) -> FloatArray:
-        """Density of held targets' plots beside their own at each position (d, 2), (d,), 1/m^2."""
-        origin = self._poses.middle[:2]
-        return further_plots(self.maintenance.held, position, self.plots.extent, origin)
-
     @property
     def _reach_area(self) -> float:
         """Area within the reach of one target while a hypothesis of it lives, m^2."""
@@ -311,9 +325,7 @@ class FrontEnd:
         """
         tracks = step.tracks.numbered(ids)
         if step.target_probability is not None:
-            self.learned.clutter_map.withdraw(
-                *self._polar, self._clutter_weight * step.target_probability
-            )
+            self._clutter.withdraw(step.target_probability)
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
         return self.maintenance.add(tracks, existence, histories, self._hits.misfits(tracks))
 
@@ -351,23 +363,25 @@ class FrontEnd:
         if self.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         made = self.plots.plots_of(found, self._joining(found) if self.plots.hulls else None)
-        if made is None:
-            self._polar = found.range, found.azimuth
-            detections = convert(found, self.sensor, self.scan_index)
-            detections["index"] = rows
-            return detections
-        self._polar = made.scan.range, made.scan.azimuth
-        detections = convert(made.scan, self.sensor, self.scan_index)
-        detections["index"] = rows[made.strongest]
-        if scan.range_std is None:
+        measured = found if made is None else made.scan
+        self._clutter = self._clutter_at(measured.range, measured.azimuth)
+        detections = convert(measured, self.sensor, self.scan_index)
+        detections["index"] = rows if made is None else rows[made.strongest]
+        if made is not None and scan.range_std is None:
             detections["range_std"][~made.own_range_std] = np.nan
         return detections
+
+    def _clutter_at(self, range: FloatArray, azimuth: FloatArray) -> ScanClutter:
+        """Clutter at positions (n,); behind targets, where the held tracks are targets."""
+        return ScanClutter(
+            self.learned, self.common, self.sensor, self.most_tracks_true, range, azimuth
+        )
 
     def _joining(self, scan: Scan) -> Join:
         """What joins the groups of a scan that are one hull's; the hulls are learned first."""
         tracks = self.maintenance.held.tracks.predicted(scan.stamp)
         longest = self.plots.extent.along
-        clutter = self._density_at(scan.range, scan.azimuth)
+        clutter = self._clutter_at(scan.range, scan.azimuth).density()
         self._hulls.learn(scan, clutter, tracks, longest, self.sensor.azimuth_std)
         return partial(self._hulls.joined, tracks=tracks)
 
@@ -386,13 +400,3 @@ class FrontEnd:
         range_, azimuth = self._poses.polar(positions)
         covered = self.sensor.covers(range_, azimuth) & swept(self._scan, azimuth)
         return np.where(covered, self.detection_probability, 0.0)
-
-    def _local_density(self) -> FloatArray:
-        """Clutter density where each of the scan's detections is, (d,), 1/m^2."""
-        return self._density_at(*self._polar)
-
-    def _density_at(self, range: FloatArray, azimuth: FloatArray) -> FloatArray:
-        """Clutter density, (n,), 1/m^2."""
-        if self.common.clutter_density == "given":
-            return np.full(len(range), self.sensor.clutter_density)
-        return self.learned.clutter_map.at(range, azimuth)

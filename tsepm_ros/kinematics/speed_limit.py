@@ -91,7 +91,8 @@ def log_probability(
     """
     result = np.zeros(len(state))
     rows = reaching_outside(state, covariance, max_speed, NEGLIGIBLE)
-    result[rows] = _in_disc_of(rows, state, covariance, max_speed).log_probability
+    if len(rows):
+        result[rows] = _in_disc_of(rows, state, covariance, max_speed).log_probability
     return result
 
 
@@ -114,6 +115,8 @@ def limited(
     state, covariance : (n, 4), (n, 4, 4) ndarray
     """
     rows = reaching_outside(state, covariance, max_speed, MAX_OUTSIDE)
+    if not len(rows):
+        return state, covariance
     velocity = _in_disc_of(rows, state, covariance, max_speed)
     cut = velocity.log_probability < np.log1p(-MAX_OUTSIDE)
     velocity = VelocityInDisc(*(part[cut] for part in velocity))
@@ -125,6 +128,8 @@ def slowed(
 ) -> tuple[FloatArray, FloatArray]:
     """As `limited`, but only states whose mean is faster than v_max."""
     rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
+    if not len(rows):
+        return state, covariance
     velocity = _in_disc_of(rows, state, covariance, max_speed)
     return _conditioned(state, covariance, rows, velocity)
 
@@ -133,8 +138,6 @@ def _conditioned(
     state: FloatArray, covariance: FloatArray, rows: IntArray, velocity: VelocityInDisc
 ) -> tuple[FloatArray, FloatArray]:
     """The states, those in some rows with the moments of the velocity as given."""
-    if not len(rows):
-        return state, covariance
     mean, spread = velocity.mean, velocity.covariance
     before = covariance[rows, 1::2, 1::2]
     gain = covariance[rows][:, :, 1::2] @ inverse(before)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 
@@ -142,6 +143,12 @@ class SensorModel:
                 f"range_rate_std must be 0 or at least {MIN_RANGE_RATE_STD:g}; got "
                 f"{self.range_rate_std}"
             )
+
+    def with_detection_probability(self, probability: float) -> SensorModel:
+        """The same sensor with an estimated detection probability, above 0 and at most 1."""
+        changed = copy.copy(self)
+        object.__setattr__(changed, "detection_probability", probability)  # checked are the others
+        return changed
 
     @property
     def sector_width(self) -> float:

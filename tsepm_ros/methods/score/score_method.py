@@ -51,7 +51,7 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import speed_prior, starts, tree
+from tsepm_ros.methods.score import starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
@@ -138,7 +138,7 @@ class Score(Method):
         missed = tree.miss(predicted, detection_probability, options.gate_probability)
         grown = Grown(Hypotheses.joined(children, started), missed, ids)
         threshold = self._threshold.value_if_near(
-            grown.evidence.max(initial=-np.inf) + speed_prior.LOG_GAIN,
+            starts.attainable(grown, self.detections).max(initial=-np.inf),
             self.sensor,
             self.common,
             options,

@@ -156,6 +156,8 @@ class SummedEvidence:
 
         See `StartRule.starts`.
         """
+        if attainable(grown, window).max(initial=-math.inf) < threshold:
+            return []
         grown = speed_prior.ended_at(grown, threshold, max_speed)
         group, n, sums = grown.newest, len(grown.ids), grown.evidence
         strong = sums >= threshold
@@ -191,6 +193,24 @@ class SummedEvidence:
                 exists = existence(beyond, false_tracks_per_hour)
                 window.note_held(start.detections, start.probability * exists)
         return starts
+
+
+def attainable(grown: Grown, window: DetectionWindow) -> FloatArray:
+    """Upper bound of the evidence by which each detection may start a track, (d,).
+
+    Less than its evidence where it is a held track's: what is left given these, without the margin
+    that a second target needs. -inf where every hypothesis has too few hits.
+    """
+    group, n = grown.newest, len(grown.ids)
+    evidence = grown.evidence + speed_prior.LOG_GAIN
+    enough = np.zeros(n, bool)
+    enough[group[grown.ended.hit_count >= MIN_HITS]] = True
+    held = window.held_probability(grown.ids) > MAX_HELD_PROBABILITY
+    if not (enough & held).any():
+        return np.where(enough, evidence, -np.inf)
+    second = grouped.summed(grown.ended.score_given_held, group, n) + speed_prior.LOG_GAIN
+    of_held = np.minimum(evidence, second - SECOND_TARGET_MARGIN)
+    return np.where(enough, np.where(held, of_held, evidence), -np.inf)
 
 
 def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArray:

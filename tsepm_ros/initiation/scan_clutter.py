@@ -1,0 +1,97 @@
+"""Clutter where the detections of one scan are: as known before, and as learned from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tsepm_ros.environment.learned import Learned
+from tsepm_ros.environment.secondary_echoes import HeldTargets
+from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.sensing.sensor import SensorModel
+
+
+class ScanClutter:
+    """The models of clutter at the places of one scan's detections.
+
+    Parameters
+    ----------
+    learned : Learned
+    common : CommonOptions
+    sensor : SensorModel
+        As given.
+    counts_echoes : bool
+        Whether clutter behind targets counts, which the held tracks must be for it.
+    range, azimuth : (d,) ndarray
+        Of the detections or plots, m and rad.
+
+    Attributes
+    ----------
+    weight : (d,) ndarray
+        Probability that each detection is clutter; 0 until `learn`.
+    """
+
+    def __init__(
+        self,
+        learned: Learned,
+        common: CommonOptions,
+        sensor: SensorModel,
+        counts_echoes: bool,
+        range: FloatArray,
+        azimuth: FloatArray,
+    ) -> None:
+        self._learned = learned
+        self._estimated = common.clutter_density == "estimated"
+        self._echoes = self._estimated and counts_echoes
+        self._given = sensor.clutter_density
+        self._polar = range, azimuth
+        self._cells = learned.clutter_map.grid.cells(range, azimuth)
+        self.weight = np.zeros(len(range))
+
+    @property
+    def in_zone(self) -> BoolArray:
+        """Whether each detection is in a clutter zone, (d,)."""
+        return self._learned.clutter_map.in_zone(self._cells)
+
+    def before(self, targets: HeldTargets) -> FloatArray:
+        """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""
+        density = self.density()
+        if self._echoes:
+            density *= self._learned.secondary_echoes.behind_targets(
+                self._learned.clutter_map.grid, targets, self._cells
+            )
+        return density
+
+    def learn(self, weight: FloatArray, min_area: float, targets: HeldTargets) -> FloatArray:
+        """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
+
+        Parameters
+        ----------
+        weight : (d,) ndarray
+            Probability that each detection is clutter.
+        min_area : float
+            See `ClutterMap.update`.
+        targets : HeldTargets
+            As of this scan.
+        """
+        learned, self.weight = self._learned, weight
+        learned.seen_extent.update(*self._polar, weight)
+        learned.clutter_map.update(self._cells, weight, learned.seen_extent.region, min_area)
+        density = self.density()
+        if self._echoes:
+            density *= learned.secondary_echoes.update(
+                learned.clutter_map, targets, self._cells, weight
+            )
+        return density
+
+    def withdraw(self, share: FloatArray) -> None:
+        """Take back a share of each detection (d,): that of a target after all."""
+        self._learned.clutter_map.withdraw(self._cells, self.weight * share)
+
+    def density(self) -> FloatArray:
+        """Density of the map, (d,), 1/m^2."""
+        if not self._estimated:
+            return np.full(len(self.weight), self._given)
+        if not len(self.weight):
+            return np.zeros(0)
+        return self._learned.clutter_map.at(self._cells)
