@@ -94,19 +94,9 @@ class InteractingModels:
         probability = joint.sum(axis=0)
         longest = max(float(np.abs(elapsed).max(initial=0.0)), MEAN_TURN_DURATION)
         turn_noise = (0.5 * max_speed) ** 2 / longest
-        modes = [
-            kalman.predict(*mixture(share, self.state, self.covariance), elapsed, noise)
-            for share, noise in zip(
-                np.swapaxes(joint / probability, 0, 1),
-                (PROCESS_NOISE, PROCESS_NOISE + turn_noise),
-                strict=True,
-            )
-        ]
-        return InteractingModels(
-            probability,
-            np.stack([state for state, _ in modes]),
-            np.stack([covariance for _, covariance in modes]),
-        )
+        mixed = mixture(joint / probability, self.state[:, None], self.covariance[:, None])
+        noise = np.array([[PROCESS_NOISE], [PROCESS_NOISE + turn_noise]])
+        return InteractingModels(probability, *kalman.predict(*mixed, elapsed, noise))
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over both modes."""

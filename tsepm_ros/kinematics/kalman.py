@@ -18,45 +18,55 @@ from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at
 from tsepm_ros.sensing.sensor import SensorModel
 
+_POSITION, _VELOCITY = np.array([0, 2]), np.array([1, 3])
+"""Places of the position and of the velocity in a state."""
+
 
 def predict(
-    state: FloatArray, covariance: FloatArray, elapsed: FloatArray | float, noise: float = 0.0
+    state: FloatArray,
+    covariance: FloatArray,
+    elapsed: FloatArray | float,
+    noise: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Predict states over a time interval: ``F x``, ``F P F' + Q``.
 
     Parameters
     ----------
-    state : (n, 4) ndarray
+    state : (..., 4) ndarray
         m, m/s.
-    covariance : (n, 4, 4) ndarray
-    elapsed : (n,) ndarray or float
+    covariance : (..., 4, 4) ndarray
+    elapsed : (...) ndarray or float
         Interval of each, s; of either sign.
-    noise : float
+    noise : (...) ndarray or float
         q, m^2/s^3: the variance of each velocity component grows by q per second.
 
     Returns
     -------
-    state : (n, 4) ndarray
-    covariance : (n, 4, 4) ndarray
+    state : (..., 4) ndarray
+    covariance : (..., 4, 4) ndarray
     """
-    elapsed = np.broadcast_to(elapsed, len(state))
+    elapsed = np.asarray(elapsed, float)
     state, covariance = state.copy(), covariance.copy()
-    state[:, 0::2] += elapsed[:, None] * state[:, 1::2]
-    covariance[:, 0::2] += elapsed[:, None, None] * covariance[:, 1::2]
-    covariance[:, :, 0::2] += elapsed[:, None, None] * covariance[:, :, 1::2]
-    if noise:
+    step = elapsed[..., None]
+    state[..., 0::2] += step * state[..., 1::2]
+    step = step[..., None]
+    covariance[..., 0::2, :] += step * covariance[..., 1::2, :]
+    covariance[..., 0::2] += step * covariance[..., 1::2]
+    if np.any(noise):
         velocity_variance = np.abs(elapsed) * noise
-        for axis in (0, 2):
-            covariance[:, axis, axis] += velocity_variance * elapsed**2 / 3.0
-            covariance[:, axis, axis + 1] += velocity_variance * elapsed / 2.0
-            covariance[:, axis + 1, axis] += velocity_variance * elapsed / 2.0
-            covariance[:, axis + 1, axis + 1] += velocity_variance
+        # Both axes at once: x and y are rows 0 and 2, their velocities 1 and 3.
+        across = (velocity_variance * elapsed / 2.0)[..., None]
+        covariance[..., _POSITION, _POSITION] += (velocity_variance * elapsed**2 / 3.0)[..., None]
+        covariance[..., _POSITION, _VELOCITY] += across
+        covariance[..., _VELOCITY, _POSITION] += across
+        covariance[..., _VELOCITY, _VELOCITY] += velocity_variance[..., None]
     return state, covariance
 
 
 def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
-    """Position ``H x`` (n, 2), m, of states (n, 4) after times (n,), or a common time, s."""
-    position: FloatArray = state[:, 0::2] + np.asarray(time_after_state)[..., None] * state[:, 1::2]
+    """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
+    after = np.asarray(time_after_state)[..., None]
+    position: FloatArray = state[..., 0::2] + after * state[..., 1::2]
     return position
 
 
@@ -65,21 +75,23 @@ def position_covariance_after(covariance: FloatArray, time_after_state: FloatArr
 
     Parameters
     ----------
-    covariance : (n, 4, 4) ndarray
-    time_after_state : (n,) ndarray
-        s.
+    covariance : (..., 4, 4) ndarray
+    time_after_state : ndarray
+        Of a shape that broadcasts, s.
 
     Returns
     -------
-    (n, 2, 2) ndarray
+    (..., 2, 2) ndarray
         m^2.
     """
-    t = time_after_state[:, None, None]
-    cross = covariance[:, 0::2, 1::2]
+    if not time_after_state.any():
+        return covariance[..., 0::2, 0::2].copy()
+    t = time_after_state[..., None, None]
+    cross = covariance[..., 0::2, 1::2]
     return (
-        covariance[:, 0::2, 0::2]
-        + t * (cross + np.swapaxes(cross, 1, 2))
-        + t * t * covariance[:, 1::2, 1::2]
+        covariance[..., 0::2, 0::2]
+        + t * (cross + np.swapaxes(cross, -1, -2))
+        + t * t * covariance[..., 1::2, 1::2]
     )
 
 
@@ -144,14 +156,16 @@ def update(
     """
     gain = kalman_gain(covariance, time_after_state, innovation_covariance)
     state = state + (gain @ innovation[..., None])[..., 0]
-    return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, 1, 2)
+    return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, -1, -2)
 
 
 def kalman_gain(
     covariance: FloatArray, time_after_state: FloatArray, innovation_covariance: FloatArray
 ) -> FloatArray:
-    """Kalman gain ``K = P H' S^-1``, (n, 4, 2), for arguments as in `update`."""
-    cross = covariance[:, :, 0::2] + time_after_state[:, None, None] * covariance[:, :, 1::2]
+    """Kalman gain ``K = P H' S^-1``, (..., 4, 2), for arguments as in `update`."""
+    cross = covariance[..., 0::2]
+    if time_after_state.any():
+        cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
     gain: FloatArray = cross @ inverse(innovation_covariance)
     return gain
 

@@ -44,19 +44,19 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class GatedDetections:
-    """How well detections fit the tracks in one mode of motion; pairs as in `Neighbours`.
+    """How well detections fit the tracks in each of m modes of motion; pairs as in `Neighbours`.
 
     Attributes
     ----------
-    innovation : (p, 2) ndarray
+    innovation : (m, p, 2) ndarray
         z - H x, m.
-    likelihood : (p,) ndarray
+    likelihood : (m, p) ndarray
         N(z; H x, S), 1/m^2, times that of a range rate, s/m; 0 outside the gate.
     time_after_scan : (n,) ndarray
         Time after the scan's stamp of the tracks' nearest detections, s.
-    innovation_covariance : (n, 2, 2) ndarray
+    innovation_covariance : (m, n, 2, 2) ndarray
         S of each track, with the error of its nearest detection, m^2.
-    updated : tuple of (p, 4) and (p, 4, 4) ndarray, or None
+    updated : tuple of (m, p, 4) and (m, p, 4, 4) ndarray, or None
         State and covariance of each pair's track if the detection is its target's; None where no
         detection has a range rate: then the innovations suffice.
     """
@@ -74,7 +74,7 @@ def gate(
     stamp: float,
     detections: NDArray[np.void],
     sensor: SensorModel,
-) -> tuple[Neighbours, list[GatedDetections]]:
+) -> tuple[Neighbours, GatedDetections]:
     """Pairs of tracks and detections, and how well they fit in each mode.
 
     Parameters
@@ -90,10 +90,9 @@ def gate(
     """
     near = neighbours(models, state, stamp, detections)
     nearest, candidates = detections[near.nearest], detections[near.row]
-    return near, [
-        _gated(mode_state, covariance, near.track, nearest, candidates, stamp, sensor)
-        for _, mode_state, covariance in models.modes()
-    ]
+    return near, _gated(
+        models.state, models.covariance, near.track, nearest, candidates, stamp, sensor
+    )
 
 
 def neighbours(
@@ -110,17 +109,15 @@ def neighbours(
     middle = 0.5 * (first + last)
     error = GATE_MARGIN * detections["major_sigma"].max()
     centre = kalman.position_after(state, middle)
-    reach = np.zeros(len(state))
     gate = kalman.gate_reach(GATE_PROBABILITY, detections)
-    for _, mode_state, covariance in models.modes():
-        position_covariance = kalman.position_covariance_after(
-            covariance, np.full(len(state), middle)
-        )
-        sigma = np.hypot(major_sigma(position_covariance), error)
-        offset = kalman.position_after(mode_state, middle) - centre
-        radius = SEARCH_MARGIN * gate * sigma + np.hypot(*offset.T)
-        radius += np.hypot(mode_state[:, 1], mode_state[:, 3]) * (last - first)
-        reach = np.maximum(reach, radius)
+    position_covariance = kalman.position_covariance_after(models.covariance, np.array(middle))
+    sigma = np.hypot(major_sigma(position_covariance), error)
+    offset = kalman.position_after(models.state, middle) - centre
+    radius = SEARCH_MARGIN * gate * sigma + np.hypot(offset[..., 0], offset[..., 1])
+    if last > first:
+        speed = np.hypot(models.state[..., 1], models.state[..., 3])
+        radius += speed * (last - first)
+    reach = radius.max(axis=0)
     count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
     distance, near = cKDTree(detections["position"]).query(centre, k=count)
     track, place = np.nonzero(distance <= reach[:, None])
@@ -136,38 +133,49 @@ def _gated(
     stamp: float,
     sensor: SensorModel,
 ) -> GatedDetections:
-    """How well the candidates (p,) fit the predicted tracks (n,) in one mode.
+    """How well the candidates (p,) fit the predicted tracks (m, n) in each mode.
 
     Each detection is compared at its own time. One innovation covariance serves all detections of
     a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,).
     """
+    m, n = state.shape[:2]
     if not len(nearest):
-        time_after_scan, innovation_covariance = np.zeros(len(state)), covariance[:, 0::2, 0::2]
         return GatedDetections(
-            np.zeros((0, 2)), np.zeros(0), time_after_scan, innovation_covariance
+            np.zeros((m, 0, 2)), np.zeros((m, 0)), np.zeros(n), covariance[..., 0::2, 0::2]
         )
     time_after_scan, pair_time = nearest["time"] - stamp, candidates["time"] - stamp
     innovation_covariance = kalman.position_covariance_after(covariance, time_after_scan)
     innovation_covariance += covariance_at(
         nearest, kalman.position_after(state, time_after_scan), sensor
     )
-    innovation = candidates["position"] - kalman.position_after(state[track], pair_time)
+    innovation = candidates["position"] - kalman.position_after(state[:, track], pair_time)
+    of_pairs = innovation_covariance[:, track]
+    # A mode after the other, as if each were tracks of its own.
+    every = candidates if m == 1 else np.concatenate([candidates] * m)
+    times = every["time"] - stamp
     density = kalman.log_likelihood(
-        state,
-        covariance,
-        track,
-        pair_time,
-        innovation,
-        innovation_covariance[track],
-        candidates,
+        state.reshape(-1, 4),
+        covariance.reshape(-1, 4, 4),
+        (n * np.arange(m)[:, None] + track).ravel(),
+        times,
+        innovation.reshape(-1, 2),
+        of_pairs.reshape(-1, 2, 2),
+        every,
         GATE_PROBABILITY,
     )
     updated = None
     if range_rates.measured(candidates).any():
-        by_position = kalman.update(
-            state[track], covariance[track], pair_time, innovation, innovation_covariance[track]
+        moved, spread = kalman.update(
+            state[:, track], covariance[:, track], pair_time, innovation, of_pairs
         )
-        updated = range_rates.update(*by_position, pair_time, candidates)
+        moved, spread = range_rates.update(
+            moved.reshape(-1, 4), spread.reshape(-1, 4, 4), times, every
+        )
+        updated = moved.reshape(m, -1, 4), spread.reshape(m, -1, 4, 4)
     return GatedDetections(
-        innovation, np.exp(density), time_after_scan, innovation_covariance, updated
+        innovation,
+        np.exp(density).reshape(m, -1),
+        time_after_scan,
+        innovation_covariance,
+        updated,
     )

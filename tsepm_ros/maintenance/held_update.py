@@ -36,7 +36,7 @@ class CoveredTracks(NamedTuple):
 def updated(
     held: HeldTracks,
     near: Neighbours,
-    gated: list[GatedDetections],
+    gated: GatedDetections,
     ratios: FloatArray,
     empty: FloatArray,
     covered: BoolArray,
@@ -48,8 +48,7 @@ def updated(
     ----------
     held : HeldTracks
     near : Neighbours
-    gated : list of GatedDetections
-        Of each mode.
+    gated : GatedDetections
     ratios : (m, p) ndarray
         L_ijm.
     empty : (n,) ndarray
@@ -59,22 +58,22 @@ def updated(
     max_speed : (n,) ndarray
         v_max, m/s: a mode whose mean is faster is conditioned on it; see `kinematics.speed_limit`.
     """
-    mode_ratios, states, covariances = [], [], []
-    for (_, state, covariance), detections, ratio in zip(
-        held.models.modes(), gated, ratios, strict=True
-    ):
-        scan_ratio = ipda.scan_ratio(empty, ratio, near.track)
-        beta = ratio / scan_ratio[near.track]
-        state, covariance = state_mixtures.updated_states(
-            state, covariance, detections, near.track, beta
-        )
-        # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
-        state, covariance = speed_limit.slowed(state, covariance, max_speed)
-        mode_ratios.append(scan_ratio)
-        states.append(state)
-        covariances.append(covariance)
-    probability, scan_ratio = ipda.updated_modes(held.models.probability, np.array(mode_ratios))
-    models = InteractingModels(probability, np.array(states), np.array(covariances))
+    models = held.models
+    mode_ratios = ipda.scan_ratio(empty, ratios, near.track)
+    beta = ratios / mode_ratios[:, near.track]
+    state, covariance = state_mixtures.updated_states(
+        models.state, models.covariance, gated, near.track, beta
+    )
+    # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
+    slow_state, slow_covariance = speed_limit.slowed(
+        state.reshape(-1, 4),
+        covariance.reshape(-1, 4, 4),
+        np.broadcast_to(max_speed, state.shape[:2]).ravel(),
+    )
+    probability, scan_ratio = ipda.updated_modes(models.probability, mode_ratios)
+    models = InteractingModels(
+        probability, slow_state.reshape(state.shape), slow_covariance.reshape(covariance.shape)
+    )
     existence = ipda.updated_existence(held.existence, scan_ratio)
     detected = (1.0 - empty / scan_ratio) * existence
     scans = held.covered_scans + covered

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.kinematics.interacting_models import stay_or_change
+from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 TIME_TO_FADE = 300.0
@@ -136,8 +137,8 @@ def mean_over_modes(
 
 
 def scan_ratio(empty: FloatArray, ratio: FloatArray, track: IntArray) -> FloatArray:
-    """Lambda_i = b_i + sum_j L_ij, (n,), of pairs' L_ij (p,)."""
-    return np.asarray(empty + np.bincount(track, ratio, minlength=len(empty)))
+    """Lambda_i = b_i + sum_j L_ij, (..., n), of pairs' L_ij (..., p)."""
+    return np.asarray(empty + grouped.sums(ratio, track, len(empty)))
 
 
 def _log_factor(

@@ -6,10 +6,14 @@ import numpy as np
 
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.maintenance.gated_detections import GatedDetections
+from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 ROUNDING = 1e-12
 """Bound of the relative rounding error of a covariance."""
+_DIAGONAL = np.arange(4)
+_SQUARES = np.array([[3, 4], [4, 5]])
+"""Places of the squares of innovations in the sums over pairs."""
 
 
 def updated_states(
@@ -19,30 +23,29 @@ def updated_states(
     track: IntArray,
     probability: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Means and covariances of the mixtures, in one mode of motion.
+    """Means and covariances of the mixtures, in each mode of motion.
 
     Parameters
     ----------
-    state, covariance : (n, 4), (n, 4, 4) ndarray
+    state, covariance : (m, n, 4), (m, n, 4, 4) ndarray
         As predicted.
     gated : GatedDetections
-        How well the detections fit in this mode.
     track : (p,) ndarray of int
         Track of each pair.
-    probability : (p,) ndarray
+    probability : (m, p) ndarray
         beta_j of each pair; with what is left to 1, beta_0, no detection is the target's.
 
     Returns
     -------
-    state, covariance : (n, 4), (n, 4, 4) ndarray
+    state, covariance : (m, n, 4), (m, n, 4, 4) ndarray
     """
     if gated.updated is None:
         state, covariance = _by_positions(state, covariance, gated, track, probability)
     else:
         state, covariance = _by_updates(state, covariance, gated.updated, track, probability)
     # Rounding must not make it asymmetric, a part that would grow from scan to scan, or indefinite.
-    covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
-    covariance[:, range(4), range(4)] *= 1.0 + ROUNDING
+    covariance = 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
+    covariance[..., _DIAGONAL, _DIAGONAL] *= 1.0 + ROUNDING
     return state, covariance
 
 
@@ -58,23 +61,19 @@ def _by_positions(
     ``x + K v``, ``P - (1 - beta_0) K S K' + K (sum_j beta_j v_j v_j' - v v') K'`` with
     ``v = sum_j beta_j v_j``.
     """
-    n = len(state)
-    x, y = gated.innovation.T
-    detected = np.bincount(track, probability, minlength=n)
-    sums = [
-        np.bincount(track, probability * part, minlength=n) for part in (x, y, x * x, x * y, y * y)
-    ]
-    mean = np.stack(sums[:2], axis=-1)
-    square = np.stack([sums[2], sums[3], sums[3], sums[4]], axis=-1).reshape(n, 2, 2)
+    x, y = gated.innovation[..., 0], gated.innovation[..., 1]
+    parts = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]) * probability
+    sums = np.moveaxis(grouped.sums(parts, track, state.shape[1]), 0, -1)
+    detected, mean, square = sums[..., 0], sums[..., 1:3], sums[..., _SQUARES]
     innovation_covariance = gated.innovation_covariance
     kalman_gain = kalman.kalman_gain(covariance, gated.time_after_scan, innovation_covariance)
     change = (
         square
-        - mean[:, :, None] * mean[:, None, :]
-        - detected[:, None, None] * innovation_covariance
+        - mean[..., :, None] * mean[..., None, :]
+        - detected[..., None, None] * innovation_covariance
     )
     state = state + (kalman_gain @ mean[..., None])[..., 0]
-    return state, covariance + kalman_gain @ change @ np.swapaxes(kalman_gain, 1, 2)
+    return state, covariance + kalman_gain @ change @ np.swapaxes(kalman_gain, -1, -2)
 
 
 def _by_updates(
@@ -90,10 +89,11 @@ def _by_updates(
     ``m = sum_j beta_j d_j``.
     """
     updated_state, updated_covariance = updated
-    moved = updated_state - state[track]
-    second_moment = updated_covariance - covariance[track]
-    second_moment = second_moment + moved[:, :, None] * moved[:, None, :]
+    moved = updated_state - state[:, track]
+    second_moment = updated_covariance - covariance[:, track]
+    second_moment = second_moment + moved[..., :, None] * moved[..., None, :]
     mean, change = np.zeros_like(state), np.zeros_like(covariance)
-    np.add.at(mean, track, probability[:, None] * moved)
-    np.add.at(change, track, probability[:, None, None] * second_moment)
-    return state + mean, covariance + change - mean[:, :, None] * mean[:, None, :]
+    for mode, share in enumerate(probability):
+        np.add.at(mean[mode], track, share[:, None] * moved[mode])
+        np.add.at(change[mode], track, share[:, None, None] * second_moment[mode])
+    return state + mean, covariance + change - mean[..., :, None] * mean[..., None, :]

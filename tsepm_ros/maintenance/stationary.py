@@ -207,7 +207,7 @@ class StraightFits(Rows):
         return state, covariance
 
 
-LikelihoodRatios = Callable[[InteractingModels, Neighbours, list[GatedDetections]], FloatArray]
+LikelihoodRatios = Callable[[InteractingModels, Neighbours, GatedDetections], FloatArray]
 """L_ijm of pairs of targets and detections under models of motion, (m, p)."""
 
 
@@ -248,22 +248,22 @@ def updated(
     StraightFits
     """
     models = fits.models()
-    near, (gated,) = gated_detections.gate(models, fits.state, stamp, detections, sensor)
+    near, gated = gated_detections.gate(models, fits.state, stamp, detections, sensor)
     association = ipda.associate(
         existence,
         empty,
         models.probability,
-        ratios(models, near, [gated]),
+        ratios(models, near, gated),
         near.track,
         near.row,
         clutter,
     )
     of_fit = ipda.scan_ratio(empty, association.ratio[0], near.track)
     state, covariance = state_mixtures.updated_states(
-        fits.state, fits.covariance, gated, near.track, association.probability
+        models.state, models.covariance, gated, near.track, association.probability[None]
     )
     odds = fits.change_odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter)
-    return replace(fits, state=state, covariance=covariance, change_odds=odds)
+    return replace(fits, state=state[0], covariance=covariance[0], change_odds=odds)
 
 
 def scan_ratios(

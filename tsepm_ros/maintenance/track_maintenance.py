@@ -361,7 +361,7 @@ class TrackMaintenance:
 def _likelihood_ratios(
     held: HeldTracks,
     near: Neighbours,
-    gated: list[GatedDetections],
+    gated: GatedDetections,
     detections: NDArray[np.void],
     clutter: FloatArray,
     sensor: SensorModel,
@@ -371,7 +371,7 @@ def _likelihood_ratios(
 
     A detection was possible where there is one, wherever the data sheet ends the coverage.
     """
-    likelihood = np.array([mode.likelihood for mode in gated])
+    likelihood = gated.likelihood
     scale = held.visible[near.track] * sensor.detection_probability / clutter[near.row]
     if environment is not None:
         mean = ipda.mean_over_modes(held.models.probability, likelihood, near.track)
@@ -387,7 +387,7 @@ def _ratios_under(
     environment: Environment | None,
     models: InteractingModels,
     near: Neighbours,
-    gated: list[GatedDetections],
+    gated: GatedDetections,
 ) -> FloatArray:
     """L_ijm of pairs as they are under other models of the held tracks' motion, (m, p)."""
     held = replace(held, models=models)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
@@ -27,6 +29,17 @@ def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     sums = np.bincount(group, np.exp(score - base[group]), minlength=count)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(sums) + base)
+
+
+def sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
+    """Sums of values (..., n) over the rows of each group, (..., count)."""
+    if values.ndim == 1:
+        return np.asarray(np.bincount(group, values, minlength=count), float)
+    shape = values.shape[:-1]
+    number = math.prod(shape)
+    place = (count * np.arange(number)[:, None] + group).ravel()
+    found = np.bincount(place, values.ravel(), minlength=number * count)
+    return np.asarray(found.reshape(*shape, count), float)
 
 
 def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:

@@ -266,6 +266,8 @@ def covariance_at(
         range_variance_at(detections, range_, sensor),
         detections["azimuth_std"],
     )
+    if not detections["sensor_pose_covariance"].any():
+        return covariance
     return covariance + pose_error_covariance(offset, detections["sensor_pose_covariance"])
 
 
