@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.discs import pairs_within
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.sensing import range_rates
@@ -147,35 +148,17 @@ def neighbours(
     cut : int
         Pairs left out.
     """
+    found = pairs_within(positions, centres, radius, MAX_GATED)
+    if found is not None:
+        return *found, 0
     tree = cKDTree(positions)
-    if len(centres) * len(positions) <= min(SPLIT_BLOCK, MAX_GATED):
-        counts, position = _inside(tree, centres, radius)
-        return np.repeat(np.arange(len(centres)), counts), position, 0
     counts = tree.query_ball_point(centres, radius, return_length=True)
-    total = int(counts.sum())
-    if total > MAX_GATED:
-        nearest = min(max(MAX_GATED // len(centres), 1), len(positions))
-        kept = tree.query(centres, k=nearest)[1].reshape(len(centres), nearest)
-        kept = np.sort(kept, axis=1)
-        centre = np.repeat(np.arange(len(centres)), nearest)
-        cut = total - int(np.minimum(counts, nearest).sum())
-        return centre, kept.ravel().astype(np.int64), cut
-    position = np.empty(total, np.int64)
-    borders = np.concatenate([[0], np.cumsum(counts)])
-    # In blocks, since the tree returns lists of Python integers.
-    blocks = np.unique(np.searchsorted(borders, np.arange(0, total, SPLIT_BLOCK), side="right") - 1)
-    for begin, end in itertools.pairwise([*blocks, len(centres)]):
-        rows = slice(begin, end)
-        position[borders[begin] : borders[end]] = _inside(tree, centres[rows], radius[rows])[1]
-    return np.repeat(np.arange(len(centres)), counts), position, 0
-
-
-def _inside(tree: cKDTree, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Number of the tree's positions within the radius of each centre, and the positions' rows."""
-    rows = tree.query_ball_point(centres, radius, return_sorted=True)
-    counts = np.fromiter(map(len, rows), np.int64, len(rows))
-    chained = itertools.chain.from_iterable(rows)
-    return counts, np.fromiter(chained, np.int64, int(counts.sum()))
+    nearest = min(max(MAX_GATED // len(centres), 1), len(positions))
+    kept = tree.query(centres, k=nearest)[1].reshape(len(centres), nearest)
+    kept = np.sort(kept, axis=1)
+    centre = np.repeat(np.arange(len(centres)), nearest)
+    cut = int(counts.sum()) - int(np.minimum(counts, nearest).sum())
+    return centre, kept.ravel().astype(np.int64), cut
 
 
 def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray) -> BoolArray:

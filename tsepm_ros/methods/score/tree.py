@@ -23,23 +23,21 @@ import numpy as np
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score import likelihood_ratio
+from tsepm_ros.methods.score.expected_detections import ExpectedDetections
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
 from tsepm_ros.sensing import range_rates
-from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
-from tsepm_ros.stages import pruning, splitting
+from tsepm_ros.stages import pruning
 from tsepm_ros.stages.paths import starting
 
 MAX_PAIRS_TOGETHER = 50_000
 """Pairs of hypotheses and detections that are scored together: bounds memory."""
 RELATIVE_PRUNING = math.log(1e-4)
 """Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
-GATE_MARGIN = 1.5
-"""The error at the predicted position may be this much larger than at the detection's."""
 PRIOR_TARGET_ODDS = 0.001
 """Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
 
@@ -202,7 +200,8 @@ def split(
         Pairs that a limit left out.
     """
     limit = observed.time_limit
-    parent, row, cut = near(predicted, observed, sensor, options.gate_probability)
+    expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, sensor)
+    parent, row, cut = expected.near(options.gate_probability)
     order = np.arange(len(parent))
     if limit.finite and len(parent) > block:
         order = np.argsort(-predicted.score[parent], kind="stable")
@@ -213,12 +212,11 @@ def split(
             break
         part = order[first : first + block]
         score[part] = child_score(
-            predicted,
+            expected,
             detection_probability,
             parent[part],
             observed,
             row[part],
-            sensor,
             options.gate_probability,
         )
     kept = np.flatnonzero(score > options.deletion_threshold)
@@ -228,60 +226,29 @@ def split(
     kept = kept[best]
     parts = [kept[first : first + block] for first in range(0, max(len(kept), 1), block)]
     children = [
-        updated(predicted, parent[part], observed, row[part], ids, score[part], sensor)
-        for part in parts
+        updated(expected, parent[part], observed, row[part], ids, score[part]) for part in parts
     ]
     return Hypotheses.joined(*children), cut
 
 
-def near(
-    predicted: Hypotheses, observed: Observation, sensor: SensorModel, gate_probability: float
-) -> tuple[IntArray, IntArray, int]:
-    """Pairs of hypotheses and detections, no fewer than lie in the gates.
-
-    Returns
-    -------
-    parent, row : (p,) ndarray of int
-        Hypothesis and detection of each pair.
-    cut : int
-        Pairs left out by `splitting.MAX_GATED`.
-    """
-    detections = observed.detections
-    if not len(predicted) or not len(detections):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
-    widest = detections[np.argmax(detections["azimuth_std"])].copy()
-    widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
-    positions = np.ascontiguousarray(predicted.state[:, 0::2])
-    error = major_sigma(covariance_at(np.broadcast_to(widest, len(predicted)), positions, sensor))
-    longest = np.abs(detections["time"] - observed.stamp).max()
-    position_sigma = major_sigma(predicted.covariance[:, 0::2, 0::2])
-    speed_sigma = major_sigma(predicted.covariance[:, 1::2, 1::2])
-    sigma = np.hypot(position_sigma + longest * speed_sigma, GATE_MARGIN * error)
-    speed = np.hypot(predicted.state[:, 1], predicted.state[:, 3])
-    radius = kalman.gate_reach(gate_probability, detections) * sigma + longest * speed
-    return splitting.neighbours(np.ascontiguousarray(detections["position"]), positions, radius)
-
-
 def child_score(
-    predicted: Hypotheses,
+    expected: ExpectedDetections,
     detection_probability: FloatArray,
     parent: IntArray,
     observed: Observation,
     row: IntArray,
-    sensor: SensorModel,
     gate_probability: float,
 ) -> FloatArray:
     """Score of each child (p,) of a hypothesis and a detection.
 
     Parameters
     ----------
-    predicted : Hypotheses
+    expected : ExpectedDetections
     detection_probability : (n,) ndarray
         P_D where each expects its target.
     parent, row : (p,) ndarray of int
         Hypothesis and detection of each child.
     observed : Observation
-    sensor : SensorModel
     gate_probability : float
         P_G.
 
@@ -292,9 +259,8 @@ def child_score(
     """
     detections = observed.detections[row]
     time_after_state = detections["time"] - observed.stamp
-    innovation, innovation_covariance = kalman.innovations(
-        predicted.state[parent], predicted.covariance[parent], time_after_state, detections, sensor
-    )
+    innovation, innovation_covariance = expected.innovations(parent, row)
+    predicted = expected.hypotheses
     density = kalman.log_likelihood(
         predicted.state,
         predicted.covariance,
@@ -313,28 +279,23 @@ def child_score(
 
 
 def updated(
-    predicted: Hypotheses,
+    expected: ExpectedDetections,
     parent: IntArray,
     observed: Observation,
     row: IntArray,
     ids: IntArray,
     score: FloatArray,
-    sensor: SensorModel,
 ) -> Hypotheses:
     """The children of hypotheses and detections, with their scores (p,); see `child_score`.
 
     The position comes first, then the range rate, where there is one.
     """
-    children = predicted.extended(parent, ids[row])
+    children = expected.hypotheses.extended(parent, ids[row])
     detections = observed.detections[row]
-    time_after_state = detections["time"] - observed.stamp
-    innovation, innovation_covariance = kalman.innovations(
-        children.state, children.covariance, time_after_state, detections, sensor
+    state, covariance = expected.updated(parent, row)
+    state, covariance = range_rates.update(
+        state, covariance, detections["time"] - observed.stamp, detections
     )
-    state, covariance = kalman.update(
-        children.state, children.covariance, time_after_state, innovation, innovation_covariance
-    )
-    state, covariance = range_rates.update(state, covariance, time_after_state, detections)
     given_held = children.score_given_held + score - children.score - held_penalty(observed)[row]
     return replace(
         children, state=state, covariance=covariance, score=score, score_given_held=given_held

@@ -1,0 +1,148 @@
+"""Where hypotheses expect their targets' detections, and how exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.kinematics import kalman
+from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.sensing.conversion import covariance_at, major_sigma
+from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.stages import splitting
+
+GATE_MARGIN = 1.5
+"""The error at the predicted position may be this much larger than at the detection's."""
+ROUNDING = 1e-9
+"""Relative margin of a gate's radius beyond rounding errors."""
+_ERRORS = "time", "range_std", "azimuth_std", "sensor_pose", "sensor_pose_covariance"
+"""What the innovation covariance of a hypothesis and a detection depends on."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedDetections:
+    """What hypotheses expect of a scan's detections.
+
+    Where the detections have one time and one error model, as without times and poses of their own,
+    the innovation covariance, the gain and the updated covariance depend on the hypothesis alone.
+
+    Attributes
+    ----------
+    hypotheses : Hypotheses
+        Predicted to the scan.
+    stamp : float
+        The scan's, s.
+    detections : (d,) ndarray of DETECTION
+    sensor : SensorModel
+    of_hypothesis : tuple of (n, 2) and (n, 2, 2) ndarray, or None
+        Expected position, m, and innovation covariance, m^2, of any detection; None where these
+        differ from detection to detection.
+    """
+
+    hypotheses: Hypotheses
+    stamp: float
+    detections: NDArray[np.void]
+    sensor: SensorModel
+    of_hypothesis: tuple[FloatArray, FloatArray] | None
+
+    @classmethod
+    def of(
+        cls,
+        hypotheses: Hypotheses,
+        stamp: float,
+        detections: NDArray[np.void],
+        sensor: SensorModel,
+    ) -> ExpectedDetections:
+        """What hypotheses that are predicted to a scan expect of its detections."""
+        common = None
+        if len(detections) and len(hypotheses) and _alike(detections):
+            first = detections[:1]
+            after = first["time"] - stamp
+            expected = kalman.position_after(hypotheses.state, after)
+            spread = kalman.position_covariance_after(hypotheses.covariance, after)
+            spread += covariance_at(first, expected, sensor)
+            common = expected, spread
+        return cls(hypotheses, stamp, detections, sensor, common)
+
+    def near(self, gate_probability: float) -> tuple[IntArray, IntArray, int]:
+        """Pairs of hypotheses and detections, no fewer than lie in the gates.
+
+        Returns
+        -------
+        hypothesis, detection : (p,) ndarray of int
+            Rows of each pair, ascending.
+        cut : int
+            Pairs left out by `splitting.MAX_GATED`.
+        """
+        detections = self.detections
+        if not len(self.hypotheses) or not len(detections):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
+        reach = kalman.gate_reach(gate_probability, detections)
+        if self.of_hypothesis is not None:
+            centres, spread = self.of_hypothesis
+            radius = reach * major_sigma(spread) * (1.0 + ROUNDING)
+        else:
+            centres, radius = self._widest(reach)
+        return splitting.neighbours(np.ascontiguousarray(detections["position"]), centres, radius)
+
+    def _widest(self, reach: float) -> tuple[FloatArray, FloatArray]:
+        """Positions of the hypotheses (n, 2), and radii that hold the gate of any detection."""
+        state, covariance = self.hypotheses.state, self.hypotheses.covariance
+        detections = self.detections
+        widest = detections[np.argmax(detections["azimuth_std"])].copy()
+        widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
+        positions = np.ascontiguousarray(state[:, 0::2])
+        every = np.broadcast_to(widest, len(positions))
+        error = major_sigma(covariance_at(every, positions, self.sensor))
+        longest = np.abs(detections["time"] - self.stamp).max()
+        position_sigma = major_sigma(covariance[:, 0::2, 0::2])
+        speed_sigma = major_sigma(covariance[:, 1::2, 1::2])
+        sigma = np.hypot(position_sigma + longest * speed_sigma, GATE_MARGIN * error)
+        speed = np.hypot(state[:, 1], state[:, 3])
+        return positions, reach * sigma + longest * speed
+
+    def innovations(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Innovations (p, 2), m, and their covariances (p, 2, 2), m^2, of pairs."""
+        if self.of_hypothesis is not None:
+            expected, spread = self.of_hypothesis
+            return self.detections["position"][row] - expected[parent], spread[parent]
+        detections = self.detections[row]
+        return kalman.innovations(
+            self.hypotheses.state[parent],
+            self.hypotheses.covariance[parent],
+            detections["time"] - self.stamp,
+            detections,
+            self.sensor,
+        )
+
+    def updated(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """States (p, 4) and covariances (p, 4, 4) of hypotheses after a detection's position."""
+        state, covariance = self.hypotheses.state, self.hypotheses.covariance
+        time_after_state = self.detections["time"][row] - self.stamp
+        innovation, spread = self.innovations(parent, row)
+        if self.of_hypothesis is None:
+            return kalman.update(
+                state[parent], covariance[parent], time_after_state, innovation, spread
+            )
+        # A gain and a covariance for all detections of a hypothesis.
+        rows, first, place = np.unique(parent, return_index=True, return_inverse=True)
+        before, spread, after = covariance[rows], spread[first], time_after_state[first]
+        gain = kalman.kalman_gain(before, after, spread)
+        changed = before - gain @ spread @ np.swapaxes(gain, -1, -2)
+        moved = (gain[place] @ innovation[..., None])[..., 0]
+        return state[parent] + moved, changed[place]
+
+
+def _alike(detections: NDArray[np.void]) -> bool:
+    """Whether all detections have the time, the pose and the errors of the first."""
+    for name in _ERRORS:
+        values = detections[name]
+        same = values == values[0]
+        if name == "range_std":  # nan: the sensor model's
+            same |= np.isnan(values) & np.isnan(values[0])
+        if not same.all():
+            return False
+    return True
