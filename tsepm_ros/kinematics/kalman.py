@@ -207,24 +207,33 @@ def log_likelihood(
     (p,) ndarray
         ln of 1/m^2, or of s/m^3.
     """
+    has_range_rate = range_rates.measured(detections)
+    if not has_range_rate.any():
+        return position_log_likelihood(innovation, innovation_covariance, gate_probability)
     density, distance = log_density(innovation, innovation_covariance)
     gate = np.full(len(distance), gate_factor(gate_probability) ** 2)
-    has_range_rate = range_rates.measured(detections)
-    if has_range_rate.any():
-        gate[has_range_rate] = range_rates.gate_square(gate_probability)
-        rows = np.flatnonzero(has_range_rate & (distance <= gate))
-        rated, interval = owner[rows], time_after_state[rows]
-        updated = update(
-            state[rated],
-            covariance[rated],
-            interval,
-            innovation[rows],
-            innovation_covariance[rows],
-        )
-        error, variance, _ = range_rates.innovations(*updated, interval, detections[rows])
-        density[rows] += range_rates.log_density(error, variance)
-        distance[rows] += error**2 / variance
+    gate[has_range_rate] = range_rates.gate_square(gate_probability)
+    rows = np.flatnonzero(has_range_rate & (distance <= gate))
+    rated, interval = owner[rows], time_after_state[rows]
+    updated = update(
+        state[rated],
+        covariance[rated],
+        interval,
+        innovation[rows],
+        innovation_covariance[rows],
+    )
+    error, variance, _ = range_rates.innovations(*updated, interval, detections[rows])
+    density[rows] += range_rates.log_density(error, variance)
+    distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)
+
+
+def position_log_likelihood(
+    innovation: FloatArray, innovation_covariance: FloatArray, gate_probability: float
+) -> FloatArray:
+    """As `log_likelihood`, of positions alone, (...); -inf outside the gates."""
+    density, distance = log_density(innovation, innovation_covariance)
+    return np.where(distance <= gate_factor(gate_probability) ** 2, density, -np.inf)
 
 
 def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:

@@ -66,7 +66,7 @@ class _Strips:
         low, high = positions.min(axis=0), positions.max(axis=0)
         width, height = high - low
         most = max(int(STRIPS_PER_ROOT * math.sqrt(len(positions))), 1)
-        wanted = 2.0 * height / radius if radius > 0.0 else math.inf
+        wanted = height / radius if radius > 0.0 else math.inf
         self._number = max(min(math.ceil(wanted) if wanted < most else most, most), 1)
         self._low, self._width = low, float(width)
         self._stride = 2.0 * self._width + 1.0

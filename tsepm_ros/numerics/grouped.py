@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
@@ -57,6 +57,17 @@ def places(group: IntArray, score: FloatArray) -> IntArray:
     place = np.empty(len(group), np.int64)
     place[order] = np.arange(len(group)) - first
     return place
+
+
+def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
+    """Which rows are among a number of the largest scores of their group, (n,); see `places`."""
+    kept = np.ones(len(group), bool)
+    if len(group) <= number:
+        return kept
+    rows = np.flatnonzero(np.bincount(group)[group] > number)
+    if len(rows):
+        kept[rows] = places(group[rows], score[rows]) < number
+    return kept
 
 
 def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import splitting
@@ -40,6 +41,8 @@ class ExpectedDetections:
     of_hypothesis : tuple of (n, 2) and (n, 2, 2) ndarray, or None
         Expected position, m, and innovation covariance, m^2, of any detection; None where these
         differ from detection to detection.
+    has_range_rates : bool
+        Whether any detection has a range rate that is used.
     """
 
     hypotheses: Hypotheses
@@ -47,6 +50,7 @@ class ExpectedDetections:
     detections: NDArray[np.void]
     sensor: SensorModel
     of_hypothesis: tuple[FloatArray, FloatArray] | None
+    has_range_rates: bool
 
     @classmethod
     def of(
@@ -65,7 +69,8 @@ class ExpectedDetections:
             spread = kalman.position_covariance_after(hypotheses.covariance, after)
             spread += covariance_at(first, expected, sensor)
             common = expected, spread
-        return cls(hypotheses, stamp, detections, sensor, common)
+        rated = bool(range_rates.measured(detections).any())
+        return cls(hypotheses, stamp, detections, sensor, common, rated)
 
     def near(self, gate_probability: float) -> tuple[IntArray, IntArray, int]:
         """Pairs of hypotheses and detections, no fewer than lie in the gates.
@@ -118,22 +123,48 @@ class ExpectedDetections:
             self.sensor,
         )
 
-    def updated(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
-        """States (p, 4) and covariances (p, 4, 4) of hypotheses after a detection's position."""
-        state, covariance = self.hypotheses.state, self.hypotheses.covariance
-        time_after_state = self.detections["time"][row] - self.stamp
+    def log_likelihood(
+        self, parent: IntArray, row: IntArray, gate_probability: float
+    ) -> FloatArray:
+        """Log of the likelihood of each pair's detection, (p,); see `kalman.log_likelihood`."""
         innovation, spread = self.innovations(parent, row)
+        if not self.has_range_rates:
+            return kalman.position_log_likelihood(innovation, spread, gate_probability)
+        detections = self.detections[row]
+        return kalman.log_likelihood(
+            self.hypotheses.state,
+            self.hypotheses.covariance,
+            parent,
+            detections["time"] - self.stamp,
+            innovation,
+            spread,
+            detections,
+            gate_probability,
+        )
+
+    def updated(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """States (p, 4) and covariances (p, 4, 4) of hypotheses after a detection.
+
+        The position comes first, then the range rate, where there is one.
+        """
+        state, covariance = self.hypotheses.state, self.hypotheses.covariance
+        innovation, spread = self.innovations(parent, row)
+        time_after_state = self.detections["time"][row] - self.stamp
         if self.of_hypothesis is None:
-            return kalman.update(
+            moved, changed = kalman.update(
                 state[parent], covariance[parent], time_after_state, innovation, spread
             )
-        # A gain and a covariance for all detections of a hypothesis.
-        rows, first, place = np.unique(parent, return_index=True, return_inverse=True)
-        before, spread, after = covariance[rows], spread[first], time_after_state[first]
-        gain = kalman.kalman_gain(before, after, spread)
-        changed = before - gain @ spread @ np.swapaxes(gain, -1, -2)
-        moved = (gain[place] @ innovation[..., None])[..., 0]
-        return state[parent] + moved, changed[place]
+        else:
+            # A gain and a covariance for all detections of a hypothesis.
+            rows, first, place = np.unique(parent, return_index=True, return_inverse=True)
+            before, spread, after = covariance[rows], spread[first], time_after_state[first]
+            gain = kalman.kalman_gain(before, after, spread)
+            change = gain @ spread @ np.swapaxes(gain, -1, -2)
+            moved = state[parent] + (gain[place] @ innovation[..., None])[..., 0]
+            changed = (before - change)[place]
+        if not self.has_range_rates:
+            return moved, changed
+        return range_rates.update(moved, changed, time_after_state, self.detections[row])
 
 
 def _alike(detections: NDArray[np.void]) -> bool:

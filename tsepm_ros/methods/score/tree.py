@@ -220,7 +220,7 @@ def split(
             options.gate_probability,
         )
     kept = np.flatnonzero(score > options.deletion_threshold)
-    kept = kept[grouped.places(row[kept], score[kept]) < options.max_per_detection]
+    kept = kept[grouped.among_best(row[kept], score[kept], options.max_per_detection)]
     best = keep_best(-score[kept], max_children)
     cut += len(kept) - len(best)
     kept = kept[best]
@@ -257,24 +257,11 @@ def child_score(
     (p,) ndarray
         -inf outside the gate, or where P_D is 0.
     """
-    detections = observed.detections[row]
-    time_after_state = detections["time"] - observed.stamp
-    innovation, innovation_covariance = expected.innovations(parent, row)
-    predicted = expected.hypotheses
-    density = kalman.log_likelihood(
-        predicted.state,
-        predicted.covariance,
-        parent,
-        time_after_state,
-        innovation,
-        innovation_covariance,
-        detections,
-        gate_probability,
-    )
+    density = expected.log_likelihood(parent, row, gate_probability)
     increment = likelihood_ratio.hit_increment(
         density, detection_probability[parent], observed.clutter_density[row]
     )
-    score: FloatArray = predicted.score[parent] + increment
+    score: FloatArray = expected.hypotheses.score[parent] + increment
     return score
 
 
@@ -286,20 +273,16 @@ def updated(
     ids: IntArray,
     score: FloatArray,
 ) -> Hypotheses:
-    """The children of hypotheses and detections, with their scores (p,); see `child_score`.
-
-    The position comes first, then the range rate, where there is one.
-    """
-    children = expected.hypotheses.extended(parent, ids[row])
-    detections = observed.detections[row]
+    """The children of hypotheses and detections, with their scores (p,); see `child_score`."""
+    hypotheses = expected.hypotheses
+    hits = hypotheses.hits[parent]
+    count = hypotheses.hit_count[parent]
+    hits[np.arange(len(parent)), count] = ids[row]
+    given_held = hypotheses.score_given_held[parent] + score - hypotheses.score[parent]
+    given_held -= held_penalty(observed)[row]
     state, covariance = expected.updated(parent, row)
-    state, covariance = range_rates.update(
-        state, covariance, detections["time"] - observed.stamp, detections
-    )
-    given_held = children.score_given_held + score - children.score - held_penalty(observed)[row]
-    return replace(
-        children, state=state, covariance=covariance, score=score, score_given_held=given_held
-    )
+    first_scan = hypotheses.first_scan[parent]
+    return Hypotheses(hits, count + 1, first_scan, state, covariance, score, given_held)
 
 
 def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hypotheses:
@@ -317,13 +300,16 @@ def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hyp
     """
     kept = hypotheses.score > options.deletion_threshold
     kept &= ~pruning.expired(scan_index + 1 - hypotheses.first_scan, options.window)
-    hypotheses = hypotheses[kept]
-    _, group = np.unique(hypotheses.last_hit, return_inverse=True)
-    best = grouped.largest_of(hypotheses.score, group, len(hypotheses))[group]
-    kept = grouped.places(group, hypotheses.score) < options.max_per_detection
-    return hypotheses[kept & (hypotheses.score > best + RELATIVE_PRUNING)]
+    rows = np.flatnonzero(kept)
+    score = hypotheses.score[rows]
+    _, group = np.unique(hypotheses.last_hit[rows], return_inverse=True)
+    best = grouped.largest_of(score, group, len(rows))[group]
+    kept = grouped.among_best(group, score, options.max_per_detection)
+    return hypotheses[rows[kept & (score > best + RELATIVE_PRUNING)]]
 
 
 def strongest(hypotheses: Hypotheses, limit: int) -> Hypotheses:
     """The hypotheses of the best scores, up to a limit."""
+    if len(hypotheses) <= limit:
+        return hypotheses
     return hypotheses[keep_best(-hypotheses.score, limit)]
