@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
 
 GOOD_FIT = 0.99
 """Probability up to which the squared distance of hits from their track is no misfit."""
-_FIELDS = ["index", "time", "position", "covariance"]
+
+
+class _Hits(NamedTuple):
+    """What of a scan's detections counts, (d, ...) each."""
+
+    detection: IntArray
+    time: FloatArray
+    position: FloatArray
+    covariance: FloatArray
 
 
 class RecentHits:
     """The detections of recent scans, to which the hits of new tracks refer."""
 
     def __init__(self) -> None:
-        self._scans: deque[tuple[int, NDArray[np.void]]] = deque()
+        self._scans: deque[tuple[int, _Hits]] = deque()
 
     def append(self, scan_index: int, detections: NDArray[np.void], window: int) -> None:
         """Add a scan's detections, and forget those before a window of scans."""
-        self._scans.append((scan_index, detections[_FIELDS].copy()))
+        parts = (detections[name].copy() for name in ("index", "time", "position", "covariance"))
+        self._scans.append((scan_index, _Hits(*parts)))
         while self._scans[0][0] <= scan_index - window:
             self._scans.popleft()
 
@@ -41,15 +51,16 @@ class RecentHits:
     def _misfit(self, tracks: TrackArrays, row: int) -> float:
         scans = dict(self._scans)
         hits = [
-            scans[scan][scans[scan]["index"] == index]
+            [part[scans[scan].detection == index] for part in scans[scan][1:]]
             for scan, index in tracks.hits[row]
             if scan in scans
         ]
         freedom = 2 * len(hits) - 4
         if freedom <= 0:
             return 1.0
-        seen, state = np.concatenate(hits), tracks.state[row]
-        elapsed = seen["time"] - tracks.stamp[row]
+        state = tracks.state[row]
+        time, position, covariance = map(np.concatenate, zip(*hits, strict=True))
+        elapsed = time - tracks.stamp[row]
         expected = state[0::2] + elapsed[:, None] * state[1::2]
-        square = squared_distance(seen["position"] - expected, seen["covariance"]).sum()
+        square = squared_distance(position - expected, covariance).sum()
         return float(square / freedom) if square > chi2.ppf(GOOD_FIT, freedom) else 1.0

@@ -21,6 +21,8 @@ GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than the largest of the scan."""
 SEARCH_MARGIN = 1.1
 """Factor on the search radius for detections: the gate itself is tested later."""
+MAX_PAIRS = 4000
+"""Tracks times detections up to which every distance is taken."""
 MAX_NEIGHBOURS = 8
 """Detections considered for each track: the nearest."""
 
@@ -118,10 +120,21 @@ def neighbours(
         speed = np.hypot(models.state[..., 1], models.state[..., 3])
         radius += speed * (last - first)
     reach = radius.max(axis=0)
-    count = range(1, min(MAX_NEIGHBOURS, len(detections)) + 1)
-    distance, near = cKDTree(detections["position"]).query(centre, k=count)
+    distance, near = _nearest(detections["position"], centre)
     track, place = np.nonzero(distance <= reach[:, None])
     return Neighbours(near[:, 0], track, near[track, place])
+
+
+def _nearest(positions: FloatArray, centres: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Distances and rows of the positions (d, 2) nearest to each centre (n, 2), ascending."""
+    number = min(MAX_NEIGHBOURS, len(positions))
+    if len(centres) * len(positions) > MAX_PAIRS:
+        distance, near = cKDTree(positions).query(centres, k=range(1, number + 1))
+        return distance, near
+    apart = centres[:, None] - positions
+    distance = np.sqrt((apart * apart).sum(axis=2))
+    near = np.argsort(distance, axis=1, kind="stable")[:, :number]
+    return np.take_along_axis(distance, near, axis=1), near
 
 
 def _gated(

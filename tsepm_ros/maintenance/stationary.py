@@ -107,12 +107,12 @@ class SpeedPrior:
             velocity = np.where(usable[:, None], velocity, 0.0)
             spread = np.where(usable[:, None, None], spread, np.eye(2) * self.max_speed**2)
         still = np.exp(log_density(velocity, spread)[0])
-        slow = disc_probability(velocity, spread, self.min_speed)
+        shares, limits = np.array(self._speed_limits()).T
+        slow, *inside = disc_probability(velocity, spread, np.append(self.min_speed, limits))
         fast = np.zeros(len(velocity))
-        for part, limit in self._speed_limits():
-            ring = math.pi * (limit**2 - self.min_speed**2)
-            faster = disc_probability(velocity, spread, limit) - slow
-            fast += part / ring * np.maximum(faster, 0.0)
+        rings = math.pi * (limits**2 - self.min_speed**2)
+        for density, slower in zip(shares / rings, inside, strict=True):
+            fast += density * np.maximum(slower - slow, 0.0)
         if self.min_speed:
             still = 0.5 * (still + slow / (math.pi * self.min_speed**2))
         still = share * still

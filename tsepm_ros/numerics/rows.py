@@ -15,14 +15,27 @@ class Rows:
 
     def __len__(self) -> int:
         """Number of rows."""
-        return len(getattr(self, fields(self)[0].name))
+        return len(getattr(self, _names(type(self))[0]))
 
     def __getitem__(self, rows: NDArray[np.generic]) -> Self:
         """The given rows (indices or a mask)."""
-        return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return type(self)(*(getattr(self, name)[rows] for name in _names(type(self))))
 
     @classmethod
     def joined(cls, *parts: Self) -> Self:
         """The rows of all parts, in order."""
-        names = [field.name for field in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls))
+        )
+
+
+def _names(kind: type[Rows]) -> tuple[str, ...]:
+    """Names of the fields of a table, which are looked up once."""
+    if kind not in _NAMES:
+        _NAMES[kind] = tuple(field.name for field in fields(kind))
+    return _NAMES[kind]
+
+
+_NAMES: dict[type[Rows], tuple[str, ...]] = {}

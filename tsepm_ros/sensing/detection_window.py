@@ -23,7 +23,12 @@ class DetectionWindow:
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections and return their ids, (n,)."""
         first = self._first_id + len(self._detections)
-        self._detections = np.concatenate([self._detections, detections])
+        before, after = (
+            self._detections,
+            np.empty(len(self._detections) + len(detections), DETECTION),
+        )
+        after[: len(before)], after[len(before) :] = before, detections
+        self._detections = after
         self._not_held = np.concatenate([self._not_held, np.ones(len(detections))])
         return np.arange(first, first + len(detections))
 
