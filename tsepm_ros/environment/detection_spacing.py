@@ -31,11 +31,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tsepm_ros.environment.close_streaks import CloseStreaks
 from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.discs import pairs_nearer
 from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.sensing.sensor import SensorModel
@@ -171,15 +171,34 @@ class DetectionSpacing:
             near = pairs.within(2.0 * outer)
             if not len(near.later):
                 continue
-            larger = self._area(range, azimuth, np.array(outer), np.array(outer))
-            if seen is not None:
-                larger = larger * _seen_share(seen, range, azimuth, outer)
+            larger: FloatArray | None = None
             for row, chosen in enumerate(eligible):
-                if chosen.sum() * (2.0 * outer) ** 2 > CROWDED * area:
+                number = int(np.count_nonzero(chosen))
+                if not number or number * (2.0 * outer) ** 2 > CROWDED * area:
                     continue
                 falls = _falls(near, chosen, outer)
-                if len(falls.place):
-                    self._log[place, row] += self._increments(range, azimuth, falls, outer, larger)
+                if not len(falls.place):
+                    continue
+                if larger is None:
+                    larger = self._seen_area(range, azimuth, outer, near.earlier, seen)
+                self._log[place, row] += self._increments(range, azimuth, falls, outer, larger)
+
+    def _seen_area(
+        self,
+        range: FloatArray,
+        azimuth: FloatArray,
+        half: float,
+        rows: IntArray,
+        seen: Region | None,
+    ) -> FloatArray:
+        """Area of the boxes of a half width around some rows, as far as seen, (n,), m^2."""
+        area = np.zeros(len(range))
+        used = np.zeros(len(range), bool)
+        used[rows] = True
+        range, azimuth = range[used], azimuth[used]
+        boxes = self._area(range, azimuth, np.array(half), np.array(half))
+        area[used] = boxes if seen is None else boxes * _seen_share(seen, range, azimuth, half)
+        return area
 
     def _drawn(self, azimuth: FloatArray) -> IntArray:
         """Detections in random order, of many only those of a wedge.
@@ -265,9 +284,8 @@ class _Falls(NamedTuple):
 
 
 def _pairs(range: FloatArray, azimuth: FloatArray) -> _Pairs:
-    tree = cKDTree(np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1))
-    pairs = tree.query_pairs(2.0 * math.sqrt(2.0) * max(OUTER), output_type="ndarray")
-    earlier, later = pairs.min(axis=1, initial=len(range)), pairs.max(axis=1, initial=-1)
+    places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
+    earlier, later = pairs_nearer(places, 2.0 * math.sqrt(2.0) * max(OUTER))
     along = np.abs(range[earlier] - range[later])
     middle = 0.5 * (range[earlier] + range[later])
     across = middle * np.abs(wrap(azimuth[earlier] - azimuth[later]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
@@ -57,6 +58,25 @@ def pairs_within(
     pairs = np.concatenate(found) if found else np.zeros(0, np.int64)
     centre, position = np.divmod(pairs, n)
     return centre, position
+
+
+def pairs_nearer(positions: FloatArray, distance: float) -> tuple[IntArray, IntArray]:
+    """Pairs of positions (n, 2) that are no farther apart than a distance.
+
+    Returns
+    -------
+    first, second : (p,) ndarray of int
+        Rows, first < second; the pairs are in no order.
+    """
+    n = len(positions)
+    if n * n <= ALL_PAIRS:
+        apart = positions[:, None] - positions
+        near = (apart * apart).sum(axis=2) <= distance * distance
+        first, second = near.nonzero()
+        once = first < second
+        return first[once], second[once]
+    pairs = cKDTree(positions).query_pairs(distance, output_type="ndarray")
+    return pairs.min(axis=1, initial=n), pairs.max(axis=1, initial=-1)
 
 
 class _Strips:

@@ -29,6 +29,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.discs import pairs_nearer
 from tsepm_ros.numerics.grouped import largest_of
 from tsepm_ros.sensing.scan import MIN_MAGNITUDE, Scan, wrap
 from tsepm_ros.sensing.sensor import SensorModel
@@ -133,9 +134,7 @@ def pairs_within(
     none = np.zeros(0, np.int64)
     if len(range) < 2:
         return none, none, np.zeros(0)
-    tree, reach = _tree(range, azimuth, extent)
-    pairs = tree.query_pairs(reach, output_type="ndarray")
-    first, second = pairs.min(axis=1, initial=len(range)), pairs.max(axis=1, initial=-1)
+    first, second = pairs_nearer(*_places(range, azimuth, extent))
     middle = 0.5 * (range[first] + range[second])
     turn = np.abs(wrap(azimuth[first] - azimuth[second]))
     distance = np.maximum(
@@ -146,10 +145,10 @@ def pairs_within(
     return first[near], second[near], distance[near]
 
 
-def _tree(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> tuple[cKDTree, float]:
+def _places(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> tuple[FloatArray, float]:
     """The detections' positions, and how far apart a pair may be at the most, m."""
-    tree = cKDTree(np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1))
-    return tree, math.hypot(extent.along, float(extent.across_at(range.max()))) * (1.0 + 1e-9)
+    places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
+    return places, math.hypot(extent.along, float(extent.across_at(range.max()))) * (1.0 + 1e-9)
 
 
 def _ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
@@ -209,7 +208,8 @@ def grouped(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntAr
     """
     n = len(range)
     if n * n > 2 * MAX_PAIRS:
-        tree, reach = _tree(range, azimuth, extent)
+        places, reach = _places(range, azimuth, extent)
+        tree = cKDTree(places)
         if tree.count_neighbors(tree, reach) > 2 * MAX_PAIRS:
             return cells(np.zeros(n, np.int64), range, azimuth, extent)
     return complete_linkage(n, *pairs_within(range, azimuth, extent))
