@@ -212,7 +212,16 @@ def grouped(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntAr
         tree = cKDTree(places)
         if tree.count_neighbors(tree, reach) > 2 * MAX_PAIRS:
             return cells(np.zeros(n, np.int64), range, azimuth, extent)
-    return complete_linkage(n, *pairs_within(range, azimuth, extent))
+    # Detections of one place are joined first, whatever lies beside them.
+    _, first, place = np.unique(
+        range + 1j * azimuth, return_index=True, return_inverse=True
+    )
+    if len(first) == n:
+        return complete_linkage(n, *pairs_within(range, azimuth, extent))
+    order = np.argsort(first)
+    first, rank = first[order], np.argsort(order)
+    label = complete_linkage(len(first), *pairs_within(range[first], azimuth[first], extent))
+    return np.asarray(first[label][rank[place]], np.int64)
 
 
 def runs(scan: Scan, extent: PlotExtent) -> IntArray:
