@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.numerics.rows import Rows
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages import evaluation, pruning
@@ -70,17 +73,25 @@ class WindowedMethod(Method):
         Of the last scan, s.
     scan_index : int
         Of the last scan.
+    time_limit : TimeLimit
+        Time that it may take.
     """
 
     def forget(self) -> None:
         """See `Method.forget`."""
         self.detections = DetectionWindow()
         self.stamp, self.scan_index = 0.0, -1
+        self.time_limit = TimeLimit()
 
     def begin(self, observed: Observation) -> IntArray:
         """Take a scan's detections into the window; returns their ids, (d,)."""
         self.stamp, self.scan_index = observed.stamp, observed.scan_index
+        self.time_limit = observed.time_limit
         return self.detections.append(observed.detections)
+
+    def late_after(self, share: float) -> Callable[[], bool] | None:
+        """Whether a share of the scan's time is over; None where the time is not limited."""
+        return partial(self.time_limit.used, share) if self.time_limit.finite else None
 
     def expired(self, first_scan: IntArray) -> BoolArray:
         """Which paths have had their N scans, (n,), by the scans of their first hits."""

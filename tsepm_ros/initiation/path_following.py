@@ -25,6 +25,8 @@ from tsepm_ros.stages.paths import NO_HIT, Paths, starting
 
 MAX_PAIRS = 1_000_000
 """Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
+PAIRING_SHARE = 0.25
+"""Share of a time limit after which no further pairs are sought."""
 
 
 class PathFollower(HitCounter):
@@ -198,7 +200,9 @@ class PathFollower(HitCounter):
             displacement = detections["position"][row] - owner[gate[parent]]
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
-        parent, row, cut = splitting.split_within(gate, gated, MAX_PAIRS, length)
+        parent, row, cut = splitting.split_within(
+            gate, gated, MAX_PAIRS, length, self.late_after(PAIRING_SHARE)
+        )
         return parent, row, cut + gated.cut
 
     def displacements(

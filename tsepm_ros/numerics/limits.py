@@ -53,6 +53,10 @@ class TimeLimit:
         """Time used so far, s."""
         return time.perf_counter() - self._begin
 
+    def used(self, share: float) -> bool:
+        """Whether a share of the time is over; never without a limit."""
+        return self.elapsed > share * self.seconds
+
     @property
     def left(self) -> float:
         """Time left, s; negative once the limit is exceeded."""

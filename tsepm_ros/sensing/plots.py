@@ -213,9 +213,7 @@ def grouped(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntAr
         if tree.count_neighbors(tree, reach) > 2 * MAX_PAIRS:
             return cells(np.zeros(n, np.int64), range, azimuth, extent)
     # Detections of one place are joined first, whatever lies beside them.
-    _, first, place = np.unique(
-        range + 1j * azimuth, return_index=True, return_inverse=True
-    )
+    _, first, place = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
     if len(first) == n:
         return complete_linkage(n, *pairs_within(range, azimuth, extent))
     order = np.argsort(first)

@@ -21,6 +21,8 @@ MAX_GATED = 5_000_000
 """Largest number of detections in all gates of a scan; above, only the nearest are used."""
 SPLIT_BLOCK = 1_000_000
 """Children processed together where a limit applies: bounds memory, not the result."""
+TIMED_BLOCK = 50_000
+"""The same where the time is limited."""
 
 
 @dataclass(frozen=True)
@@ -217,6 +219,7 @@ def split_within(
     gated: Gated,
     limit: int,
     cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
+    late: Callable[[], bool] | None = None,
 ) -> tuple[IntArray, IntArray, int]:
     """Split every potential track, and keep the `limit` children of least cost.
 
@@ -228,6 +231,8 @@ def split_within(
         Largest number of children.
     cost : callable
         Cost of children (parent, detection); evaluated only above the limit.
+    late : callable, optional
+        Whether the time is over: the children of no further tracks are looked at then.
 
     Returns
     -------
@@ -242,12 +247,15 @@ def split_within(
         return *split(gate_of_track, gated), 0
     parent = detection = np.zeros(0, np.int64)
     costs = np.zeros(0)
-    blocks = np.searchsorted(np.cumsum(counts), np.arange(0, total, SPLIT_BLOCK), side="right")
+    size = SPLIT_BLOCK if late is None else min(TIMED_BLOCK, SPLIT_BLOCK)
+    blocks = np.searchsorted(np.cumsum(counts), np.arange(0, total, size), side="right")
     for begin, end in itertools.pairwise([*np.unique(blocks), len(counts)]):
+        if late is not None and len(parent) and late():
+            break
         rows, added = split(gate_of_track[begin:end], gated)
         parent = np.concatenate([parent, rows + begin])
         detection = np.concatenate([detection, added])
         costs = np.concatenate([costs, cost(rows + begin, added)])
         best = keep_best(costs, limit)
         parent, detection, costs = parent[best], detection[best], costs[best]
-    return parent, detection, total - limit
+    return parent, detection, total - len(parent)

@@ -63,6 +63,8 @@ from tsepm_ros.stages.paths import Paths, starting
 
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
+COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
+"""Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
 BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 
@@ -207,10 +209,10 @@ class Tsepm(WindowedMethod):
         """
         last = self._potential.hit_count == self.options.min_hits - 1
         completed, cut_completed = self._split_part(
-            np.flatnonzero(last), gates, self.common.max_raw_confirmations
+            np.flatnonzero(last), gates, self.common.max_raw_confirmations, COMPLETING_SHARE
         )
         extended, cut_extended = self._split_part(
-            np.flatnonzero(~last), gates, self.common.max_potential_tracks
+            np.flatnonzero(~last), gates, self.common.max_potential_tracks, EXTENDING_SHARE
         )
         return (
             Paths.joined(completed, extended),
@@ -218,15 +220,20 @@ class Tsepm(WindowedMethod):
             PathCounts.joined(cut_completed, cut_extended),
         )
 
-    def _split_part(self, rows: IntArray, gates: Gates, limit: int) -> tuple[Paths, PathCounts]:
-        """Split some of the tracks; returns at most `limit` children, and the others counted."""
+    def _split_part(
+        self, rows: IntArray, gates: Gates, limit: int, share: float
+    ) -> tuple[Paths, PathCounts]:
+        """Split some of the tracks; returns at most `limit` children, and the others counted.
+
+        Children that are not looked at until a share of the scan's time is over count as others.
+        """
         tracks = self._potential[rows]
 
         def cost(parent: IntArray, newest: IntArray) -> FloatArray:
             return path_cost.cost(tracks.extended(parent, gates.ids[newest]), self.detections)
 
         parent, newest, cut = splitting.split_within(
-            gates.of(tracks.last_hit), gates.gated, limit, cost
+            gates.of(tracks.last_hit), gates.gated, limit, cost, self.late_after(share)
         )
         children = tracks.extended(parent, gates.ids[newest])
         if not cut:
