@@ -292,7 +292,9 @@ class FrontEnd:
     def _learn_clutter(self, clutter: FloatArray, held: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
         weight = clutter / (clutter + held) if self.most_tracks_true else np.ones(len(clutter))
-        return self._clutter.learn(weight, self._reach_area, self._held_targets())
+        # In an area within the reach of one target while a hypothesis of it lives.
+        reach = self.common.max_speed * self.learned.scan_interval.median * REACH_SCANS
+        return self._clutter.learn(weight, math.pi * reach**2, self._held_targets())
 
     def _held_targets(self) -> HeldTargets:
         """The held tracks in the sensor's frame, as of the last step."""
@@ -311,12 +313,6 @@ class FrontEnd:
         variance = self.sensor.range_variance(measured_polar(own)[0])
         held = self.maintenance.held.tracks.track_id
         self.learned.errors.update(track_id[rows], own, variance, held)
-
-    @property
-    def _reach_area(self) -> float:
-        """Area within the reach of one target while a hypothesis of it lives, m^2."""
-        reach = self.common.max_speed * self.learned.scan_interval.median * REACH_SCANS
-        return math.pi * reach**2
 
     def finish(self, step: Step, existence: FloatArray, ids: IntArray) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.

@@ -58,7 +58,7 @@ class DetectionsSubscription:
         type_name: str,
         reliability: str,
         depth: int,
-        callback: Callable[[Any], None],
+        callback: Callable[..., None],
         watch: QosWatch,
         *,
         connected_poll_period: float = CONNECTED_POLL_PERIOD,
@@ -91,6 +91,10 @@ class DetectionsSubscription:
     def connected(self) -> bool:
         """Whether the subscription exists."""
         return self._subscription is not None
+
+    def take_waiting(self) -> list[tuple[Any, Any]]:
+        """Take all messages that wait in the middleware; see `OfferedSubscription`."""
+        return [] if self._subscription is None else self._subscription.take_waiting()
 
     @property
     def unread(self) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ class OfferedSubscription:
     depth : int
         Messages that may queue up.
     callback : callable
-        Called with each message.
+        Called with each message, and with its information if it has two parameters.
     watch : QosWatch
         Counts the mismatches.
     reliability : rclpy.qos.ReliabilityPolicy, optional
@@ -40,7 +40,7 @@ class OfferedSubscription:
         message_type: type[Any],
         topic: str,
         depth: int,
-        callback: Callable[[Any], None],
+        callback: Callable[..., None],
         watch: QosWatch,
         *,
         reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
@@ -61,6 +61,18 @@ class OfferedSubscription:
     def topic_name(self) -> str:
         """Full name of the topic."""
         return str(self._subscription.topic_name)
+
+    def take_waiting(self) -> list[tuple[Any, Any]]:
+        """Take all messages that wait in the middleware, oldest first, with their information."""
+        taken: list[tuple[Any, Any]] = []
+        handle, subscription = self._subscription.handle, self._subscription
+        with handle:
+            while len(taken) < self._depth:
+                entry = handle.take_message(subscription.msg_type, subscription.raw)
+                if entry is None:
+                    break
+                taken.append(entry)
+        return taken
 
     def _subscribe(self, reliability: ReliabilityPolicy) -> None:
         self._subscription = self._node.create_subscription(

@@ -8,6 +8,7 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
+from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
@@ -21,6 +22,7 @@ from tsepm_ros.nodes.learned_file import SAVING_PERIOD, LearnedFile
 from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.nodes.queued_messages import newest
 from tsepm_ros.nodes.running import clock_time, run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
@@ -58,6 +60,7 @@ class TrackInitiator(ParameterisedNode):
         self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
+        self._waiting: Timer | None = None
         self._learned = LearnedFile(
             self._session,
             options.learned_file,
@@ -77,12 +80,12 @@ class TrackInitiator(ParameterisedNode):
             self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, qos
         )
         self._land = LandSubscription(self, self._input.take_land, qos)
-        detections = DetectionsSubscription(
+        self._detections = DetectionsSubscription(
             self,
             options.detections_type,
             options.detections_reliability,
             options.detections_depth,
-            self.take_detections,
+            self._hear_detections,
             qos,
         )
         self.create_service(Trigger, "~/reset", self._on_reset)
@@ -90,7 +93,7 @@ class TrackInitiator(ParameterisedNode):
             self,
             self._session,
             self._health,
-            detections,
+            self._detections,
             qos,
             OWN_SHIP_TOPIC,
             options.diagnostics_period,
@@ -111,9 +114,24 @@ class TrackInitiator(ParameterisedNode):
         self._learned.write()
         super().destroy_node()
 
-    def take_detections(self, message: Any) -> None:
-        """Take a message of detections of any supported type."""
-        entered = time.perf_counter()
+    def _hear_detections(self, message: Any, information: Any) -> None:
+        """Take a message from the middleware: under overload the newest, and the others count."""
+        interval = self._session.initiator.learned.scan_interval.median
+        message, waited, skipped = newest(
+            message, information, interval, self._detections.take_waiting
+        )
+        if skipped:
+            self._session.drop(
+                "overload",
+                f"{skipped} messages of detections waited too long and were skipped; the newest "
+                "is processed",
+                skipped,
+            )
+        self.take_detections(message, waited)
+
+    def take_detections(self, message: Any, waited: float = 0.0) -> None:
+        """Take a message of detections of any supported type that waited for a time, s."""
+        entered = time.perf_counter() - waited
         now = self._now()
         self._health.heard(DETECTIONS, now)
         before = self._session.arrivals
@@ -143,7 +161,9 @@ class TrackInitiator(ParameterisedNode):
         if self._session.source == "none" and self._session.settings.session.sweep == "off":
             return  # nothing waits
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(WAIT_PERIOD, lambda: self._process(time.perf_counter()), clock=steady)
+        self._waiting = self.create_timer(
+            WAIT_PERIOD, lambda: self._process(time.perf_counter()), clock=steady
+        )
 
     def _process(self, entered: float) -> None:
         """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
@@ -155,6 +175,11 @@ class TrackInitiator(ParameterisedNode):
             else:
                 self._health.processed(result.statistics.detections, latency, self._now())
             self._announced.announce(result, self._session.initiator.reason)
+        if self._waiting is not None and self._session.settings.session.sweep == "off":
+            if not self._session.waiting:
+                self._waiting.cancel()
+            elif self._waiting.is_canceled():
+                self._waiting.reset()
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         header = make_header(self.get_clock().now().nanoseconds, self._session.fixed_frame)

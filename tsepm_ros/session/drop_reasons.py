@@ -216,6 +216,12 @@ _SINGLE = {
         "the own-ship data has no heading, and the detections need it",
         "Provide odometry with a heading, or bearings from north with an all-round coverage",
     ),
+    "overload": DropReason(
+        DETECTIONS,
+        "scan",
+        "messages waited in the middleware for over 2 s and 5 scan intervals; the newest was taken",
+        "Reduce the sonar's rate or its detections, or `max_scan_time`",
+    ),
     "queue_full": DropReason(
         OWN_SHIP,
         "scan",
