@@ -186,40 +186,77 @@ def runs(sides: list[Side], scenes: int, recordings: Path) -> Iterator[tuple[Run
             yield base_run, head_run
 
 
+GIVEN = {"clutter_density": "given", "detection_probability": "given", "plots": "off"}
+ESTIMATED = {"clutter_density": "estimated", "detection_probability": "estimated", "plots": "off"}
+TIMED = {
+    "tsepm, given": ("tsepm", GIVEN),
+    "score, given": ("score", GIVEN),
+    "score, learned": ("score", ESTIMATED),
+    "score, all": ("score", {**ESTIMATED, "plots": "auto", "min_speed": 0.1}),
+}
+"""Methods and options whose time is compared; a commit without an option goes without it."""
+SCENES = {"disc 3.6e-8": 160, "imaging": 160, "disc 1e-6": 60, "disc 5e-6": 30}
+"""Scenes and numbers of pings: discs of 9 km with clutter of a density, and an imaging sonar."""
+SETTLING = 0.4
+"""Part of the pings after which they are compared."""
+
+
 def time_both(sides: list[Side], repeats: int) -> None:
     """Print the processor time per ping of both sides, ping by ping in turn, and the ratio."""
-    print("method  density  BASE ms  HEAD ms  HEAD / BASE: median (min .. max of the repeats)")
-    for method in ("tsepm", "score"):
-        for density in (3.6e-8, 1e-6, 5e-6):
-            pings = np.array([_ping_times(sides, method, density, seed) for seed in range(repeats)])
-            ratio = np.median(pings[:, :, 1] / pings[:, :, 0], axis=1)
-            base, head = 1e3 * np.median(pings, axis=(0, 1))
-            print(f"{method:7} {density:.1e} {base:8.3f} {head:8.3f}  ", end="")
-            print(f"{np.median(ratio):.3f} ({ratio.min():.3f} .. {ratio.max():.3f})", flush=True)
+    print(f"{'method':15} {'scene':12} BASE ms  HEAD ms  BASE / HEAD: median (min .. max)")
+    for about, (method, options) in TIMED.items():
+        for scene in SCENES:
+            pings = [_ping_times(sides, method, options, scene, seed) for seed in range(repeats)]
+            ratio = [np.median(times[:, 0] / times[:, 1]) for times in pings]
+            base, head = 1e3 * np.median(np.concatenate(pings), axis=0)
+            print(f"{about:15} {scene:12} {base:7.3f} {head:8.3f}  {np.median(ratio):.3f} ", end="")
+            print(f"({min(ratio):.3f} .. {max(ratio):.3f})", flush=True)
 
 
-def _ping_times(sides: list[Side], method: str, density: float, seed: int) -> np.ndarray:
-    """Times of the pings with a full window, (n, 2), s: a disc of 9 km with one target."""
+def _sensor(scene: str) -> dict[str, float]:
+    if scene == "imaging":
+        errors = {"range_std": 0.2, "range_std_fraction": 0.0, "azimuth_std": 0.01}
+        return {**errors, "max_range": 100.0, "clutter_density": 5e-4}
+    return {"clutter_density": float(scene.split()[1])}
+
+
+def _pings(scene: str, seed: int) -> Iterator[dict[str, Any]]:
+    """Scans of clutter with a target in a disc, or with ten targets, 20 times a second."""
     rng = np.random.default_rng(seed)
+    imaging = scene == "imaging"
+    reach, period = (100.0, 0.05) if imaging else (9000.0, 12.0)
+    place = rng.uniform(-60.0, 60.0, (10, 2)) if imaging else np.array([[3000.0, 2000.0]])
+    velocity = rng.uniform(-1.0, 1.0, (10, 2)) if imaging else np.array([[4.0, 0.0]])
+    mean = 16.0 if imaging else float(scene.split()[1]) * np.pi * reach**2
+    for ping in range(SCENES[scene]):
+        n = rng.poisson(mean)
+        x, y = (place + period * ping * velocity)[rng.random(len(place)) < 0.9].T
+        errors = rng.normal(0.0, (0.2, 0.01), (len(x), 2)).T
+        range_ = np.append(reach * np.sqrt(rng.uniform(1e-4, 1.0, n)), np.hypot(x, y) + errors[0])
+        azimuth = np.append(rng.uniform(-np.pi, np.pi, n), np.arctan2(y, x) + errors[1])
+        yield {"stamp": 1.0 + period * ping, "range": range_, "azimuth": azimuth}
+
+
+def _ping_times(
+    sides: list[Side], method: str, options: dict[str, Any], scene: str, seed: int
+) -> np.ndarray:
+    """Times of the settled pings, (n, 2), s."""
     streams = dict.fromkeys(("stdin", "stdout"), subprocess.PIPE)
     workers = [
         subprocess.Popen([*WORKER, "time"], env=side.environment, **streams) for side in sides
     ]
-    times = np.zeros((40, 2))
+    times = np.zeros((SCENES[scene], 2))
     for worker in workers:
-        worker.stdin.write(pickle.dumps((method, density)))
-    for ping in range(len(times)):
-        n, x, y = rng.poisson(density * np.pi * 9000.0**2), 3000.0 + 48.0 * ping, 2000.0
-        range_ = np.append(9000.0 * np.sqrt(rng.uniform(1e-4, 1.0, n)), np.hypot(x, y))
-        azimuth = np.append(rng.uniform(-np.pi, np.pi, n), np.arctan2(y, x))
-        scan = pickle.dumps({"stamp": 12.0 * ping, "range": range_, "azimuth": azimuth})
+        worker.stdin.write(pickle.dumps((method, _sensor(scene), options)))
+    for ping, keywords in enumerate(_pings(scene, seed)):
+        scan = pickle.dumps(keywords)
         for index in (0, 1) if (ping + seed) % 2 else (1, 0):
             workers[index].stdin.write(scan)
             workers[index].stdin.flush()
             times[ping, index] = float(workers[index].stdout.readline())
     for worker in workers:
         worker.communicate(pickle.dumps(None))
-    return times[16:]
+    return times[round(SETTLING * len(times)) :]
 
 
 def main() -> int:

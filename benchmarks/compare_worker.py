@@ -234,9 +234,10 @@ def answer_times() -> None:
     """Take scans on standard input and answer with the processor time of each, s."""
     from tsepm_ros import Scan, SensorModel, make_initiator
 
-    method, density = pickle.load(sys.stdin.buffer)
-    options = {"clutter_density": "given", "detection_probability": "given", "plot_features": False}
-    initiator = make_initiator(method, sensor=SensorModel(clutter_density=density), **options)
+    method, sensor, options = pickle.load(sys.stdin.buffer)
+    common = {field.name for field in dataclasses.fields(locate("CommonOptions"))}
+    options = {name: value for name, value in options.items() if name in common}
+    initiator = make_initiator(method, sensor=SensorModel(**sensor), **options)
     while (keywords := pickle.load(sys.stdin.buffer)) is not None:
         scan, begin = Scan(**keywords), time.process_time()
         initiator.process(scan)
