@@ -200,3 +200,20 @@ def test_split_within_asks_for_no_cost_where_nothing_is_cut():
     parent, detection, cut = split_within(gates, gated, len(everyone[0]), cost)
     assert (parent.tolist(), detection.tolist()) == (everyone[0].tolist(), everyone[1].tolist())
     assert cut == 0
+
+
+def test_split_within_looks_at_no_further_children_once_it_is_late(monkeypatch):
+    monkeypatch.setattr(splitting, "TIMED_BLOCK", 20)
+    gates, gated, cost = random_split(1, ties=False)
+    asked: list[bool] = []
+
+    def late() -> bool:
+        asked.append(True)
+        return len(asked) > 2
+
+    everyone = split(gates, gated)
+    parent, detection, cut = split_within(gates, gated, 100, cost, late)
+    assert 20 <= len(parent) < 100
+    assert cut == len(everyone[0]) - len(parent)
+    assert parent.tolist() == everyone[0][: len(parent)].tolist()
+    assert detection.tolist() == everyone[1][: len(parent)].tolist()

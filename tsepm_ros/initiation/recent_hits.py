@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
@@ -24,6 +25,12 @@ class _Hits(NamedTuple):
     time: FloatArray
     position: FloatArray
     covariance: FloatArray
+
+
+@cache
+def _largest_good(freedom: int) -> float:
+    """Quantile of chi-square at `GOOD_FIT`."""
+    return float(chdtri(freedom, 1.0 - GOOD_FIT))
 
 
 class RecentHits:
@@ -63,4 +70,4 @@ class RecentHits:
         elapsed = time - tracks.stamp[row]
         expected = state[0::2] + elapsed[:, None] * state[1::2]
         square = squared_distance(position - expected, covariance).sum()
-        return float(square / freedom) if square > chi2.ppf(GOOD_FIT, freedom) else 1.0
+        return float(square / freedom) if square > _largest_good(freedom) else 1.0
