@@ -91,13 +91,25 @@ class Scene:
         self.sent = 0
 
     def counted(self) -> int:
-        """Scans and drops of scans, from diagnostics."""
-        return int(self.world.figures()["scans"]) + lost_scans(Counter(self.world.dropped()))
+        """Scans, drops of scans, and scans that wait for own-ship data, from diagnostics."""
+        figures = self.world.figures()
+        counts = {
+            key.removeprefix("dropped."): int(value)
+            for key, value in figures.items()
+            if key.startswith("dropped.")
+        }
+        waiting = int(figures.get("waiting_for_own_ship", 0))
+        return int(figures["scans"]) + lost_scans(counts) + waiting
 
-    def settle(self, waiting: int = 0) -> None:
-        """Wait until everything sent is counted, but for a number of scans that may wait."""
-        end = time.monotonic() + WAIT
-        while not (self.sent - waiting <= (counted := self.counted()) <= self.sent):
+    def settle(self) -> None:
+        """Wait until everything sent is counted; fail if for long no more is.
+
+        A scan far back waits for the next one, which tells a restart from a bad stamp.
+        """
+        end, before = time.monotonic() + WAIT, -1
+        while not (self.sent - 1 <= (counted := self.counted()) <= self.sent):
+            if counted != before:
+                end, before = time.monotonic() + WAIT, counted
             if time.monotonic() > end:
                 raise Finding(f"{self.sent} sent, {counted} counted: {self.world.dropped()}")
         dropped = self.world.dropped()
@@ -162,8 +174,8 @@ def mutated_messages(world: World, rng: np.random.Generator, domain: int) -> Tri
                 continue
         if index % BURST == BURST - 1:
             world.spin_once()
-            scene.settle(waiting=scene.sent)
-    scene.settle(waiting=0 if scene.node.get_parameter("own_ship_source").value == "none" else 999)
+            scene.settle()
+    scene.settle()
     tried["messages"] += sum(tried.values())
     return tried
 
@@ -206,7 +218,7 @@ def clock_jumps(world: World, rng: np.random.Generator, domain: int) -> Tried:
             world.spin_once()
         scene.send(copy.deepcopy(ping.detections))
         world.spin_once()
-    scene.settle(waiting=999 if len(scene.tracks) == 0 else 0)
+    scene.settle()
     return Counter({"clock jumps": jumps, "messages": scene.sent})
 
 
