@@ -63,8 +63,7 @@ coverage: $(MADE)-test  ## lines and branches that the tests run, with and witho
 	rm -rf $(COVERAGE)
 	mkdir -p $(COVERAGE)
 	COVERAGE_FILE=$(COVERAGE)/data $(VENV)/bin/python -m coverage run -m pytest -q $(TEST_ARGS)
-	cd $(COVERAGE) && ../../$(VENV)/bin/python -m coverage combine --rcfile=../../pyproject.toml \
-	  --data-file=data
+	$(VENV)/bin/python -m coverage combine -q --data-file=$(COVERAGE)/data $(COVERAGE)
 	@for part in all core; do \
 	  omit=$$([ $$part = all ] || echo '--omit=tsepm_ros/nodes/*,tsepm_ros/demo/*'); \
 	  echo "== $$part"; \
