@@ -53,10 +53,10 @@ setup(
         (f"share/{NAME}/sros2", sorted(glob("sros2/*"))),
     ],
     zip_safe=False,
-    install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML>=6.0.1"],
+    install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML>=6.0.1", "tqdm>=4.64"],
     extras_require={
         "ros": ROS_WHEELS,
-        "plot": ["matplotlib>=3.6", "tqdm>=4.64"],
+        "plot": ["matplotlib>=3.6"],
         "bags": ["rosbags>=0.11"],
         "viewer": ["tornado>=6.2"],
         "distributed": ["distributed>=2023.1"],

@@ -32,10 +32,11 @@ import numpy as np
 from tsepm_ros import make_initiator
 from tsepm_ros.analysis.intervals import mean, mean_count, proportion
 from tsepm_ros.analysis.text_tables import text_table
-from tsepm_ros.analysis.workers import Workers, with_progress
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.commands.arguments import positive, workers_of
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.progress import with_progress
 from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.simulation.scenario import Scenario
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -25,6 +25,7 @@ import numpy as np
 from fixed_echoes_scenes import AZIMUTH_STD, RANGE_STD, Ping, Scene, Target, reflectors, swimmer
 
 from tsepm_ros import make_initiator
+from tsepm_ros.progress import with_progress
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
 SURE = 0.9
@@ -116,6 +117,11 @@ def first_published(
     return published, listed, others
 
 
+def seeds(args: argparse.Namespace) -> Iterable[int]:
+    """Seeds of the runs, with progress on a terminal."""
+    return with_progress(range(args.seed, args.seed + args.runs), args.runs, "runs")
+
+
 def run_reflectors(args: argparse.Namespace) -> None:
     """Print what becomes of fixed reflectors."""
     plain = Scene(detection_probability=0.8)
@@ -135,7 +141,7 @@ def run_reflectors(args: argparse.Namespace) -> None:
         if not name.startswith(args.only):
             continue
         published = listed = others = 0
-        for seed in range(args.seed, args.seed + args.runs):
+        for seed in seeds(args):
             rng = np.random.default_rng([seed, 17])
             scene = replace(kind, targets=reflectors(rng))
             first, pings, other = first_published(list(scene.draw(rng)), scene, MIN_SPEED, args)
@@ -155,7 +161,7 @@ def run_swimmers(args: argparse.Namespace) -> None:
     """Print when swimmers are published."""
     for course in ("radial", "tangential", "any"):
         rows = []
-        for seed in range(args.seed, args.seed + args.runs):
+        for seed in seeds(args):
             rng = np.random.default_rng([seed, 18])
             scene = Scene([swimmer(rng, course)], pings=60)
             pings = list(scene.draw(rng))
@@ -178,7 +184,7 @@ def run_departures(args: argparse.Namespace) -> None:
     """Print when reflectors that set off are published."""
     for course in ("radial", "tangential", "any"):
         later, missed = [], 0
-        for seed in range(args.seed, args.seed + args.runs):
+        for seed in seeds(args):
             rng = np.random.default_rng([seed, 19])
             target = replace(swimmer(rng, course), sets_off=60.0)
             scene = Scene([target])

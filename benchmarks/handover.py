@@ -44,9 +44,9 @@ from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
 from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
-from tsepm_ros.analysis.workers import with_progress
 from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.progress import with_progress
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.simulation import load_scenario
 from tsepm_ros.whole_files import written_whole

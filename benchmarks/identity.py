@@ -36,6 +36,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.progress import with_progress
 from tsepm_ros.replay.offline import process_recording
 from tsepm_ros.replay.recording import Recording, read_recording
 from tsepm_ros.settings.session_options import SessionOptions
@@ -335,7 +336,7 @@ def scenes(given: argparse.Namespace) -> None:
             if name not in given.scenes:
                 continue
             parts = []
-            for run in range(given.runs):
+            for run in with_progress(range(given.runs), given.runs, "runs"):
                 rng = np.random.default_rng([given.seed, number, run])
                 paths = path_of(name, rng, sonde)
                 sigma = max(

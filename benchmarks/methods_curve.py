@@ -69,7 +69,7 @@ def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str])
             markerfacecolor=face,
             elinewidth=0.6,
             markersize=5,
-            label=f"{scans} scans",
+            label=f"{scans} pings",
         )
     axis.set_title(method, loc="left", fontsize=11, weight="bold")
     axis.set(xscale="log", ylim=(-0.03, 1.05))
@@ -84,8 +84,8 @@ def draw(rows: Sequence[Row], methods: Sequence[str], horizons: Sequence[str], p
     for axis, method in zip(axes.flat, methods, strict=False):
         panel(axis, method, rows, horizons)
     axes[0, 0].legend(loc="lower right", fontsize=9)
-    figure.supxlabel("false + misplaced starts per hour (none: half a start in all runs)")
-    figure.supylabel("P_D")
+    figure.supxlabel("false and misplaced tracks per hour (none in all runs: half a track)")
+    figure.supylabel("fraction of targets with a true track, P_D")
     figure.suptitle(
         f"{rows[0]['scenario']}: few to many false tracks; {rows[0]['runs']} runs, "
         f"seed {rows[0]['seed']}, 95 % intervals; grey: all methods after {horizons[-1]} scans",

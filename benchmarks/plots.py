@@ -19,6 +19,7 @@ import argparse
 import math
 import os
 import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -31,6 +32,7 @@ from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.environment.detection_spacing import DetectionSpacing
 from tsepm_ros.environment.seen_extent import Extent, SeenExtent
 from tsepm_ros.initiation.plot_extraction import LIKELIHOOD_RATIO
+from tsepm_ros.progress import with_progress
 from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, grouped, plots_of
 from tsepm_ros.sensing.scan import Scan
 
@@ -60,6 +62,11 @@ class Run:
     def after_on(self) -> list[Start]:
         """Starts from then on."""
         return [start for start in self.starts if start.ping >= self.on]
+
+
+def shown(seeds: Sequence[int]) -> Iterable[int]:
+    """Seeds of the runs, with progress on a terminal."""
+    return with_progress(seeds, len(seeds), "runs")
 
 
 def run(
@@ -115,7 +122,7 @@ def swimmers(options: argparse.Namespace) -> None:
     plain = Swimmers(echoes=(1, 1), pings=options.pings, false=options.false)
     seeds = range(options.seed, options.seed + options.runs)
     known_of = options.density, options.sensor
-    single = [run(plain, seed, *known_of, plots="off") for seed in seeds]
+    single = [run(plain, seed, *known_of, plots="off") for seed in shown(seeds)]
     # Pings with one echo: as if plots were on from the start.
     known = [replace(one, on=0.0) for one in single]
     print(
@@ -130,7 +137,7 @@ def swimmers(options: argparse.Namespace) -> None:
         for spread in (1.0, 3.0):
             for common in (True, False):
                 scene = replace(plain, echoes=echoes, spread=spread, common=common)
-                runs = [run(scene, seed, *known_of, plots=options.plots) for seed in seeds]
+                runs = [run(scene, seed, *known_of, plots=options.plots) for seed in shown(seeds)]
                 name = "-".join(map(str, sorted(set(echoes))))
                 kind = "common" if common else "independent"
                 row(name, f"{spread:g} m", kind, runs, runs, single)
@@ -161,7 +168,7 @@ def two(options: argparse.Namespace) -> None:
         for spread, common in ((1.0, True), (3.0, True), (3.0, False)):
             scene = Swimmers(spread=spread, common=common, apart=(apart, 0.0), pings=options.pings)
             seeds = range(options.seed, options.seed + options.runs)
-            runs = [run(scene, seed, options.density, options.sensor) for seed in seeds]
+            runs = [run(scene, seed, options.density, options.sensor) for seed in shown(seeds)]
             both = np.mean([math.isfinite(max(first(one, 0), first(one, 1))) for one in runs])
             held = sorted(one.held for one in runs)
             kind = "common" if common else "independent"
@@ -178,7 +185,8 @@ def vessels(options: argparse.Namespace) -> None:
         )
         seeds = range(options.seed, options.seed + options.runs)
         runs = [
-            run(scene, seed, options.density, options.sensor, plots=options.plots) for seed in seeds
+            run(scene, seed, options.density, options.sensor, plots=options.plots)
+            for seed in shown(seeds)
         ]
         on, begin = [one.on for one in runs], [first(one) for one in runs]
         starts = [len(one.starts) for one in runs]

@@ -35,6 +35,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.progress import with_progress
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -161,7 +162,7 @@ def bias(noise: str, scene: str, method: str, times: str, pairs: int, seed: int 
     poses = odometry(simulated)
     speed = SOUND_SPEED if times == "sound_speed" else 0.0
     errors, variances = [], []
-    for index in range(pairs):
+    for index in with_progress(range(pairs), pairs, f"{scene}, {method}, {times}", "pair"):
         clouds = (
             messages(simulated, [seed, index], NOISES[noise], sign, times) for sign in (1.0, -1.0)
         )

@@ -270,6 +270,8 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
     pytest.importorskip("matplotlib")
     from PIL import Image
 
+    from tsepm_ros.pictures.plan_animation import FRAME_TIME, LAST_FRAME_TIME
+
     picture, animation = tmp_path / "p" / "run.png", tmp_path / "a" / "run.gif"
     assert main(["run", scenario, "--picture", str(picture), "--animation", str(animation)]) == 0
     assert np.ptp(np.asarray(Image.open(picture))) > 100
@@ -278,7 +280,7 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
         for number in range(frames.n_frames):
             frames.seek(number)
             shown += frames.info["duration"]
-    assert shown == 500 * (8 + 3), "ms: each scan for half a second, the last one four times"
+    assert shown == FRAME_TIME * 7 + LAST_FRAME_TIME, "ms"
     assert animation.stat().st_size < 3e6
 
 
@@ -287,7 +289,12 @@ def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
     from PIL import Image
 
     from tsepm_ros.kinematics.track import TrackArrays
-    from tsepm_ros.pictures.plan_animation import LAST_FRAME_REPEATS, animate, shown_scans
+    from tsepm_ros.pictures.plan_animation import (
+        FRAME_TIME,
+        LAST_FRAME_TIME,
+        animate,
+        shown_scans,
+    )
     from tsepm_ros.pictures.run_scene import RunScene, ScanView
 
     assert list(shown_scans(8, 3)) == [1, 4, 7]
@@ -300,7 +307,7 @@ def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
         for number in range(frames.n_frames):
             frames.seek(number)
             shown += frames.info["duration"]
-    assert shown == 500 * (2 + LAST_FRAME_REPEATS)
+    assert shown == FRAME_TIME * 2 + LAST_FRAME_TIME
 
 
 def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tsepm_ros.analysis.truth import Judged, Outcome
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.pictures.run_scene import (
     RunScene,
     ScanView,
+    headline,
     position_at,
     truth_paths,
     velocity_seconds,
@@ -82,7 +86,7 @@ def test_truth_is_interpolated_and_unknown_outside_its_time():
     assert position_at(path, 20.5) is None
 
 
-def test_a_tracks_velocity_is_drawn_as_a_25th_of_the_scene():
+def test_a_tracks_velocity_is_drawn_over_a_round_time_as_a_30th_of_the_scene():
     track = ConfirmedTrack(
         track_id=0,
         stamp=0.0,
@@ -97,7 +101,7 @@ def test_a_tracks_velocity_is_drawn_as_a_25th_of_the_scene():
     one = TrackArrays.of([track])
     corners = np.array([[0.0, 0.0], [10_000.0, 3000.0]])
     scene = RunScene("run", [ScanView(0.0, corners, None, one, one)])
-    assert velocity_seconds(scene) == 40.0
+    assert velocity_seconds(scene) == 30.0, "at most 333 m at 10 m/s"
     assert velocity_seconds(RunScene("nothing")) > 0
 
 
@@ -116,7 +120,7 @@ def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
 )
 def test_the_ship_points_to_its_heading(heading_deg, bow):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.pictures.plan_position import ship
+    from tsepm_ros.pictures.plan_marks import ship
 
     np.testing.assert_allclose(ship(np.radians(heading_deg)).vertices[0], bow, atol=1e-3)
 
@@ -124,7 +128,10 @@ def test_the_ship_points_to_its_heading(heading_deg, bow):
 @pytest.mark.parametrize("velocity", [(6.0, 8.0), (-6.0, 8.0), (0.0, -9.0), (9.0, 0.0), (0.0, 0.0)])
 def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.pictures.plan_position import PlanPicture, draw
+    import matplotlib.pyplot as plt
+    from matplotlib.patches import Ellipse
+
+    from tsepm_ros.pictures.plan_marks import draw_track, style_plan
 
     track = ConfirmedTrack(
         track_id=1234,
@@ -137,20 +144,131 @@ def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
         scan_count=1,
         age=0.0,
     )
-    corners = np.array([[-1000.0, -1000.0], [1000.0, 1000.0]])
-    figure = draw(PlanPicture("one", detections=[corners], on_target=[track]))
+    figure, axes = plt.subplots(figsize=(9.5, 9.5))
+    style_plan(axes, np.array([[-1000.0, 1000.0], [-1000.0, 1000.0]]))
+    draw_track(axes, track, 60.0, "#c05621", 1.0, 1.6)
     figure.canvas.draw()
-    (axes,) = figure.axes
-    (text,) = axes.texts
+    (text,) = (one for one in axes.texts if one.get_text() == "1234")
     box = text.get_window_extent()
-    (ellipse,) = axes.patches
-    assert text.get_text() == "1234"
+    (ellipse,) = (one for one in axes.patches if isinstance(one, Ellipse))
     assert not box.overlaps(ellipse.get_window_extent())
-    end = axes.transData.transform(track.position + 120.0 * track.velocity)
+    end = axes.transData.transform(track.position + 60.0 * track.velocity)
     here = axes.transData.transform(track.position)
     line = here + np.linspace(0.0, 1.0, 500)[:, np.newaxis] * (end - here)
     assert not box.count_contains(line)
     assert np.hypot(*(box.get_points().mean(axis=0) - here)) < 60.0
+    plt.close(figure)
+
+
+def track_at(track_id, x, hits=()):
+    return ConfirmedTrack(
+        track_id=track_id,
+        stamp=0.0,
+        state=np.array([x, 1.0, 0.0, 0.0]),
+        covariance=np.diag([400.0, 1.0, 400.0, 1.0]),
+        hits=hits,
+        evaluation=0.0,
+    )
+
+
+def view(number, new=(), held=(), restart=False):
+    detections = np.array([[number, 0.0], [number, 1.0]])
+    tracks = (TrackArrays.of(list(new)), TrackArrays.of(list(held)))
+    return ScanView(float(number), detections, None, *tracks, restart=restart)
+
+
+def test_hits_are_those_of_the_scans_since_the_last_restart():
+    scans = [view(1), view(2), view(3, restart=True), view(4, [track_at(7, 0.0, ((0, 1), (1, 0)))])]
+    hits = RunScene("run", scans).hits
+    assert list(hits) == [7]
+    np.testing.assert_array_equal(hits[7], [[3, 3.0, 1.0], [4, 4.0, 0.0]])
+
+
+def test_a_trail_has_the_positions_of_every_scan_that_held_the_track():
+    scans = [view(1), view(2, held=[track_at(7, 5.0)]), view(3, held=[track_at(7, 6.0)]), view(4)]
+    trails = RunScene("run", scans).trails()
+    np.testing.assert_array_equal(trails[7], [[5.0, 0.0], [6.0, 0.0]])
+    assert RunScene("run", scans).trails(1) == {}
+
+
+OUTCOMES = {
+    ("true", "true"): "2 of 2 targets in 3 pings, no false track",
+    ("true",): "1 of 2 targets in 1 pings, no false track",
+    (): "0 of 2 targets in 4 pings, no false track",
+    ("true", "false", "false"): "1 of 2 targets in 1 pings, 2 false tracks",
+    ("true", "misplaced", "redundant"): (
+        "1 of 2 targets in 1 pings, no false track, 1 misplaced, 1 redundant"
+    ),
+}
+
+
+@pytest.mark.parametrize("outcomes", OUTCOMES, ids=str)
+def test_the_headline_has_the_result(outcomes):
+    tracks = [track_at(number, 0.0) for number in range(len(outcomes))]
+    starts = {0: tracks[:1], 2: tracks[1:]}  # in the first scan, and in the third
+    scans = [view(number, starts.get(number, ())) for number in range(4)]
+    judged = [
+        Judged(track, Outcome(outcome), target, True, 0.0, 0.0, 0.0)
+        for target, (track, outcome) in enumerate(zip(tracks, outcomes, strict=True))
+    ]
+    truth = [np.array([[0.0, 0.0, 0.0], [4.0, 1.0, 1.0]])] * 2
+    scene = RunScene("run", scans, truth, judged)
+    assert headline(scene) == OUTCOMES[outcomes].replace("1 pings", "1 ping")
+
+
+def test_the_headline_of_a_recording_counts_tracks():
+    scans = [view(1, [track_at(1, 0.0)]), view(2, held=[track_at(1, 1.0)])]
+    assert headline(RunScene("run", scans)) == "1 track in 2 pings, 1 held at the end"
+    assert headline(RunScene("run", scans, elsewhere={1})) == (
+        "no track on a target, 1 elsewhere, in 2 pings, 1 held at the end"
+    )
+
+
+def test_the_picture_of_a_judged_run_has_the_result_and_a_panel_for_each_target():
+    pytest.importorskip("matplotlib")
+    import matplotlib.pyplot as plt
+
+    from tsepm_ros.pictures.plan_position import draw
+
+    track = replace(track_at(41, 30.0, ((0, 0), (2, 1))), stamp=2.0)
+    scans = [view(0), view(1), view(2, [track], [track]), view(3, held=[track_at(41, 31.0)])]
+    truth = [np.array([[0.0, y, 0.0], [3.0, y + 3.0, 0.0]]) for y in (29.0, 900.0)]
+    judged = [Judged(track, Outcome.TRUE, 0, True, 1.0, 1.0, 1.0)]
+    figure = draw(RunScene("run", scans, truth, judged))
+    plan, found, missed = figure.axes
+    assert figure.get_suptitle() == "1 of 2 targets in 3 pings, no false track"
+    titles = [axes.get_title(loc="left") for axes in (found, missed)]
+    assert titles == ["target A: track 41\nafter 3 pings, 2 s, by 2 hits", "target B: no track"]
+    written = [text.get_text() for text in found.texts]
+    assert {"1", "3", "41"} <= set(written), "the scans of the hits, and the id"
+    rings = [text.get_text() for text in plan.texts if text.get_text().endswith((" m", "km"))]
+    assert rings, "ranges of the rings"
+    plt.close(figure)
+
+
+def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
+    pytest.importorskip("matplotlib")
+    import matplotlib.pyplot as plt
+
+    from tsepm_ros.pictures.plan_position import draw
+
+    echo = np.array([[5.0, 5.0]])
+    poses = [np.array([10.0 * number, 0.0, np.nan]) for number in range(3)]
+    held = [[track_at(4, 50.0), track_at(6, 20.0)], [track_at(4, 51.0)], [track_at(4, 52.0)]]
+    scans = [
+        replace(view(number, held=held[number]), sensor=pose, fixed_echoes=echo)
+        for number, pose in enumerate(poses)
+    ]
+    figure = draw(RunScene("run", scans))
+    (plan,) = figure.axes
+    lines = [line.get_xydata().tolist() for line in plan.lines]
+    assert [[50.0, 0.0], [51.0, 0.0], [52.0, 0.0]] in lines, "trail of the track that is held"
+    assert [[20.0, 0.0]] in lines, "trail of the track that ended"
+    assert [[0.0, 0.0], [10.0, 0.0], [20.0, 0.0]] in lines, "way of the own ship"
+    assert echo.tolist() in lines
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"fixed echo", "own ship and its way", "held to the end: its trail"} <= set(labels)
+    plt.close(figure)
 
 
 def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():

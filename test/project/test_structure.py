@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 LAYERS = (
     "tsepm_ros.whole_files",
     "tsepm_ros.plain_yaml",
+    "tsepm_ros.progress",
     "tsepm_ros.parameters",
     "tsepm_ros.numerics",
     "tsepm_ros.sensing",

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tsepm_ros.analysis.code_version import digest
 from tsepm_ros.analysis.measures import Measures, measures_of
 from tsepm_ros.analysis.operating_curve import Comparison, compare
-from tsepm_ros.analysis.operating_points import OperatingPoint, digest
+from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_files import RunFile, complete
 from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.study import runs_of
-from tsepm_ros.analysis.workers import Progress, Workers, silent
+from tsepm_ros.analysis.workers import Workers
+from tsepm_ros.progress import Progress, silent
 from tsepm_ros.simulation import Scenario
 
 JUDGING_MODULES = ("bounds", "gospa", "run_summary", "simulated_run", "truth")

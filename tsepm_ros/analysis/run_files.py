@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.analysis.workers import Progress, silent
+from tsepm_ros.progress import Progress, silent
 from tsepm_ros.whole_files import write_text, written_whole
 
 

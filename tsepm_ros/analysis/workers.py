@@ -1,45 +1,22 @@
-"""Execution of runs by processes of this machine or by a scheduler's workers, and progress."""
+"""Execution of runs by processes of this machine or by a scheduler's workers."""
 
 from __future__ import annotations
 
-import functools
 import multiprocessing
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 WATCH_PERIOD = 0.5
 """Time between a worker's checks of its parent, s."""
-
-Progress = Callable[[Iterable[Any], int], Iterable[Any]]
-"""Passes an iterable of a given length through and shows its progress."""
-
-
-def silent(results: Iterable[Any], total: int) -> Iterable[Any]:
-    """Pass the results through without showing progress."""
-    return results
-
-
-def with_progress(results: Iterable[Any], total: int, label: str | None = None) -> Iterable[Any]:
-    """Show a progress bar if tqdm is installed and the output is a terminal."""
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        return results
-    return tqdm(results, total=total, desc=label, unit="run", leave=label is None, disable=None)
-
-
-def named_progress(label: str) -> Progress:
-    """Progress of a part of the work by its name, as `with_progress`; gone when it is done."""
-    return functools.partial(with_progress, label=label)
 
 
 def _attach_to_parent() -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.analysis.workers import named_progress
 from tsepm_ros.commands.arguments import add_runs, add_values, positive, workers_of
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
@@ -30,6 +29,7 @@ from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import Value
+from tsepm_ros.progress import named_progress
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session.angle_units import questions
 from tsepm_ros.settings.parameter_files import values_for

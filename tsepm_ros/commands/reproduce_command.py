@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from tsepm_ros.analysis.operating_points import package_version
-from tsepm_ros.analysis.workers import with_progress
+from tsepm_ros.analysis.code_version import package_version
 from tsepm_ros.commands.arguments import add_out, add_runs, workers_of
+from tsepm_ros.progress import with_progress
 from tsepm_ros.reproduction.document import Part, write
 from tsepm_ros.reproduction.runs import Setting
 from tsepm_ros.reproduction.sources import SOURCES

@@ -13,6 +13,7 @@ from tsepm_ros.commands.failure import CommandFailed
 from tsepm_ros.commands.run_sources import Run, add_source_arguments, needs_scene, open_run
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.pictures.run_scene import RunScene, ScanView
+from tsepm_ros.progress import named_progress, with_progress
 from tsepm_ros.replay.track_files import CurrentTable, TrackBag, TrackTable, TrackWriter
 from tsepm_ros.replay.track_listing import TrackListing
 from tsepm_ros.session.drop_reasons import reason_of
@@ -78,7 +79,7 @@ def _process(
     with_scene = needs_scene(options)
     with ExitStack() as stack:
         writers = _writers(options.out, run.session.settings.make_initiator().reason, stack)
-        for result in run.results:
+        for result in with_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1
             for writer in writers:
                 writer.write(result)
@@ -151,14 +152,15 @@ def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:
         return
     try:
         from tsepm_ros.pictures.plan_animation import animate
-        from tsepm_ros.pictures.plan_position import picture_of, save
+        from tsepm_ros.pictures.plan_position import save
     except ImportError:
         print("no picture: it needs matplotlib, see the extra plot", file=sys.stderr)
         return
     if picture:
-        save(picture_of(scene), picture, scene.insets)
+        for path in with_progress([picture], 1, "picture", "file"):
+            save(scene, path)
         print(f"picture: {picture}", file=sys.stderr)
     if options.animation:
-        step = animate(scene, options.animation)
+        step = animate(scene, options.animation, progress=named_progress("animation"))
         every = "" if step == 1 else f", a frame for every {step} scans"
         print(f"animation: {options.animation}{every}", file=sys.stderr)

@@ -88,6 +88,8 @@ class Run:
         First message by reason.
     duration : float
         Duration of the recording, s.
+    scans : int or None
+        Number of scans of the recording, dropped ones included; None if it is not known.
     processed : int
         Number of scans that were processed so far.
     mounting_yaw : float or None
@@ -101,6 +103,7 @@ class Run:
     judge: Callable[[RunScene], None] = lambda scene: None
     notes: dict[str, str] = field(default_factory=dict)
     duration: float = 0.0
+    scans: int | None = None
     processed: int = 0
     mounting_yaw: float | None = 0.0
 
@@ -172,6 +175,7 @@ def _recording(options: argparse.Namespace) -> Run:
         truth=truth_paths(recording.targets),
         notes=notes,
         duration=last - first,
+        scans=len(recording.scans),
         mounting_yaw=_mounting_yaw(session, node),
     )
 
@@ -201,6 +205,7 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         truth=bag_truth(bag, topics) if needs_scene(options) else [],
         notes=notes,
         duration=bag.duration,
+        scans=bag.count(topics[DETECTIONS]),
         mounting_yaw=_mounting_yaw(session, node),
     )
 
@@ -243,6 +248,7 @@ def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
         judge=judge,
         notes=notes,
         duration=scenario.duration,
+        scans=scenario.scans,
     )
 
 

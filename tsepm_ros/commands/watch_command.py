@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import threading
-from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 
 from tsepm_ros.commands.run_sources import add_source_arguments, open_run
 from tsepm_ros.parameters import Value, table
-from tsepm_ros.session.result import ScanResult
+from tsepm_ros.progress import with_progress
 from tsepm_ros.settings.value_text import yaml_text
 from tsepm_ros.settings.viewer_options import ViewerNodeOptions
 from tsepm_ros.viewer.serving import make_server
@@ -81,18 +80,9 @@ def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> 
         recorded = run.recorded_scene()
         server = make_server(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
-        for result in _with_progress(run.results):
+        for result in with_progress(run.results, run.scans, "scans", "scan"):
             recorded.add(result, run.session.initiator)
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
-
-
-def _with_progress(results: Iterator[ScanResult]) -> Iterable[ScanResult]:
-    """Show the number of processed scans if tqdm is installed and the output is a terminal."""
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        return results
-    return tqdm(results, unit="scan", disable=None)

@@ -24,6 +24,8 @@ from rclpy.executors import SingleThreadedExecutor
 from tsepm_ros.demo.review import Review, review_recording, review_simulation
 from tsepm_ros.demo.topic_collector import TopicCollector
 from tsepm_ros.pictures.plan_position import save
+from tsepm_ros.pictures.run_scene import headline
+from tsepm_ros.progress import progress_bar
 from tsepm_ros.replay.recording import Recording, read_recording
 from tsepm_ros.simulation import Scenario, load_scenario
 
@@ -50,12 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2
-    begin = time.monotonic()
     scans = scene.scans if isinstance(scene, Scenario) else len(scene.scans)
     collector, codes = _run(options, scans)
-    print(f"both nodes ended with {codes}; {time.monotonic() - begin:.1f} s")
     if any(codes) or collector.processed < scans:
-        print(f"failed: {collector.processed} of {scans} scans were processed", file=sys.stderr)
+        print(
+            f"failed: {collector.processed} of {scans} pings were processed; exit codes of the "
+            f"nodes: {codes[0]} and {codes[1]}",
+            file=sys.stderr,
+        )
         return 1
     if isinstance(scene, Scenario):
         review = review_simulation(collector, scene, options.seed, options.parameter)
@@ -145,10 +149,8 @@ def _watch(
     tracker: subprocess.Popen[bytes],
 ) -> None:
     """Spin until every scan is processed, or no message arrives any more."""
-    from tqdm import tqdm
-
     heard, last = -1, time.monotonic()
-    with tqdm(total=scans, unit="scan", desc="scans", dynamic_ncols=True, mininterval=0.5) as bar:
+    with progress_bar(scans, "pings", "ping", keep=True) as bar:
         while collector.processed < scans:
             executor.spin_once(timeout_sec=0.1)
             if collector.heard != heard:
@@ -182,13 +184,8 @@ def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
 
 
 def _report(review: Review, picture: Path) -> int:
-    save(review.picture, picture, review.insets)
-    print()
-    print(review.table)
-    print()
-    for line in review.lines:
-        print(line)
-    print(f"picture: {picture}")
+    save(review.scene, picture)
+    print(f"\n{headline(review.scene)}\n\n{review.table}\n\npicture: {picture}")
     if review.failure:
         print(f"failed: {review.failure}", file=sys.stderr)
         return 1

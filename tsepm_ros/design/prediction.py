@@ -17,10 +17,11 @@ from tsepm_ros.analysis.intervals import Estimate, mean, mean_count, proportion
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.analysis.workers import Progress, Workers, silent
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.target_scenes import target_scenes
 from tsepm_ros.methods.registry import make_initiator
+from tsepm_ros.progress import Progress, silent
 from tsepm_ros.simulation import Scenario, Simulator
 
 SEGMENTS = 8

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.workers import Progress, Workers
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.mn_rules import confirmed_by, rule_detection_probability
@@ -30,6 +30,7 @@ from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.progress import Progress
 from tsepm_ros.sensing.conversion import position_covariance
 
 Labelled = Callable[[str], Progress]

@@ -50,13 +50,21 @@ def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> list[Pat
     name = evaluated[0].scenario.name
     height = 2.0 + 0.26 * len(evaluated[0].points)
     panels = {
-        "operating_curve": (_operating_curve, "P_D against false + misplaced starts", 6.5),
+        "operating_curve": (
+            _operating_curve,
+            "targets found against false and misplaced tracks",
+            6.5,
+        ),
         "time_to_confirm": (
             _time_to_confirm,
-            "time to confirm, median (full) and 95 % quantile (hollow)",
+            "time to a true track, median (full) and 95 % quantile (hollow)",
             height,
         ),
-        "nees": (_nees, "NEES of pure starts (full) and of all true starts (hollow)", height),
+        "nees": (
+            _nees,
+            "NEES of pure tracks (full) and of all true tracks (hollow)",
+            height,
+        ),
     }
     written = []
     for kind, (panel, title, panel_height) in panels.items():
@@ -84,7 +92,7 @@ def _picture(
     )
     for axis, evaluation in zip(axes[0], evaluated, strict=True):
         panel(axis, evaluation)
-        axis.set_title(f"after {evaluation.scans} scans", loc="left", fontsize=10)
+        axis.set_title(f"after {evaluation.scans} pings", loc="left", fontsize=10)
         axis.grid(alpha=0.3)
     figure.suptitle(title, fontsize=11)
     return figure
@@ -124,7 +132,8 @@ def _operating_curve(axis: Axes, evaluation: Evaluated) -> None:
         )
     axis.set(xscale="log", xlim=(0.5 * x.min(), None), ylim=(None, 1.06))
     axis.set(
-        xlabel="false + misplaced per scan and km² (none: half a start in all runs)", ylabel="P_D"
+        xlabel="false and misplaced tracks per ping and km² (none in all runs: half a track)",
+        ylabel="fraction of targets with a true track, P_D",
     )
     axis.legend(loc="lower right")
     _add_hourly_axis(axis, evaluation)
@@ -157,12 +166,12 @@ def _add_hourly_axis(axis: Axes, evaluation: Evaluated) -> None:
             lambda rate: np.divide(rate, factor),
         ),
     )
-    above.set_xlabel("per hour")
+    above.set_xlabel("false and misplaced tracks per hour")
 
 
 def _time_to_confirm(axis: Axes, evaluation: Evaluated) -> None:
     _rows(axis, evaluation, "confirmation_median", "confirmation_95")
-    axis.set(xlabel="s after the first scan", xlim=(0.0, None))
+    axis.set(xlabel="time from the first ping to the track, s", xlim=(0.0, None))
 
 
 def _nees(axis: Axes, evaluation: Evaluated) -> None:
@@ -171,7 +180,9 @@ def _nees(axis: Axes, evaluation: Evaluated) -> None:
     axis.annotate(
         " ideal 4", (IDEAL_NEES, 0.0), xycoords=("data", "axes fraction"), va="bottom", color="grey"
     )
-    axis.set(xlabel="NEES", xscale="log")
+    axis.set(
+        xlabel="normalised estimation error squared (NEES); larger: over-confident", xscale="log"
+    )
     axis.set_xticks(NEES_TICKS, [f"{tick:g}" for tick in NEES_TICKS])
     axis.minorticks_off()
 

@@ -5,45 +5,61 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from PIL import Image
 
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.pictures.plan_position import (
+from tsepm_ros.pictures.plan_layout import PlanLayout
+from tsepm_ros.pictures.plan_marks import (
+    FIXED_COLOUR,
     INK_COLOUR,
     TRACK_COLOUR,
     TRUTH_COLOUR,
+    draw_detections,
+    draw_fixed_echoes,
+    draw_hits,
     draw_own_ship,
+    draw_rings,
     draw_track,
-    legend_dots,
-    legend_own_ship,
-    style_plan,
+    draw_trail,
+    legend_line,
+    legend_points,
+    legend_sonar,
 )
 from tsepm_ros.pictures.run_scene import (
     RunScene,
     ScanView,
     own_ship_path,
     position_at,
+    target_name,
     velocity_seconds,
 )
+from tsepm_ros.progress import Progress, silent
 from tsepm_ros.whole_files import written_whole
 
 NEW_TRACK_COLOUR = "#b5179e"
 FADING_SCANS = 8
 """Number of scans for which a detection is shown."""
-FRAMES_PER_SECOND = 2
-LAST_FRAME_REPEATS = 4
-"""Number of times that the last frame is shown."""
+FRAME_TIME, LAST_FRAME_TIME = 500, 2500
+"""Time of a frame, and of the last frame, ms."""
+DOTS_PER_INCH = 60
+COLOURS = 64
 MAX_FRAMES = 400
 """Maximum frames of an animation; of a longer run only every n-th scan is shown."""
 _MIN_DATE, _MAX_DATE = 1e8, 2.5e11  # stamps between these are dates, s since 1970
 
 
-def animate(scene: RunScene, path: Path, max_frames: int = MAX_FRAMES) -> int:
+def animate(
+    scene: RunScene,
+    path: Path,
+    max_frames: int = MAX_FRAMES,
+    progress: Progress = silent,
+) -> int:
     """Write the animation as a GIF.
 
     Parameters
@@ -52,6 +68,8 @@ def animate(scene: RunScene, path: Path, max_frames: int = MAX_FRAMES) -> int:
     path : path
         Path of the file.
     max_frames : int, optional
+    progress : callable, optional
+        Shows the number of frames that are done.
 
     Returns
     -------
@@ -67,17 +85,39 @@ def animate(scene: RunScene, path: Path, max_frames: int = MAX_FRAMES) -> int:
         raise ValueError("there is no scan to animate")
     path.parent.mkdir(parents=True, exist_ok=True)
     shown = shown_scans(len(scene.scans), max_frames)
-    seconds, limits = velocity_seconds(scene), _limits(scene)
-    figure, axes = plt.subplots(figsize=(9.5, 10.0), layout="constrained")
-    figure.legend(handles=_legend(scene, seconds), loc="outside lower center", ncols=3, fontsize=9)
-    writer = PillowWriter(fps=FRAMES_PER_SECOND)
-    with written_whole(path) as temporary, writer.saving(figure, str(temporary), dpi=80):
-        for index in shown:
-            _draw(axes, scene, index, seconds, limits, confirmed_since=index - shown.step + 1)
-            for _ in range(LAST_FRAME_REPEATS if index == shown[-1] else 1):
-                writer.grab_frame()
-    plt.close(figure)
+    seconds, layout = velocity_seconds(scene), PlanLayout.of(scene)
+    columns = 4 if layout.panels else 2
+    layout.figure.legend(
+        handles=_legend(scene, seconds), loc="outside lower center", ncols=columns, fontsize=9
+    )
+    layout.figure.set_dpi(DOTS_PER_INCH)
+    frames = []
+    for index in progress(shown, len(shown)):
+        _draw(layout, scene, index, seconds, confirmed_since=index - shown.step + 1)
+        frames.append(_image(layout.figure))
+    plt.close(layout.figure)
+    times = [FRAME_TIME] * (len(frames) - 1) + [LAST_FRAME_TIME]
+    with written_whole(path) as temporary:
+        frames[0].save(
+            temporary,
+            format="GIF",
+            save_all=True,
+            append_images=frames[1:],
+            duration=times,
+            loop=0,
+            optimize=True,
+        )
     return shown.step
+
+
+def _image(figure: Figure) -> Image.Image:
+    """The figure as an image of few colours, which keeps the file small."""
+    canvas: Any = figure.canvas
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[:, :, :3]
+    image = Image.fromarray(np.ascontiguousarray(pixels))
+    # By coverage of the colours, not by their number of pixels: a track has few.
+    return image.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
 
 def shown_scans(scans: int, max_frames: int) -> range:
@@ -87,25 +127,35 @@ def shown_scans(scans: int, max_frames: int) -> range:
 
 
 def _draw(
-    axes: Axes,
-    scene: RunScene,
-    index: int,
-    seconds: float,
-    limits: FloatArray,
-    confirmed_since: int,
+    layout: PlanLayout, scene: RunScene, index: int, seconds: float, confirmed_since: int
 ) -> None:
     view = scene.scans[index]
-    axes.clear()
-    style_plan(axes, "box")
-    axes.set(xlim=limits[0], ylim=limits[1])
-    earlier = scene.scans[max(index - FADING_SCANS + 1, 0) : index]
-    for age, earlier_view in enumerate(reversed(earlier), start=1):
-        alpha = 0.4 * (1 - age / FADING_SCANS)
-        x, y = earlier_view.detections.T
-        axes.scatter(x, y, s=6, color=INK_COLOUR, alpha=alpha, linewidths=0)
-    x, y = view.detections.T
-    axes.scatter(x, y, s=10, color=INK_COLOUR, alpha=0.75, linewidths=0)
-    draw_own_ship(axes, own_ship_path(scene.scans[: index + 1]))
+    new_ids = _ids(scene.scans[max(confirmed_since, 0) : index + 1])
+    for axes, enlarged in layout.axes():
+        axes.clear()
+        _draw_scan(axes, scene, index, seconds, new_ids)
+        if enlarged:
+            for track_id in view.held.track_id.tolist():
+                if track_id in scene.hits:
+                    draw_hits(axes, scene.hits[track_id])
+    path = own_ship_path(scene.scans[: index + 1])
+    path = path if len(path) else np.array([[0.0, 0.0, np.nan]])
+    draw_rings(layout.plan, path[-1, :2], layout.limits)
+    draw_own_ship(layout.plan, path)
+    layout.style({target: _panel_title(scene, target, index) for target in layout.panels})
+    held = f"{len(view.held)} track{'' if len(view.held) == 1 else 's'} held"
+    layout.headline(
+        f"{_time(view.stamp)}, ping {index + 1} of {len(scene.scans)}: {held}", scene.title
+    )
+
+
+def _draw_scan(axes: Axes, scene: RunScene, index: int, seconds: float, new_ids: set[int]) -> None:
+    view = scene.scans[index]
+    shown = scene.scans[max(index - FADING_SCANS + 1, 0) : index + 1]
+    ages = np.repeat(range(len(shown))[::-1], [len(one.detections) for one in shown])
+    alpha = np.where(ages == 0, 0.8, 0.4 * (1 - ages / FADING_SCANS))
+    draw_detections(axes, np.concatenate([one.detections for one in shown]), alpha, 8.0)
+    draw_fixed_echoes(axes, view.fixed_echoes)
     for path in scene.truth:
         axes.plot(*path[:, 1:].T, color=TRUTH_COLOUR, linewidth=1.4, alpha=0.5)
         position = position_at(path, view.stamp)
@@ -113,19 +163,24 @@ def _draw(
             axes.plot(
                 *position, marker="D", color=TRUTH_COLOUR, markersize=6, markerfacecolor="none"
             )
-    new_ids = _ids(scene.scans[max(confirmed_since, 0) : index + 1])
+    trails = scene.trails(index + 1)
     for track in view.held:
         new = track.track_id in new_ids
         x, y = track.position.tolist()
         if new:
-            axes.scatter([x], [y], s=900, color=NEW_TRACK_COLOUR, alpha=0.25, linewidths=0)
+            axes.scatter([x], [y], s=1200, color=NEW_TRACK_COLOUR, alpha=0.3, linewidths=0)
+        draw_trail(axes, trails[track.track_id])
         draw_track(axes, track, seconds, NEW_TRACK_COLOUR if new else TRACK_COLOUR, 1.0, 2.0)
-    axes.set_title(
-        f"{scene.title}\n{_time(view.stamp)}, scan {index + 1} of {len(scene.scans)}; "
-        f"held tracks: {len(view.held)}, new: {len(new_ids)}",
-        loc="left",
-        fontsize=11,
-    )
+
+
+def _panel_title(scene: RunScene, target: int, index: int) -> str:
+    """Track of a target that was started by this scan, or that it has none yet."""
+    name = f"target {target_name(target)}"
+    start = scene.true_starts.get(target)
+    if start is None or scene.start_scans[start.track.track_id] > index + 1:
+        return f"{name}\nno track yet"
+    scan = scene.start_scans[start.track.track_id]
+    return f"{name}: track {start.track.track_id}\nstarted in ping {scan}"
 
 
 def _ids(views: Iterable[ScanView]) -> set[int]:
@@ -138,33 +193,19 @@ def _time(stamp: float) -> str:
     return datetime.fromtimestamp(stamp, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
-def _limits(scene: RunScene) -> FloatArray:
-    """Square around all points, (2, 2): limits of x and of y, m."""
-    points = [view.detections for view in scene.scans] + [path[:, 1:] for path in scene.truth]
-    points += [np.reshape(view.held.state[:, 0::2], (-1, 2)) for view in scene.scans]
-    everything = np.concatenate([*points, scene.own_ship[:, :2]])
-    if not len(everything):
-        return np.array([[-1.0, 1.0], [-1.0, 1.0]])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    half = 0.52 * max(float((high - low).max()), 100.0)
-    middle = 0.5 * (low + high)
-    return np.stack([middle - half, middle + half], axis=1)
-
-
 def _legend(scene: RunScene, seconds: float) -> list[Line2D]:
     handles = [
-        legend_dots(INK_COLOUR, f"detections, fading over {FADING_SCANS} scans", markersize=4),
-        legend_own_ship(),
-        *(
-            Line2D([], [], color=colour, marker="o", markersize=4, linewidth=2.0, label=label)
-            for colour, label in (
-                (TRACK_COLOUR, f"held track (id, velocity over {seconds:g} s, 95 % ellipse)"),
-                (NEW_TRACK_COLOUR, "new track, the same"),
-            )
-        ),
+        legend_points(INK_COLOUR, "o", f"detections, fading over {FADING_SCANS} pings", 4.0),
+        legend_sonar(scene.own_ship),
     ]
     if scene.truth:
-        truth = legend_dots(TRUTH_COLOUR, "truth", markersize=6, markerfacecolor="none")
-        truth.set_marker("D")
-        handles.insert(2, truth)
+        handles.append(legend_points(TRUTH_COLOUR, "D", "truth", 6.0, hollow=True))
+    if scene.judged is not None:
+        handles.append(legend_points(INK_COLOUR, "s", "hits of a track", 6.5, hollow=True))
+    arrow = {"marker": ">", "markersize": 6, "linewidth": 2.0}
+    label = f"track: id, 95 % ellipse, arrow: {seconds:g} s of travel"
+    handles.append(legend_line(TRACK_COLOUR, label, **arrow))
+    handles.append(legend_line(NEW_TRACK_COLOUR, "the same, new", **arrow))
+    if any(len(view.fixed_echoes) for view in scene.scans):
+        handles.append(legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0))
     return handles

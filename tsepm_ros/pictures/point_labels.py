@@ -38,7 +38,8 @@ def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
     labels : sequence of PointLabel
     """
     canvas: Any = axes.figure.canvas
-    canvas.draw()
+    root: Any = axes.get_figure()
+    root.draw_without_rendering()
     renderer = canvas.get_renderer()
     frame = axes.get_window_extent()
     occupied = [_around(*axes.transData.transform((label.x, label.y))) for label in labels]

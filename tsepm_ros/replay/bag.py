@@ -84,7 +84,7 @@ class Bag:
         except ImportError:
             raise ValueError(
                 f"{path} is a bag, which requires the library rosbags; it is not installed: "
-                "pip install rosbags (with Python from apt: docs/bags.md)"
+                "pip install rosbags (with Python from apt: docs/python_and_command_line.md)"
             ) from None
         with self._reading():
             store = get_typestore(Stores.ROS2_JAZZY)
@@ -114,6 +114,10 @@ class Bag:
     def duration(self) -> float:
         """Time from the first to the last message, s."""
         return 1e-9 * (self.end_ns - self.start_ns)
+
+    def count(self, topic: str) -> int:
+        """Return the number of messages of a topic."""
+        return int(self._reader.topics[topic].msgcount)
 
     def messages(
         self, topics: Collection[str], start_ns: int | None = None

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TextIO
 
 from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.progress import write_line
 from tsepm_ros.session.result import ScanResult
 
 _WIDTHS = {"time [s]": 14, "id": 6, "x [m]": 11, "y [m]": 11, "speed [m/s]": 11, "course [deg]": 12}
@@ -29,7 +30,7 @@ class TrackListing:
         self._file = file
         self._reason = reason
         heading = "  ".join(name.rjust(width) for name, width in _WIDTHS.items())
-        print(f"{heading}  reason", file=file, flush=True)
+        write_line(f"{heading}  reason", file)
 
     def write(self, result: ScanResult) -> None:
         """Write a line for each track that was confirmed by one scan."""
@@ -45,4 +46,4 @@ class TrackListing:
                 f"{course:.0f}",
             )
             cells = (v.rjust(width) for v, width in zip(values, _WIDTHS.values(), strict=True))
-            print(f"{'  '.join(cells)}  {self._reason(track)}", file=self._file, flush=True)
+            write_line(f"{'  '.join(cells)}  {self._reason(track)}", self._file)

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.analysis.operating_points import digest, package_version
+from tsepm_ros.analysis.code_version import digest, package_version
 from tsepm_ros.analysis.run_files import RunFile, complete
-from tsepm_ros.analysis.workers import Progress, Workers, silent
+from tsepm_ros.analysis.workers import Workers
+from tsepm_ros.progress import Progress, silent
 
 Result = dict[str, list[float]]
 """Result of a run: numbers by name."""

@@ -1,0 +1,61 @@
+"""Progress is shown on a terminal and nowhere else."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import os
+import pty
+import struct
+import subprocess
+import sys
+import termios
+from pathlib import Path
+
+import pytest
+
+from tsepm_ros.progress import with_progress, write_line
+
+ROOT = Path(__file__).parents[2]
+SHOW = "from tsepm_ros.progress import with_progress; print(*with_progress(range(3), 3, 'work'))"
+
+
+def test_the_results_pass_unchanged(capsys):
+    assert list(with_progress(iter("abc"), 3)) == ["a", "b", "c"]
+    assert capsys.readouterr().err == ""
+
+
+def test_a_terminal_shows_the_work_and_a_pipe_does_not():
+    main, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
+    done = subprocess.run(
+        [sys.executable, "-c", SHOW], stdout=subprocess.PIPE, stderr=terminal, check=True
+    )
+    assert done.stdout == b"0 1 2\n"
+    assert b"work" in os.read(main, 4096)
+    os.close(terminal)
+    os.close(main)
+    piped = subprocess.run([sys.executable, "-c", SHOW], capture_output=True, check=True)
+    assert piped.stderr == b""
+
+
+def test_a_line_is_written_at_once():
+    class File(io.StringIO):
+        flushed = False
+
+        def flush(self):
+            self.flushed = True
+
+    file = File()
+    write_line("a line", file)
+    assert file.getvalue() == "a line\n"
+    assert file.flushed
+
+
+COMMANDS = ("run", "watch", "design", "evaluate", "reproduce")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_long_command_shows_its_progress(command):
+    source = (ROOT / "tsepm_ros" / "commands" / f"{command}_command.py").read_text("utf-8")
+    assert "from tsepm_ros.progress import" in source
