@@ -23,7 +23,8 @@ import numpy as np
 from contenders import Contender, RawScan, Sea
 
 from tsepm_ros import ConfirmedTrack, Scan
-from tsepm_ros.analysis.operating_points import OperatingPoint, digest
+from tsepm_ros.analysis.code_version import digest
+from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.simulation import Scenario
 from tsepm_ros.simulation.own_ship_motion import OwnShipMotion

@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 
 from msg_adapters import make_header, write_detections
 from tsepm_ros import Scan, SensorModel
+from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
 from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.progress import with_progress
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
@@ -116,15 +118,35 @@ def run(settings: Settings, scans: list[Ping], type_name: str) -> Run:
     return Run(tracks, first, wrong)
 
 
-def row(name: str, runs: list[Run]) -> str:
+def row(clutter: float, name: str, runs: list[Run]) -> list[str]:
     """A row of the table."""
     tracks = [one.tracks for one in runs]
     first = [one.first for one in runs]
-    return (
-        f"| {name} | {np.mean(tracks):.2f}, at most {max(tracks)} | {np.median(first):g}, "
-        f"{np.quantile(first, 0.9, method='higher'):g}, {max(first):g} "
-        f"| {sum(one.wrong for one in runs)} |"
-    )
+    return [
+        f"{clutter:g}",
+        name,
+        f"{np.mean(tracks):.2f}, at most {max(tracks)}",
+        f"{np.median(first):g}, {np.quantile(first, 0.9, method='higher'):g}, {max(first):g}",
+        str(sum(one.wrong for one in runs)),
+    ]
+
+
+def table(options: argparse.Namespace) -> Iterator[list[str]]:
+    """Header and rows."""
+    head = ["false a ping", "given, message", "tracks", "ping of the first right track"]
+    yield [*head, "wrong"]
+    for clutter in options.clutter:
+        seeds = range(options.seed, options.seed + options.runs)
+        scenes = [list(pings(seed, clutter, options.pings)) for seed in seeds]
+        for name, settings, type_name in (
+            ("exact figures, PointCloud2", exact(clutter), CLOUD),
+            ("nothing, PointCloud2", Settings(), CLOUD),
+            ("nothing, LaserScan", Settings(), LASER),
+        ):
+            if type_name == LASER and clutter > MAX_LASER_CLUTTER:
+                continue
+            shown = with_progress(scenes, len(scenes), f"{clutter:g} a ping, {name}")
+            yield row(clutter, name, [run(settings, scene, type_name) for scene in shown])
 
 
 def main() -> None:
@@ -134,24 +156,17 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--pings", type=int, default=120)
     parser.add_argument("--clutter", type=float, nargs="+", default=[0.2, 2.0, 20.0, 200.0])
+    add_result(parser)
     options = parser.parse_args()
     print(f"{options.runs} runs from seed {options.seed}, {options.pings} pings")
-    print("| false a ping, figures, message | tracks | first: median, 90 %, last | wrong |")
-    print("|---|---|---|---|")
-    for clutter in options.clutter:
-        scenes = [
-            list(pings(seed, clutter, options.pings))
-            for seed in range(options.seed, options.seed + options.runs)
-        ]
-        for name, settings, type_name in (
-            ("exact, PointCloud2", exact(clutter), CLOUD),
-            ("none, PointCloud2", Settings(), CLOUD),
-            ("none, LaserScan", Settings(), LASER),
-        ):
-            if type_name == LASER and clutter > MAX_LASER_CLUTTER:
-                continue
-            runs = [run(settings, scene, type_name) for scene in scenes]
-            print(row(f"{clutter:g}, {name}", runs), flush=True)
+    header, rows = printed(table(options))
+    if options.result:
+        clutter = " ".join(f"{value:g}" for value in options.clutter)
+        line = f"python benchmarks/out_of_the_box.py --runs {options.runs} --clutter {clutter}"
+        result = Result(
+            command=line, seed=options.seed, runs=options.runs, header=header, rows=rows
+        )
+        write_result(options.result, result)
 
 
 if __name__ == "__main__":

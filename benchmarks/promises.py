@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,16 +23,19 @@ from pathlib import Path
 import fixed_threads
 
 from tsepm_ros import SensorModel
+from tsepm_ros.analysis.code_version import package_version
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_curve import Comparison
-from tsepm_ros.analysis.operating_points import OperatingPoint, package_version
+from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
-from tsepm_ros.analysis.workers import Workers, with_progress
+from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
 from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.progress import with_progress
 from tsepm_ros.simulation import Scenario, load_scenario
 from tsepm_ros.simulation.scenario import TargetArea
 
@@ -267,13 +271,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command.add_argument(
             "--scene", action="append", choices=CHANGED, help="of equal-false-rate; default all"
         )
+        add_result(command)
         command.add_argument("--out", type=Path, default=BUILD, help="folder of the runs done")
     options = parser.parse_args(arguments)
     options.workers = workers_of(options)
-    for index, cells in enumerate(COMMANDS[options.command][0](options)):
-        print(f"| {' | '.join(cells)} |", flush=True)
-        if not index:
-            print("|---" * len(cells) + "|", flush=True)
+    header, rows = printed(COMMANDS[options.command][0](options))
+    if options.result:
+        line = f"python benchmarks/promises.py {options.command} --runs {options.runs}"
+        line += "".join(f" --scene {shlex.quote(name)}" for name in options.scene or ())
+        runs = 1 if options.command == "false-rate" else options.runs  # there: expected tracks
+        result = Result(command=line, seed=options.seed, runs=runs, header=header, rows=rows)
+        write_result(options.result, result)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Take the screenshots of docs/watching.md, in a headless Chromium.
+"""Take the screenshots of docs/watch_and_operate.md, in a headless Chromium.
 
     PYTHONPATH=test python docs/images/take_screenshots.py
 

@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Protocol
 
-import tsepm_ros
+from tsepm_ros.analysis.code_version import package_version
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.registry import METHODS, make_initiator, option_names
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.simulation import Scenario
-
-NO_TRACKS = (
-    "analysis",
-    "commands",
-    "demo",
-    "design",
-    "diagnostics",
-    "nodes",
-    "pictures",
-    "replay",
-    "reproduction",
-    "session",
-    "settings",
-)
-"""Packages without influence on tracks. All others count, new packages included."""
 
 
 class TrackStarter(Protocol):
@@ -110,20 +93,3 @@ def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
         OperatingPoint(method, label, {**own, **options}, version=package_version())
         for label, options in sweep.items()
     ]
-
-
-def package_version() -> str:
-    """Version of the package, and a digest of the modules that determine its tracks."""
-    folder = Path(tsepm_ros.__file__).parent
-    files = [
-        path for path in folder.rglob("*.py") if path.relative_to(folder).parts[0] not in NO_TRACKS
-    ]
-    return f"{tsepm_ros.__version__} {digest(files)}"
-
-
-def digest(files: Iterable[Path]) -> str:
-    """Short digest of some files' contents."""
-    content = hashlib.sha256()
-    for path in sorted(files):
-        content.update(path.read_bytes())
-    return content.hexdigest()[:8]

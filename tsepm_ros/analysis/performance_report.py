@@ -183,6 +183,44 @@ def _numbers(measures: Measures) -> list[float]:
     return [end for part in estimates for end in (part.value, part.low, part.high)]
 
 
+def measures_rows(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
+    """A row per scenario, horizon and point: each measure as value, low and high; None for nan."""
+    return [
+        {
+            "scenario": result.scenario.name,
+            "scans": result.scans,
+            "method": point.method,
+            "point": point.label,
+            "options": dict(point.options),
+            **{name: _values(getattr(measures, name)) for name in HEADINGS},
+        }
+        for result in evaluated
+        for point, measures in zip(result.points, result.measures, strict=True)
+    ]
+
+
+def _values(estimate: Estimate) -> list[float | None]:
+    """Value, low and high with six digits; None for nan."""
+    values = (estimate.value, estimate.low, estimate.high)
+    return [None if math.isnan(value) else float(f"{value:.6g}") for value in values]
+
+
+def table_of(evaluated: Sequence[Evaluated]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of one table with the measures of the terminal's."""
+    header = ["scenario", "pings", "method", *SHORT.values()]
+    rows = [
+        [
+            result.scenario.name,
+            str(result.scans),
+            f"{point.method} {point.label}",
+            *(measures.text(name) for name in SHORT),
+        ]
+        for result in evaluated
+        for point, measures in zip(result.points, result.measures, strict=True)
+    ]
+    return header, rows
+
+
 def short_text(plan: Plan, result: Evaluated) -> str:
     """A short table for the terminal."""
     rows = [

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from tsepm_ros.analysis.operating_points import OperatingPoint, operating_points
 from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
-from tsepm_ros.analysis.performance_report import markdown, short_text, write_csv
-from tsepm_ros.analysis.workers import with_progress
+from tsepm_ros.analysis.performance_report import (
+    markdown,
+    measures_rows,
+    short_text,
+    table_of,
+    write_csv,
+)
+from tsepm_ros.analysis.result_files import Result, add_result, write_result
 from tsepm_ros.commands.arguments import (
     add_out,
     add_runs,
@@ -19,6 +26,7 @@ from tsepm_ros.commands.arguments import (
     workers_of,
 )
 from tsepm_ros.methods.registry import available_methods
+from tsepm_ros.progress import with_progress
 from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import load_scenario
 from tsepm_ros.whole_files import opened_whole, write_text
@@ -51,6 +59,7 @@ def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
         parser, help="option of the methods that have it, in place of its sweep; may be repeated"
     )
     add_out(parser, "build/evaluation")
+    add_result(parser)
 
 
 def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] = ()) -> None:
@@ -83,6 +92,23 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
     for evaluation in evaluated:
         print(short_text(plan, evaluation) + "\n")
     _write(plan, evaluated, options.out, options.line)
+    if options.result:
+        header, rows = table_of(evaluated)
+        result = Result(
+            command=_repeated(options.line),
+            seed=plan.seed,
+            runs=plan.runs,
+            parameters=parse_values(options.parameter),
+            header=header,
+            rows=rows,
+            measures=measures_rows(evaluated),
+        )
+        write_result(options.result, result)
+
+
+def _repeated(line: str) -> str:
+    """A command line without what does not change its figures."""
+    return re.sub(r" --(?:result|out|workers|scheduler)[ =]\S+", "", line)
 
 
 def _write(plan: Plan, evaluated: Sequence[Evaluated], folder: Path, command: str) -> None:

@@ -1,0 +1,60 @@
+"""Draw demo.png and demo.gif of the pages, and joyride.png where its recording is.
+
+python docs/images/draw_pictures.py [--recording FOLDER OF joyride]
+"""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import ExitStack
+from pathlib import Path
+
+from tsepm_ros.analysis.result_files import Result, add_result, write_result
+from tsepm_ros.commands.run_sources import add_source_arguments, open_run
+from tsepm_ros.demo.target_table import target_rows
+from tsepm_ros.pictures.plan_animation import animate
+from tsepm_ros.pictures.plan_position import save
+from tsepm_ros.pictures.run_scene import RunScene, ScanView
+from tsepm_ros.progress import named_progress, with_progress
+
+IMAGES = Path(__file__).parent
+SEED = 2
+RADAR = ["bearing_reference:=north", "max_speed:=15.0"]
+RADAR += ["sensor.range_std:=15.0", "sensor.range_std_fraction:=0.0"]
+
+
+def scene_of(*arguments: str) -> RunScene:
+    """A run as `tsepm run` draws it, with the same arguments."""
+    parser = argparse.ArgumentParser()
+    add_source_arguments(parser)
+    with ExitStack() as stack:
+        run = open_run(parser.parse_args(arguments), stack)
+        scene = RunScene(run.title, truth=run.truth)
+        for result in with_progress(run.results, run.scans, "scans", "scan"):
+            view = ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)
+            scene.scans.append(view)
+        run.judge(scene)
+    return scene
+
+
+def main() -> None:
+    """Draw, and write the demo's table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--recording", help="folder of the recording joyride")
+    add_result(parser)
+    options = parser.parse_args()
+    demo = scene_of("four_targets", "--seed", str(SEED))
+    save(demo, IMAGES / "demo.png")
+    animate(demo, IMAGES / "demo.gif", progress=named_progress("animation"))
+    if options.recording:
+        values = [part for value in RADAR for part in ("-p", value)]
+        save(scene_of(options.recording, *values), IMAGES / "joyride.png")
+    if options.result:
+        header, *rows = target_rows(demo)
+        line = "python docs/images/draw_pictures.py"
+        result = Result(command=line, seed=SEED, runs=1, header=header, rows=rows)
+        write_result(options.result, result)
+
+
+if __name__ == "__main__":
+    main()

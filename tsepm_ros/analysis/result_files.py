@@ -1,0 +1,92 @@
+"""Result files: the tables of a command, with everything that is needed to repeat them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tsepm_ros.analysis.code_version import package_version
+from tsepm_ros.whole_files import write_text
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """Figures of a command.
+
+    Attributes
+    ----------
+    command : str
+        The command that repeats them.
+    version : str
+        Version of the package and digest of its algorithms, see `package_version`.
+    seed, runs : int
+    parameters : mapping
+        Parameters that differ from the defaults.
+    header : list of str
+    rows : list of list of str
+        The table as printed.
+    measures : list of mapping, optional
+        The same figures as numbers, null for an unknown one.
+    numpy, python : str
+        Versions of what they were computed with.
+    """
+
+    command: str
+    seed: int
+    runs: int
+    header: list[str]
+    rows: list[list[str]]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    measures: Sequence[Row] = field(default_factory=list)
+    version: str = field(default_factory=package_version)
+    numpy: str = np.__version__
+    python: str = field(default_factory=platform.python_version)
+
+
+def add_result(parser: argparse.ArgumentParser) -> None:
+    """Add the path of the result file."""
+    parser.add_argument(
+        "--result",
+        type=Path,
+        help="also write the figures to a JSON file, see docs/contributing.md",
+    )
+
+
+def write_result(path: Path, result: Result) -> None:
+    """Write a result file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(asdict(result), indent=1, ensure_ascii=False) + "\n")
+
+
+def read_result(path: Path) -> Result:
+    """Read a result file.
+
+    Raises
+    ------
+    ValueError
+        If it is not a result file.
+    """
+    try:
+        return Result(**json.loads(path.read_text(encoding="utf-8")))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path} is not a result file: {error}") from None
+
+
+def printed(rows: Iterable[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
+    """Print rows as a Markdown table, each at once, and return the header and the others."""
+    table = []
+    for index, cells in enumerate(rows):
+        print(f"| {' | '.join(cells)} |", flush=True)
+        if not index:
+            print("|---" * len(cells) + "|", flush=True)
+        table.append(list(cells))
+    return table[0], table[1:]
