@@ -84,4 +84,4 @@ def test_a_reason_of_another_s_adapter_is_one_of_detections():
 
 
 def test_the_operating_page_has_the_table():
-    assert as_markdown() in (ROOT / "docs/operating.md").read_text()
+    assert as_markdown() in (ROOT / "docs/diagnostics.md").read_text()

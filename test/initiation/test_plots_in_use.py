@@ -209,7 +209,7 @@ def test_the_session_says_so_once():
         list(session.process())
     sentences = [sentence for reason, sentence in said if reason == "plots"]
     assert len(sentences) == 1
-    assert "several detections a ping" in sentences[0]
+    assert "several detections per ping" in sentences[0]
 
 
 def test_neighbouring_rays_are_one_plot_at_once():

@@ -17,7 +17,7 @@ from support.sonar_driver import Driver, cloud, pings
 
 from msg_adapters import MessageError
 from tsepm_ros.diagnostics.health_figures import Connections
-from tsepm_ros.diagnostics.rules import unread_type
+from tsepm_ros.diagnostics.judgements import unread_type
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.track_initiator import TrackInitiator

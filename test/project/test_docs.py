@@ -135,19 +135,19 @@ def test_python_can_be_read(page):
 
 
 def test_the_page_on_python_runs_and_prints_what_it_says():
-    page = DOCS / "python.md"
+    page = DOCS / "python_and_command_line.md"
     names: dict[str, object] = {}
     printed = []
     for code in blocks(page, "python"):
         with contextlib.redirect_stdout(io.StringIO()) as output:
             exec(compile(code, str(page), "exec"), names)
         printed.append(output.getvalue())
-    assert blocks(page) == [printed[0]]
+    assert printed[0] in blocks(page)
 
 
 def test_the_driver_of_the_quick_start_is_the_example_that_is_tested():
     driver = (ROOT / "examples" / "minimal_driver.py").read_text(encoding="utf-8").rstrip()
-    assert driver in [block.rstrip() for block in blocks(DOCS / "quick_start.md", "python")]
+    assert driver in [block.rstrip() for block in blocks(DOCS / "get_started.md", "python")]
 
 
 def test_the_smallest_method_is_the_one_that_is_tested():
@@ -170,11 +170,3 @@ def test_every_method_has_a_page_of_all_its_parts(method):
         "Readings",
     ]
     assert f"](methods/{method}.md)" in (DOCS / "methods.md").read_text(encoding="utf-8")
-
-
-def test_the_readme_and_the_page_of_figures_have_the_same_table():
-    tables = [
-        re.findall(r"^\| `(?:score|tsepm)` .*", page.read_text(encoding="utf-8"), re.MULTILINE)
-        for page in (ROOT / "README.md", DOCS / "expect.md")
-    ]
-    assert tables[0] == tables[1] != []

@@ -1,4 +1,4 @@
-"""The Python of docs/handover.md, run as a reader would run it."""
+"""The Python of docs/use_the_tracks.md, run as a reader would run it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-PAGE = Path(__file__).parents[2] / "docs" / "handover.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use_the_tracks.md"
 
 
 def run_page(*, stone_soup: bool = False) -> dict[str, Any]:

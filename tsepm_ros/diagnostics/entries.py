@@ -8,14 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from tsepm_ros.diagnostics.health_figures import HealthFigures, Latency
-from tsepm_ros.diagnostics.rules import (
-    CLUTTER,
-    LATENCY,
-    QUALITY_OF_SERVICE,
-    SENSOR,
-    densities,
-    findings_of,
-)
+from tsepm_ros.diagnostics.judgements import densities
+from tsepm_ros.diagnostics.rules import CLUTTER, LATENCY, QUALITY_OF_SERVICE, SENSOR, findings_of
 from tsepm_ros.diagnostics.status import Status, status_of
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
 

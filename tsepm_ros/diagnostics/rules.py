@@ -1,29 +1,45 @@
-"""The rules of the diagnostics: from figures to sentences that name a problem.
+"""The rules of the diagnostics: problems of each entry, with level, thresholds and remedy.
 
-The function of a rule returns its sentence, which is empty if there is no problem. The rule also
-has the level, the options that are its thresholds, and the remedy, which docs/operating.md repeats.
+docs/diagnostics.md lists them.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from tsepm_ros.diagnostics.health_figures import HealthFigures
+from tsepm_ros.diagnostics.judgements import (
+    Judgement,
+    all_detections_dropped,
+    clutter_contradicted,
+    cut_hypotheses,
+    detections_dropped,
+    drops_of,
+    long_latency,
+    mismatch,
+    no_own_ship_yet,
+    no_publisher,
+    no_scan_yet,
+    overload,
+    own_ship_behind,
+    own_ship_drops,
+    own_ship_old,
+    own_ship_stopped,
+    own_ship_unused,
+    scan_gaps,
+    scan_overdue,
+    scan_rate,
+    scans_stopped,
+    sensor_finding,
+    tracker_silent,
+    unread_type,
+)
 from tsepm_ros.diagnostics.status import Finding, Level
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
 
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
 SENSOR = "sensor parameters"
 """Entries without drops."""
-
-MIN_SCANS = 5
-"""Minimum number of scans for a judgement of the density of detections."""
-MIN_DETECTIONS = 20.0
-"""Minimum number of detections, expected or observed, for that judgement."""
-
-Judgement = Callable[[HealthFigures], str]
 
 
 @dataclass(frozen=True)
@@ -45,198 +61,6 @@ class Rule:
     judge: Judgement
     remedy: str
     thresholds: tuple[str, ...] = ()
-
-
-def _in_words(drops: Mapping[str, int]) -> str:
-    """Drops by reason, the most frequent first."""
-    ordered = sorted(drops.items(), key=lambda drop: -drop[1])
-    return "dropped: " + ", ".join(f"{number} {name}" for name, number in ordered)
-
-
-def drops_of(task: str) -> Judgement:
-    """Make the judgement of a task's drops, except those of single detections."""
-
-    def judge(figures: HealthFigures) -> str:
-        drops = figures.recent_drops(task)
-        return _in_words(drops) if drops else ""
-
-    return judge
-
-
-def cut_hypotheses(figures: HealthFigures) -> str:
-    """Hypotheses were cut by a limit."""
-    cut = figures.recent.cut
-    return f"a limit cut {cut} hypotheses" if cut > 0 else ""
-
-
-def unread_type(figures: HealthFigures) -> str:
-    """Detections are published as a type to which the node has not subscribed."""
-    now = figures.connections
-    other = ", ".join(name for name in now.unread if name not in now.other_readable)
-    sentences = [f"{other}, which the node does not read"] if other else []
-    if now.other_readable:
-        after = f"after a new start: it has subscribed to {now.subscribed_type}"
-        sentences.append(f"{', '.join(now.other_readable)}, which the node reads only {after}")
-    return f"detections are published as {'; and as '.join(sentences)}" if sentences else ""
-
-
-def no_publisher(figures: HealthFigures) -> str:
-    """There is no publisher of detections."""
-    return "" if figures.connections.subscribed else "no publisher of detections yet"
-
-
-def no_scan_yet(figures: HealthFigures) -> str:
-    """No scan has arrived."""
-    return "no scan yet" if math.isnan(figures.since_scan) else ""
-
-
-def scans_stopped(figures: HealthFigures) -> str:
-    """Scans have stopped."""
-    elapsed = figures.since_scan
-    return f"no scan for {elapsed:.3g} s" if elapsed > figures.options.stale_time else ""
-
-
-def scan_overdue(figures: HealthFigures) -> str:
-    """The next scan is overdue."""
-    elapsed, period = figures.since_scan, figures.period
-    late = elapsed > figures.options.scan_period_factor * period
-    return f"no scan for {elapsed:.3g} s, expected is a scan every {period:.3g} s" if late else ""
-
-
-def scan_rate(figures: HealthFigures) -> str:
-    """Scans arrive at another rate than expected."""
-    interval, period, factor = figures.interval, figures.period, figures.options.scan_period_factor
-    differs = interval > factor * period or interval * factor < period
-    return f"a scan every {interval:.3g} s, expected is {period:.3g} s" if differs else ""
-
-
-def scan_gaps(figures: HealthFigures) -> str:
-    """There are gaps between scans."""
-    number, longest = figures.gaps, figures.max_interval
-    gaps = "1 gap" if number == 1 else f"{number} gaps"
-    return f"{gaps} between scans longer than {longest:.3g} s" if number else ""
-
-
-def detections_dropped(figures: HealthFigures) -> str:
-    """Too many detections are dropped one by one."""
-    share = figures.dropped_share
-    if share <= figures.options.max_dropped_share:
-        return ""
-    drops = _in_words(figures.recent_drops(DETECTIONS, of_detections=True))
-    return f"{100 * share:.3g} % of the detections {drops}"
-
-
-def all_detections_dropped(figures: HealthFigures) -> str:
-    """Every detection is dropped."""
-    return detections_dropped(figures) if figures.dropped_share == 1.0 else ""
-
-
-def unused_own_ship_on(topic: str) -> str:
-    """Return the sentence for own-ship data that is published on a topic and not used."""
-    return (
-        f"odometry is published on {topic}, but own_ship_source is none: the sensor is assumed "
-        "not to move"
-    )
-
-
-def own_ship_unused(figures: HealthFigures) -> str:
-    """Own-ship data is published and not used."""
-    topic = figures.connections.unused_own_ship
-    return unused_own_ship_on(topic) if topic and figures.own_ship_source == "none" else ""
-
-
-def own_ship_drops(figures: HealthFigures) -> str:
-    """Own-ship data that is used was dropped, or scans were dropped for lack of it."""
-    return "" if figures.own_ship_source == "none" else drops_of(OWN_SHIP)(figures)
-
-
-def _of_odometry(judge: Judgement) -> Judgement:
-    """Restrict a judgement to odometry: data from tf is looked up when it is needed."""
-    return lambda figures: judge(figures) if figures.own_ship_source == "odometry" else ""
-
-
-@_of_odometry
-def no_own_ship_yet(figures: HealthFigures) -> str:
-    """No own-ship data has arrived."""
-    return "no own-ship data yet" if math.isnan(figures.since_own_ship) else ""
-
-
-@_of_odometry
-def own_ship_stopped(figures: HealthFigures) -> str:
-    """Own-ship data has stopped."""
-    age = figures.since_own_ship
-    return f"no own-ship data for {age:.3g} s" if age > figures.options.stale_time else ""
-
-
-@_of_odometry
-def own_ship_old(figures: HealthFigures) -> str:
-    """Own-ship data is too old now."""
-    age = figures.since_own_ship
-    return f"no own-ship data for {age:.3g} s" if age > figures.options.max_own_ship_age else ""
-
-
-@_of_odometry
-def own_ship_behind(figures: HealthFigures) -> str:
-    """Own-ship data is too old at the newest scan."""
-    behind = figures.own_ship_behind
-    late = behind > figures.options.max_own_ship_age
-    return f"own-ship data is {behind:.3g} s older than the newest scan" if late else ""
-
-
-def overload(figures: HealthFigures) -> str:
-    """A scan took longer than the scan interval."""
-    longest = figures.longest_latency(lambda latency: latency.core + latency.publishing)
-    interval = figures.interval
-    sentence = f"a scan took {longest:.3g} s, longer than the scan interval of {interval:.3g} s"
-    return sentence if longest > interval else ""
-
-
-def long_latency(figures: HealthFigures) -> str:
-    """The latency of a scan was too long."""
-    longest = figures.longest_latency(lambda latency: latency.total)
-    late = longest > figures.options.max_latency
-    return f"a scan was finished {longest:.3g} s after its arrival" if late else ""
-
-
-def is_density_judged(figures: HealthFigures) -> bool:
-    """Whether there are enough scans and detections to judge the density in use."""
-    number = max(figures.detections, figures.clutter_expected)
-    return len(figures.scans) >= MIN_SCANS and number >= MIN_DETECTIONS
-
-
-def densities(figures: HealthFigures) -> str:
-    """The density in use in words, and the density of detections if it can be judged."""
-    in_use = f"{figures.snapshot.clutter_density:.3g} per m^2 in use"
-    observed = f", detections have {figures.detection_density:.3g}"
-    return in_use + observed if is_density_judged(figures) else in_use
-
-
-def clutter_contradicted(figures: HealthFigures) -> str:
-    """The detections contradict the clutter density in use."""
-    factor, expected = figures.options.clutter_factor, figures.clutter_expected
-    observed = max(figures.detections, 1.0)
-    differs = observed > factor * expected or expected > factor * observed
-    return (
-        f"clutter density of {densities(figures)}" if differs and is_density_judged(figures) else ""
-    )
-
-
-def sensor_finding(subject: str) -> Judgement:
-    """Make the judgement of a figure of the sensor that does not fit the scans."""
-    return lambda figures: figures.snapshot.sensor_findings.get(subject, "")
-
-
-def mismatch(figures: HealthFigures) -> str:
-    """An endpoint now has an incompatible quality of service."""
-    return "; ".join(
-        f"incompatible quality of service on {topic}: not connected"
-        for topic in figures.connections.mismatches
-    )
-
-
-def tracker_silent(figures: HealthFigures) -> str:
-    """The downstream tracker has stopped reporting."""
-    return "the downstream tracker is silent" if figures.snapshot.tracker == "silent" else ""
 
 
 _SEE_REASONS = "See the reasons below"
@@ -360,8 +184,8 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             ),
             (
                 "confirmations",
-                "See docs/operating.md, too many tracks: objects that stand still, several "
-                "detections per target, clutter in lumps",
+                "See docs/watch_and_operate.md, too many tracks: objects that stand still, several "
+                "detections per target, clumped clutter",
             ),
         )
     ),

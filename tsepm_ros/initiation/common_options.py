@@ -22,86 +22,86 @@ class CommonOptions:
     )
     min_speed: float = parameter(
         0.0,
-        "Speed below which a target counts as standing still: it is published only once it moves "
-        "faster with a probability of 0.9, and is kept as a fixed echo until then; 0: all are "
-        "published",
+        "Targets slower than this are held back as fixed echoes. A target is published "
+        "once it moves faster with a probability of 0.9. 0: every target is published at "
+        "once",
         unit="m/s",
         minimum=0.0,
         maximum=1e4,
     )
     limit_speed: bool = parameter(
         True,
-        "Condition the state of a new track on a speed of at most max_speed, where it is probably "
-        "above; false: the state as the method's source has it. Held tracks are within max_speed",
+        "Limit the speed of new tracks: the state of a track that probably exceeds "
+        "max_speed is conditioned on a lower speed. false: the state as the method's "
+        "source defines it. Held tracks are limited in any case",
     )
     max_detections: int = parameter(
-        200_000, "Detections in a scan above which the scan is refused", minimum=1
+        200_000, "Maximum number of detections of a scan; a scan with more is refused", minimum=1
     )
     max_potential_tracks: int = parameter(
-        250_000, "Potential tracks held at most; the worst beyond are cut and counted", minimum=1
+        250_000, "Maximum number of potential tracks; the worst are cut and counted", minimum=1
     )
     max_raw_confirmations: int = parameter(
         250_000,
-        "Tracks that reach confirmation in one scan, before pruning and merging, at most; the "
-        "worst beyond are cut and counted",
+        "Maximum number of tracks that reach confirmation in one scan, before pruning and "
+        "merging; the worst are cut and counted",
         minimum=1,
     )
     hold_time: float = parameter(
         120.0,
-        "Time for which a confirmed track is held, and stays on tracks/current, without a "
-        "detection of its own; repeated misses end it sooner",
+        "Maximum time for which a confirmed track is held without a detection of its own; "
+        "repeated misses end it sooner",
         unit="s",
         minimum=0.0,
     )
     detection_probability: str = parameter(
         "auto",
-        "Detection probability: estimated from the scans after confirmation of the held tracks, "
-        "with sensor.detection_probability as the prior; given: sensor.detection_probability; or "
-        "auto, estimated with the method score, most of whose tracks are true, and given with the "
-        "others",
+        "Detection probability. estimated: from the hits and misses of held tracks, "
+        "starting from sensor.detection_probability; given: sensor.detection_probability; "
+        "auto: estimated with the method score, given with the other methods, whose "
+        "tracks may be false",
         choices=("auto", "estimated", "given"),
     )
     clutter_density: str = parameter(
         "estimated",
-        "Clutter density: estimated from scan to scan on a polar grid, from "
-        "sensor.clutter_density on, also where clutter ends or changes within the sensor's "
-        "coverage; or given: sensor.clutter_density everywhere",
+        "Clutter density. estimated: counted on a polar grid from scan to scan, starting "
+        "from sensor.clutter_density; given: sensor.clutter_density everywhere",
         choices=("estimated", "given"),
     )
     plots: str = parameter(
         "auto",
-        "Plots, of which each is all detections of one target in a ping: on; off, where the driver "
-        "sees to it that a target has one; or auto, on as soon as detections of one ping lie "
-        "closer together than those of clutter do, until a reset",
+        "Combination of the detections of one target and ping into a plot. on: from the "
+        "first scan; off: never, for drivers that give one detection per target; auto: "
+        "once detections of one ping lie closer together than clutter does",
         choices=("auto", "on", "off"),
     )
     target_extent: float = parameter(
         0.0,
-        "How far apart the detections of one target may be in a ping, beside what the sensor's "
-        "resolution adds; 0: as the detections themselves have it",
+        "Maximum distance between detections of one target and ping, to which the "
+        "sensor's resolution is added; 0: learned from the detections",
         unit="m",
         minimum=0.0,
         maximum=1e3,
     )
     plot_features: bool = parameter(
         False,
-        "In clutter zones, and where targets meet, the intensity, range width and azimuth width "
-        "of a detection, if measured, must resemble those of a track's own to extend it; where "
-        "held targets meet, each detection goes to one of them",
+        "Use intensity, range width and azimuth width, if measured: in clutter zones, and "
+        "where targets meet, a detection extends a track only if it resembles the track's "
+        "detections. Where held targets meet, each detection is assigned to one of them",
     )
     encounter_time: float = parameter(
         60.0,
-        "Targets meet from this long before their closest approach to as long after it, where "
-        "their gates overlap; with plot_features",
+        "Targets meet if their gates overlap at their closest approach, and this is at "
+        "most this time away, before or after; with plot_features",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
     )
     tracked_timeout: float = parameter(
         60.0,
-        "A downstream tracker whose last message on tracked is older than this at a scan is "
-        "silent, and its tracks are held as all others; a new track that it leaves unlisted for "
-        "this time ends",
+        "Time without a message on tracked after which the downstream tracker is silent "
+        "and the node maintains its tracks; also the time after which a new track that "
+        "the tracker does not list ends",
         unit="s",
         positive=True,
         maximum=3600.0,

@@ -47,7 +47,7 @@ class Confirmation:
     Attributes
     ----------
     tracks : TrackArrays
-        Those put out.
+        Those that were published.
     hits : (n, most) ndarray of int
         Their detections' ids, with NO_HIT.
     pruned, merged : int
@@ -124,7 +124,7 @@ class HitCounter(WindowedMethod):
         return evaluation.normalized_distance(hits, fitted)
 
     def accept(self, estimates: Estimates) -> BoolArray:
-        """Which tracks may be put out, (n,): those with a finite state estimate."""
+        """Which tracks may be published, (n,): those with a finite state estimate."""
         finite = np.isfinite(estimates.covariance).all(axis=(1, 2))
         return np.asarray(finite & np.isfinite(estimates.state).all(axis=1))
 
@@ -140,7 +140,7 @@ class HitCounter(WindowedMethod):
         return estimates
 
     def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
-        """Figure, (n,): of tracks that share a detection that of the smallest is put out."""
+        """Figure, (n,): of tracks that share a detection that of the smallest is published."""
         return estimates.evaluation
 
     def best(self, paths: Paths) -> tuple[Paths, Estimates, int]:
@@ -152,7 +152,7 @@ class HitCounter(WindowedMethod):
         return candidates[rows], estimates[rows], len(paths) - len(candidates)
 
     def confirm(self, raw: Paths) -> Confirmation:
-        """Estimate the tracks that reached M hits and put out the best that share no detection."""
+        """Estimate the tracks that reached M hits and publish the best that share no detection."""
         best, estimates, refused = self.best(raw)
         return Confirmation(
             self.tracks(best, estimates),

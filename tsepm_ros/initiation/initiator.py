@@ -176,7 +176,7 @@ class Initiator:
 
     @property
     def fixed_echoes(self) -> TrackArrays:
-        """What stands still, with `min_speed`: places, and `since` when."""
+        """Fixed echoes, with `min_speed`: their places, and the time `since` when."""
         return self.maintenance.fixed_echoes.proper()
 
     def potential_tracks(self) -> TrackArrays:

@@ -175,8 +175,8 @@ class PlotExtraction:
         extent = self.extent
         beam = f" (and {np.degrees(extent.beam):.2g} degrees)" if extent.beam else ""
         return (
-            "targets have several detections a ping: those within "
-            f"{extent.along:.3g} m{beam} of each other are one plot from now on, "
+            "targets give several detections per ping: detections within "
+            f"{extent.along:.3g} m{beam} of each other are combined into one plot, "
             f"{self.scatter.mean_size:.2g} on average"
         )
 

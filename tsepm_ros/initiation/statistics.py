@@ -32,7 +32,7 @@ class ScanStatistics:
     merged : int
         Of these, removed by merging into another.
     confirmed : int
-        Confirmed tracks put out.
+        Confirmed tracks that were published.
     cut_potential_tracks, cut_confirmations : int
         Removed because a limit was reached. Potential tracks count once, when they are cut, as does
         a pair of gate and detection that was left out; the confirmations are all that would have

@@ -11,7 +11,7 @@ clutter density and d_k the distance of a hit from the one before, the statistic
 
 (with `clutter_density` "estimated" lambda_k, the density at each hit, in place of one lambda) is
 chi-square distributed with 2 M - 2 degrees of freedom for nearest points of pure clutter, and
-small for a target: tracks at or below the quantile of the test's size are put out. There is no
+small for a target: tracks at or below the quantile of the test's size are published. There is no
 merging.
 
 Readings
@@ -49,7 +49,7 @@ class ClutterTestOptions(MnOptions):
     )
     clutter_test_size: float = parameter(
         0.05,
-        "Nominal share of clutter tracks that pass the test",
+        "Nominal fraction of clutter tracks that pass the test",
         positive=True,
         maximum=0.999999,
     )

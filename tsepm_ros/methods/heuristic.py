@@ -21,7 +21,7 @@ Readings
 - As printed the rules leave no room for errors, which is why the article finds that they do not
   suit a sonar: `gate_sigmas` widens the limit of the speed by the last hit's error, 0 as printed.
 - Of confirmed tracks that share a detection the one with the smallest of the largest accelerations
-  is put out.
+  is published.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class HeuristicOptions(MnOptions):
     )
     max_turn: float = parameter(
         math.pi,
-        "Largest angle between two steps (phi); pi: any",
+        "Maximum angle between two steps (phi); pi: no limit",
         unit="rad",
         positive=True,
         maximum=math.pi,

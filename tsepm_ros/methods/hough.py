@@ -20,7 +20,7 @@ Readings
   the newest scan are evaluated: the others were evaluated before.
 - rho counts from the sensor's last position.
 - Of lines that share a detection the one of the most votes, and of these the best fit (f_1 of TSEPM
-  2018, Eq. 23), is put out, and its detections leave the image.
+  2018, Eq. 23), is published, and its detections leave the image.
 - Time plays no part in a line. A fit faster than v_max is refused: that limit holds in all methods.
 """
 

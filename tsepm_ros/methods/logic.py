@@ -30,7 +30,7 @@ Readings
   hits within a window of N scans, which a track can only reach if it outlives a miss. `missed`
   "waits", the default, is the second and differs from Section 3.2; "ends" is point (iv).
 - The article does not specify the treatment of confirmed tracks that share a detection: the best
-  fit (f_1 of TSEPM 2018, Eq. 23) is put out.
+  fit (f_1 of TSEPM 2018, Eq. 23) is published.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ class LogicOptions(MnOptions):
         maximum=0.999999,
     )
     degree: int = parameter(
-        2, "Highest order of the polynomial that predicts a track", minimum=1, maximum=3
+        2, "Maximum order of the polynomial that predicts a track", minimum=1, maximum=3
     )
     missed: str = parameter(
         "waits",
-        "What a potential track without a detection in its region does: waits until its scans are "
-        "over, or ends at once",
+        "Reaction of a potential track without a detection in its region: it waits until "
+        "its scans are over, or ends at once",
         choices=("waits", "ends"),
     )
 

@@ -24,7 +24,7 @@ Readings
   satisfies the rules keeps no branch without it.
 - Every detection that satisfies them makes a potential track; every detection may be a first one.
 - `gate_sigmas` widens the limit of the speed by the last hit's error; 0 as in the literature.
-- Of confirmed tracks that share a detection the best fit (f_1 of TSEPM 2018, Eq. 23) is put out.
+- Of confirmed tracks that share a detection the best fit (f_1 of TSEPM 2018, Eq. 23) is published.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class ModifiedHoughOptions(MnOptions):
     window: int = window_option(5, minimum=3)
     max_turn: float = parameter(
         0.5,
-        "Largest angle between consecutive zero crossings (sigma_theta)",
+        "Maximum angle between consecutive zero crossings (sigma_theta)",
         unit="rad",
         positive=True,
         maximum=math.pi / 2,
@@ -60,8 +60,7 @@ class ModifiedHoughOptions(MnOptions):
     )
     gate_sigmas: float = parameter(
         0.0,
-        "Room that the limit of the speed leaves for errors, in standard deviations of the last "
-        "hit",
+        "Margin of the speed limit for errors, in standard deviations of the last hit",
         minimum=0.0,
         maximum=100.0,
     )

@@ -26,7 +26,8 @@ Readings
   echo outside the gate then takes the target's next ones, and the examples depend on where the
   points lie. "shared": each track takes what is nearest to it, and a detection "removed" only
   starts none; the article then starts a target once for each of its tracks, since no displacement
-  merges them. Here, as with the other methods, the best of the tracks that share a hit is put out.
+  merges them. Here, as with the other methods, the best of the tracks that share a hit is
+  published.
 - A track that can no longer reach M hits is deleted when its N scans are over (Section 4.1), not
   as soon as that is known: it matches, and so removes, detections until then.
 - A confirmed track no longer matches detections: its target starts anew, as with the other methods.
@@ -64,14 +65,14 @@ class SequentialOptions(MnOptions):
     )
     gate_error: str = parameter(
         "range",
-        "The error that the gate's margin counts: that of the range, or the larger axis of the "
-        "position's",
+        "Error that the margin of the gate refers to: that of the range, or the larger "
+        "axis of the position error",
         choices=("range", "major_axis"),
     )
     matching: str = parameter(
         "oldest",
-        "Who gets a detection in the gates of several tracks: the oldest of them, the track of the "
-        "nearest pair of all (nearest), or each (shared)",
+        "Assignment of a detection in the gates of several tracks: to the oldest track, "
+        "to the track of the nearest pair (nearest), or to every track (shared)",
         choices=("oldest", "nearest", "shared"),
     )
     estimator: str = parameter(

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from msg_adapters import diagnostics
 from tsepm_ros.diagnostics.health import Health
 from tsepm_ros.diagnostics.health_figures import Connections
-from tsepm_ros.diagnostics.rules import unused_own_ship_on
+from tsepm_ros.diagnostics.judgements import unused_own_ship_on
 from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch

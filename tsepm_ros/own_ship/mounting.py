@@ -24,22 +24,22 @@ class Mounting:
 
     x: float = parameter(
         0.0,
-        "Position of the sensor ahead of the origin of the vessel's frame; with odometry alone",
+        "Position of the sensor ahead of the origin of the vessel's frame; only with odometry",
         unit="m",
         minimum=-1000.0,
         maximum=1000.0,
     )
     y: float = parameter(
         0.0,
-        "Position of the sensor to port of that origin; with odometry alone",
+        "Position of the sensor to port of the origin of the vessel's frame; only with odometry",
         unit="m",
         minimum=-1000.0,
         maximum=1000.0,
     )
     yaw: float = parameter(
         0.0,
-        "Direction of the sensor's azimuth 0, counter-clockwise from the vessel's bow; with "
-        "odometry alone",
+        "Direction of the sensor's azimuth 0, counter-clockwise from the vessel's bow; "
+        "only with odometry",
         unit="rad",
         minimum=-2 * math.pi,
         maximum=2 * math.pi,

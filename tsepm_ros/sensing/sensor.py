@@ -80,15 +80,16 @@ class SensorModel:
     )
     range_resolution: float = parameter(
         0.0,
-        "Difference in range up to which echoes are not told apart, to make plots; 0: unknown",
+        "Range difference below which the sensor cannot separate echoes; used to make "
+        "plots. 0: unknown",
         unit="m",
         minimum=0.0,
         maximum=1e4,
     )
     azimuth_resolution: float = parameter(
         0.0,
-        "Difference in azimuth up to which echoes are not told apart (the beam's width), to make "
-        "plots; 0: unknown",
+        "Azimuth difference below which the sensor cannot separate echoes (beam width); "
+        "used to make plots. 0: unknown",
         unit="rad",
         minimum=0.0,
         maximum=1.0,
@@ -98,7 +99,7 @@ class SensorModel:
     )
     clutter_density: float = parameter(
         1e-6,
-        "Expected false detections per scan and square metre",
+        "Mean number of false detections per scan and square metre",
         unit="1/m^2",
         positive=True,
         maximum=MAX_CLUTTER_DENSITY,

@@ -34,7 +34,7 @@ _DRIVER = "Fix the driver"
 _TRACKER = "Fix the tracker"
 _EXPECTED = "None: this is expected"
 _LAYOUT = {
-    "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/drivers.md"),
+    "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/messages.md"),
     "duplicate_field": ("a field occurs twice", _DRIVER),
     "wrong_datatype": ("a field has an unsupported datatype", "Send FLOAT32 or FLOAT64"),
     "wrong_count": ("a field has a count other than 1", _DRIVER),
@@ -86,7 +86,7 @@ _SINGLE = {
         DETECTIONS, "scan", "the lengths of the message's arrays do not match", _DRIVER
     ),
     "unknown_type": DropReason(
-        DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/drivers.md"
+        DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/messages.md"
     ),
     "package_not_installed": DropReason(
         DETECTIONS, "scan", "the package of the type is not installed", "Install the package"

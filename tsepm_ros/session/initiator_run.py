@@ -138,8 +138,8 @@ class InitiatorRun:
             remarks.append(
                 Notice(
                     "tracker_silent",
-                    f"the downstream tracker was silent for {timeout:g} s: its tracks are "
-                    "maintained here",
+                    f"the downstream tracker was silent for {timeout:g} s: this node "
+                    "maintains its tracks",
                 )
             )
         elif change == (Tracker.SILENT, Tracker.ALIVE):

@@ -34,7 +34,7 @@ class ScanResult:
     current : TrackArrays
         All published tracks that are held, at `stamp`.
     fixed_echoes : TrackArrays
-        What stands still, with `min_speed`, at `stamp`.
+        Fixed echoes, with `min_speed`, at `stamp`.
     ended : list of int
         Ids of the tracks that ended.
     statistics : ScanStatistics

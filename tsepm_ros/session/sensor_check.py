@@ -138,9 +138,9 @@ def many_confirmations(figures: SensorFigures) -> str:
     if confirmed <= RATE_FACTOR * rate * figures.duration / 3600.0:
         return ""
     return (
-        f"{confirmed} tracks were confirmed in {figures.duration / 60.0:.0f} min, where the target "
-        f"false-track rate is {rate:g} per hour: unless there are so many targets, see "
-        "docs/operating.md on too many tracks"
+        f"{confirmed} tracks were confirmed in {figures.duration / 60.0:.0f} min; the target "
+        f"false-track rate is {rate:g} per hour. If there are fewer targets, see "
+        "docs/watch_and_operate.md, too many tracks"
     )
 
 

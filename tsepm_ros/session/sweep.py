@@ -92,7 +92,7 @@ class Sweep:
             if self._settings.session.sweep == "auto" and self._assembly.cut >= MAX_CUT:
                 scans += self._assembly.close()
                 self.reset()
-                said = "the beam does not turn any more: from now on a message is a scan"
+                said = "the beam no longer turns: each message is a scan again"
                 return Taken(scans, [*refusals, Notice("sweep", said)])
             return Taken(scans, list(refusals))
         if self._settings.session.sweep == "auto":
@@ -102,9 +102,9 @@ class Sweep:
                 self._heard = now
                 self._assembly.take(message)
                 said = (
-                    f"messages are parts of a sweep of {turning.seconds:.3g} s (some "
-                    f"{turning.parts} messages): they are put together from now on, and what "
-                    "was found before is discarded"
+                    f"messages are parts of a sweep of {turning.seconds:.3g} s (about "
+                    f"{turning.parts} messages): they are joined to scans, and earlier tracks are "
+                    "discarded"
                 )
                 return Taken([], [Notice("sweep", said)], changed=True)
         return Taken([message], [])

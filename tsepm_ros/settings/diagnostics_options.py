@@ -19,7 +19,7 @@ class DiagnosticsOptions:
 
     window: float = parameter(
         60.0,
-        "Time for which a drop, a gap, a cut or a long latency raises the level of its entry",
+        "Time for which a drop, a gap, a cut or a long latency affects the level of its entry",
         unit="s",
         positive=True,
         maximum=86_400.0,
@@ -46,7 +46,8 @@ class DiagnosticsOptions:
     )
     max_latency: float = parameter(
         1.0,
-        "Maximum acceptable time from a scan's arrival to the end of publishing, waiting included",
+        "Maximum acceptable time from a scan's arrival to the end of publishing, "
+        "including the wait for own-ship data",
         unit="s",
         positive=True,
         maximum=3600.0,
@@ -59,7 +60,10 @@ class DiagnosticsOptions:
         maximum=3600.0,
     )
     max_dropped_share: float = parameter(
-        0.1, "Maximum share of detections dropped one by one", minimum=0.0, maximum=1.0
+        0.1,
+        "Maximum fraction of detections that may be dropped without a warning",
+        minimum=0.0,
+        maximum=1.0,
     )
     clutter_factor: float = parameter(
         3.0,

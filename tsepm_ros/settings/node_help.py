@@ -19,7 +19,8 @@ _TOPICS = {
     "tracks/current, tracks/markers and others (docs/topics.md)",
     "sonar_simulator": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
     "scan_player": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
-    "track_viewer": "subscribes to tracks/current, fixed_echoes and others (docs/watching.md)",
+    "track_viewer": "subscribes to tracks/current, fixed_echoes and others "
+    "(docs/watch_and_operate.md)",
 }
 
 

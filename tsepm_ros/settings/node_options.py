@@ -19,8 +19,9 @@ class InitiatorNodeOptions:
     )
     sound_speed: float = parameter(
         0.0,
-        "Sound speed. Detections without times are valid range / sound_speed after the stamp; 0: "
-        "at the stamp. Sonar messages without a sound speed use this value; 0: 1500 m/s",
+        "Sound speed. A detection without a time is valid range / sound_speed after the "
+        "stamp; 0: at the stamp. Sonar messages without a sound speed use this value; 0: "
+        "1500 m/s",
         unit="m/s",
         minimum=0.0,
         maximum=10_000.0,
@@ -36,20 +37,20 @@ class InitiatorNodeOptions:
     )
     bearing_reference: str = parameter(
         "bow",
-        "Reference direction of a field named bearing, which is positive clockwise",
+        "Direction from which a field named bearing is measured, clockwise",
         choices=("bow", "north"),
         read_only=True,
     )
     learned_file: str = parameter(
         "",
-        "File in which what was learned (clutter density, where clutter is seen, detection "
-        "probability) is kept over a restart; it is written every minute and at the end; empty: "
+        "File that keeps what was learned (clutter density, region of clutter, detection "
+        "probability) over a restart. It is written every minute and at the end. Empty: "
         "none",
         read_only=True,
     )
     learned_max_age: float = parameter(
         86_400.0,
-        "Age up to which learned_file is used; it counts half after 6 hours",
+        "Maximum age of learned_file; its content counts half after 6 hours",
         unit="s",
         positive=True,
         maximum=31_536_000.0,

@@ -41,7 +41,7 @@ class SessionOptions:
     )
     own_ship_timeout: float = parameter(
         2.0,
-        "Maximum time that a scan waits for own-ship data at its time",
+        "Maximum time that a scan waits for the own-ship data of its time",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
@@ -62,7 +62,8 @@ class SessionOptions:
     )
     restart_jump: float = parameter(
         60.0,
-        "Backward step of the stamps that resets the state; a smaller step means a late scan",
+        "A backward step of the stamps by more than this resets the state; a smaller step "
+        "marks a late scan",
         unit="s",
         minimum=0.0,
     )
@@ -75,8 +76,8 @@ class SessionOptions:
     )
     max_scan_time: float = parameter(
         5.0,
-        "Maximum computing time of a scan, a safeguard beyond the limits on counts. It is off in "
-        "studies and offline runs, which are therefore reproducible",
+        "Maximum computing time of a scan; a safeguard in addition to the limits on "
+        "counts. Offline runs do not use it and are therefore reproducible",
         unit="s",
         positive=True,
         maximum=3600.0,
@@ -84,9 +85,9 @@ class SessionOptions:
 
     sweep: str = parameter(
         "off",
-        "Whether messages are parts of a sweep, a beam or a sector each, that are put together: "
-        "off; auto, learned from their azimuths; or the seconds of a turn, or of a pass over a "
-        "sector",
+        "Joining of messages that each hold a beam or sector of a sweep. off: a message "
+        "is a scan; auto: joined once their azimuths show a sweep; or the time in seconds "
+        "of a turn or of a pass over a sector",
         numeric=True,
         read_only=True,
     )

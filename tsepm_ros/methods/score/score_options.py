@@ -30,7 +30,8 @@ class ScoreOptions:
     )
     miss_probability: float = parameter(
         0.005,
-        "Probability that the hypothesis of a target is deleted; sets the deletion threshold",
+        "Probability that the correct hypothesis of a target is deleted; sets the "
+        "deletion threshold",
         positive=True,
         maximum=0.5,
     )
@@ -53,13 +54,15 @@ class ScoreOptions:
     )
     estimator: str = parameter(
         "weighted",
-        "Fit of a confirmed track: weighted least squares on positions; or polar, the maximum "
-        "likelihood of ranges and azimuths under the errors that a data sheet gives, slower and "
-        "equal within 2 % for azimuth errors up to 3 degrees",
+        "Fit of a confirmed track. weighted: weighted least squares on positions; polar: "
+        "maximum likelihood of ranges and azimuths, slower, and equal within 2 % for "
+        "azimuth errors up to 3 degrees",
         choices=ESTIMATORS[1:],
     )
     max_per_detection: int = parameter(
-        100, "Hypotheses with the same last detection, at most; the best are kept", minimum=1
+        100,
+        "Maximum number of hypotheses with the same last detection; the best are kept",
+        minimum=1,
     )
 
     def __post_init__(self) -> None:

@@ -22,8 +22,9 @@ class TsepmOptions(MnOptions):
     )
     estimator: str = parameter(
         "unweighted",
-        "Fit of a track: least squares as published, weighted with the errors re-evaluated at the "
-        "fit, or polar, the maximum likelihood of ranges and azimuths",
+        "Fit of a track. unweighted: least squares as published; weighted: least squares "
+        "with errors re-evaluated at the fit; polar: maximum likelihood of ranges and "
+        "azimuths",
         choices=ESTIMATORS,
     )
     evaluation: str = parameter(
@@ -44,7 +45,7 @@ class TsepmOptions(MnOptions):
     )
     clutter_test_size: float = parameter(
         0.05,
-        "Nominal share of clutter tracks that pass Kennedy's test",
+        "Nominal fraction of clutter tracks that pass Kennedy's test",
         positive=True,
         maximum=0.999999,
     )
