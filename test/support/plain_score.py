@@ -171,10 +171,9 @@ def resolved(
     if held_share(rivals, free) > max_held_share or max(len(one.keys) for one in rivals) < 3:
         return None
     probability = hit_probabilities(rivals)
-    certain = {key for key, value in probability.items() if value >= 0.9}
+    certain = {key for key, value in probability.items() if value > 0.5}
     if len(certain) < 3:
-        best = max((one for one in rivals if len(one.keys) >= 3), key=likelihood)
-        certain = set(sorted(best.keys, key=lambda key: -probability[key])[:3])
+        return None
     right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
     if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
         return None  # these scenes have too few scans for it to wait no longer
@@ -221,13 +220,14 @@ def hit_probabilities(members: Sequence[Hypothesis]) -> dict[Key, float]:
 def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
     """Hypotheses of the same target, whatever they end in, that are not negligible."""
     probability = hit_probabilities(members)
-    least = evidence(members) - math.log(1e4)
+    least, mean_hits = evidence(members) - math.log(1e4), sum(probability.values())
     return [
         one
         for one in grown.ending + grown.missed
         if one.score > least
         and len(one.keys) >= 2
-        and sum(probability.get(key, 0.0) for key in one.keys) > 0.3 * len(one.keys)
+        and sum(probability.get(key, 0.0) for key in one.keys)
+        > 0.3 * min(len(one.keys), mean_hits)
     ]
 
 

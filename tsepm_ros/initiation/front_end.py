@@ -213,6 +213,8 @@ class FrontEnd:
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
             held_association=held_association,
+            held=self.maintenance.held.tracks,
+            own_detections=self.maintenance.own_detections,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.seen_extent.estimate,

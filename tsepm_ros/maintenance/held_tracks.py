@@ -147,6 +147,29 @@ class HeldTracks:
             visible=ipda.predicted_visibility(self.visible, time_step),
         )
 
+    def revised(self, corrected: TrackArrays) -> HeldTracks:
+        """The rows with the starts of tracks, by their ids, that were corrected.
+
+        Each goes on from the corrected state, as its next revision; its target exists as before.
+        """
+        tracks = self.tracks
+        _, row, place = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
+        new = corrected.where(place)
+        hits = list(tracks.hits)
+        for to, of in zip(row, new.hits, strict=True):
+            hits[to] = of
+        names = ("state", "covariance", "hit_count", "evaluation", "score", "scan_count", "age")
+        figures: dict[str, Any] = {
+            name: _put(getattr(tracks, name), row, getattr(new, name)) for name in names
+        }
+        revision = _put(tracks.revision, row, tracks.revision[row] + 1)
+        return replace(
+            self,
+            tracks=replace(tracks, hits=hits, revision=revision, **figures),
+            models=self.models.with_rows(row, InteractingModels.of(new.state, new.covariance)),
+            fits=self.fits.with_rows(row, StraightFits.of(new.state, new.covariance)),
+        )
+
     def listed(self, reported: TrackArrays, existence: float) -> HeldTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
 

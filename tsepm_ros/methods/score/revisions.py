@@ -1,0 +1,132 @@
+"""Starts that turn out wrong: which of the later hypotheses tell that, and what is right instead.
+
+The tree goes on after a start, and later hits decide between the hypotheses that were rivals at the
+start, and others. With i over the rivals of the hypotheses that end in a held track's own
+detection, and the n hits that the track was published with::
+
+    right         P = sum of w_i over i with more than n / 2 of these hits,  w_i ~ exp(s_i)
+    wrong         P <= 0.1, as soon as other hits are resolved as for a start
+
+Where the right hits are partly those that were published, the start is corrected. Where none is,
+the track was of no target or of another, and the target is a new one, which replaces it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import softmax
+
+from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.methods.score import speed_prior
+from tsepm_ros.methods.score.starts import (
+    MIN_PURITY_PROBABILITY,
+    HitFit,
+    Start,
+    resolved,
+    rivals_of,
+)
+from tsepm_ros.methods.score.tree import Grown
+from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.sensing.detection_window import DetectionWindow
+
+ALL = 1.0
+"""A held track's hits are all due to a held track."""
+
+
+@dataclass(frozen=True)
+class Revisions:
+    """Starts in the place of those that held tracks were published with.
+
+    Attributes
+    ----------
+    corrected : list of (int, Start)
+        Id of a track, and its start as it should have been.
+    replaced : list of (int, Start)
+        Id of a track of which no hit was the target's, and the target's start.
+    """
+
+    corrected: Sequence[tuple[int, Start]] = ()
+    replaced: Sequence[tuple[int, Start]] = ()
+
+
+def revisions(
+    grown: Grown,
+    observed: Observation,
+    window: DetectionWindow,
+    threshold: float,
+    starts: Sequence[Start],
+    *,
+    min_time: float,
+    max_speed: float,
+    fit: HitFit,
+) -> Revisions:
+    """Corrections of the held tracks' starts, as far as their hits are in the window.
+
+    Parameters
+    ----------
+    grown : Grown
+        The tree after the scan.
+    observed : Observation
+        With the held tracks and their detections.
+    window : DetectionWindow
+    threshold : float
+        Of the evidence.
+    starts : sequence of Start
+        Those of the scan: their detections correct no track.
+    min_time, max_speed, fit
+        See `starts.StartRule.starts`.
+    """
+    corrected, replaced = [], []
+    tested: Grown | None = None
+    for track_id, row in zip(*observed.own_detections, strict=True):
+        (place,) = np.flatnonzero(observed.held.track_id == track_id)
+        published = observed.held.hits[place]
+        hits = window.find(published)
+        if not 2 * len(hits) > len(published) or grown.evidence[row] < threshold:
+            continue
+        if _best_has_most_of(hits, grown, row):
+            continue
+        if any(grown.ids[row] in start.detections for start in starts):
+            continue
+        tested = tested or speed_prior.ended_at(grown, threshold, max_speed)
+        start = _instead(hits, len(published), tested, row, window, threshold, min_time, fit)
+        if start is None:
+            continue
+        shared = np.isin(start.hits, hits).any()
+        (corrected if shared else replaced).append((int(track_id), start))
+    return Revisions(corrected, replaced)
+
+
+def _best_has_most_of(hits: IntArray, grown: Grown, row: int) -> bool:
+    """Whether the best hypothesis that ends in a detection has more than half of the hits."""
+    members = np.flatnonzero(grown.newest == row)
+    best = members[np.argmax(grown.ended.score[members])]
+    return bool(2 * np.isin(hits, grown.ended.hits[best]).sum() > len(hits))
+
+
+def _instead(
+    hits: IntArray,
+    published: int,
+    grown: Grown,
+    row: int,
+    window: DetectionWindow,
+    threshold: float,
+    min_time: float,
+    fit: HitFit,
+) -> Start | None:
+    """The start instead of one with these hits; None where these may be right."""
+    members = grown.ended[grown.newest == row]
+    evidence = float(np.logaddexp.reduce(members.score))
+    if evidence < threshold:
+        return None
+    rivals = rivals_of(members, grown, evidence)
+    most = 2 * np.isin(rivals.hits, hits).sum(axis=1) > published
+    if softmax(rivals.score)[most].sum() > 1.0 - MIN_PURITY_PROBABILITY:
+        return None
+    start = resolved(members, grown, window, ALL, min_time, fit)
+    if start is None or 2 * np.isin(start.hits, hits).sum() > published:
+        return None
+    return start
