@@ -214,7 +214,7 @@ class FrontEnd:
             held_density=held_density,
             held_association=held_association,
             held=self.maintenance.held.tracks,
-            own_detections=self.maintenance.own_detections,
+            probable_detections=self.maintenance.probable_detections,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.seen_extent.estimate,

@@ -42,8 +42,8 @@ class Observation:
         target exists and caused the detection.
     held : TrackArrays
         The held tracks, with the hits of their starts.
-    own_detections : tuple of (k,) ndarray of int
-        Ids of held tracks, and the detection of each that is almost certainly the track's.
+    probable_detections : tuple of (k,) ndarray of int
+        Ids of held tracks, and the detection of each that is more probably the track's than not.
     in_clutter_zone : (d,) ndarray of bool
         With `plot_features`; else all False.
     clutter_sensor : SensorModel
@@ -70,7 +70,7 @@ class Observation:
     held_density: FloatArray
     held_association: tuple[IntArray, FloatArray]
     held: TrackArrays
-    own_detections: tuple[IntArray, IntArray]
+    probable_detections: tuple[IntArray, IntArray]
     in_clutter_zone: BoolArray
     clutter_sensor: SensorModel
     seen_extent: Extent

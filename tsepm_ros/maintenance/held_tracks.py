@@ -16,6 +16,13 @@ from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
 
+UNPROVEN = 0.01
+"""Probability that a new track's target exists, by which the detection probability is learned.
+
+In clutter alone a track is ever proven with this probability at most (Ville): the scans after a
+false start say nothing of targets, whatever their number. A choice.
+"""
+
 T = TypeVar("T", bound=np.generic)
 
 
@@ -35,6 +42,8 @@ class HeldTracks:
         Fits of constant velocity, by which it is judged whether the target stands still.
     existence : (n,) ndarray
         Probability r that the target exists.
+    proven : (n,) ndarray
+        The same for any P_D, from `UNPROVEN` at the start: by the scans since alone.
     visible : (n,) ndarray
         Probability s that the target, if it exists, is visible: not faded.
     covered_scans : (n,) ndarray
@@ -55,6 +64,7 @@ class HeldTracks:
     histories: Histories
     fits: StraightFits
     existence: FloatArray
+    proven: FloatArray
     visible: FloatArray
     covered_scans: FloatArray
     last_detected: FloatArray
@@ -84,6 +94,7 @@ class HeldTracks:
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
             existence=np.array(np.broadcast_to(existence, n), float),
+            proven=np.full(n, UNPROVEN),
             visible=np.ones(n),
             covered_scans=np.zeros(n),
             last_detected=tracks.stamp,
@@ -144,6 +155,7 @@ class HeldTracks:
             models=models,
             fits=self.fits.predicted(time_step),
             existence=ipda.predicted_existence(self.existence, time_step),
+            proven=ipda.predicted_existence(self.proven, time_step),
             visible=ipda.predicted_visibility(self.visible, time_step),
         )
 
@@ -192,6 +204,7 @@ class HeldTracks:
             ),
             fits=self.fits.with_rows(row, StraightFits.of(reported.state, reported.covariance)),
             existence=_put(self.existence, row, existence),
+            proven=_put(self.proven, row, existence),
             last_detected=_put(
                 self.last_detected, row, np.maximum(self.last_detected[row], reported.stamp)
             ),
@@ -202,6 +215,7 @@ class HeldTracks:
 
 _COLUMNS = (
     "existence",
+    "proven",
     "visible",
     "covered_scans",
     "last_detected",

@@ -43,6 +43,8 @@ TRACKED_EXISTENCE = 0.99
 """Existence probability of a target that a downstream tracker lists: a choice."""
 ALMOST_CERTAIN = 0.9
 """Probability from which on a detection is almost certainly a track's."""
+PROBABLE = 0.5
+"""Probability above which a detection is more probably a track's than not."""
 
 
 class HeldAssociation(NamedTuple):
@@ -73,7 +75,7 @@ class HeldAssociation(NamedTuple):
 
 
 class OwnDetections(NamedTuple):
-    """Detections of a scan that are almost certainly held tracks'.
+    """Detections of a scan that are held tracks', with more than some probability.
 
     Attributes
     ----------
@@ -116,6 +118,8 @@ class TrackMaintenance:
         Detections of the last scan that may be the tracks'.
     own_detections : OwnDetections
         Those that almost certainly are.
+    probable_detections : OwnDetections
+        Those that more probably are than not: at most one of each track.
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
         them.
@@ -137,7 +141,7 @@ class TrackMaintenance:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
-        self.own_detections = NO_OWN_DETECTIONS
+        self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
 
     @property
@@ -244,6 +248,10 @@ class TrackMaintenance:
         self.held_association = HeldAssociation(near.row, of_target)
         own = of_target > ALMOST_CERTAIN
         self.own_detections = OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
+        own = of_target > PROBABLE
+        self.probable_detections = OwnDetections(
+            held.tracks.track_id[near.track[own]], near.row[own]
+        )
         self._held = held
         # End.
         sigma = np.zeros(len(held))
@@ -349,7 +357,7 @@ class TrackMaintenance:
         """Begin a step: forget the last one's, and end the tracks that are over their time."""
         self._ended, self._cleared = self._cleared, []
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
-        self.own_detections = NO_OWN_DETECTIONS
+        self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)

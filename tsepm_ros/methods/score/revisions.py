@@ -1,14 +1,16 @@
 """Starts that turn out wrong: which of the later hypotheses tell that, and what is right instead.
 
 The tree goes on after a start, and later hits decide between the hypotheses that were rivals at the
-start, and others. With i over the rivals of the hypotheses that end in a held track's own
+start, and others. With i over the rivals of the hypotheses that end in a held track's probable
 detection, and the n hits that the track was published with::
 
     right         P = sum of w_i over i with more than n / 2 of these hits,  w_i ~ exp(s_i)
     wrong         P <= 0.1, as soon as other hits are resolved as for a start
 
 Where the right hits are partly those that were published, the start is corrected. Where none is,
-the track was of no target or of another, and the target is a new one, which replaces it.
+the track was of no target or of another, and the target is a new one, which replaces it. A start
+with more than half of a held track's published hits is that track's too: the track has lost its
+target, and is corrected.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import numpy as np
 from scipy.special import softmax
 
 from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import speed_prior
 from tsepm_ros.methods.score.starts import (
     MIN_PURITY_PROBABILITY,
@@ -38,18 +41,21 @@ ALL = 1.0
 
 @dataclass(frozen=True)
 class Revisions:
-    """Starts in the place of those that held tracks were published with.
+    """What a scan's starts, and later hits, say of the held tracks.
 
     Attributes
     ----------
+    new : list of Start
+        Starts that are no held track's.
     corrected : list of (int, Start)
         Id of a track, and its start as it should have been.
     replaced : list of (int, Start)
         Id of a track of which no hit was the target's, and the target's start.
     """
 
-    corrected: Sequence[tuple[int, Start]] = ()
-    replaced: Sequence[tuple[int, Start]] = ()
+    new: Sequence[Start]
+    corrected: Sequence[tuple[int, Start]]
+    replaced: Sequence[tuple[int, Start]]
 
 
 def revisions(
@@ -75,15 +81,18 @@ def revisions(
     threshold : float
         Of the evidence.
     starts : sequence of Start
-        Those of the scan: their detections correct no track.
+        Those of the scan.
     min_time, max_speed, fit
         See `starts.StartRule.starts`.
     """
-    corrected, replaced = [], []
+    new, corrected = _claimed(starts, observed.held, window)
+    replaced = []
     tested: Grown | None = None
-    for track_id, row in zip(*observed.own_detections, strict=True):
-        (place,) = np.flatnonzero(observed.held.track_id == track_id)
-        published = observed.held.hits[place]
+    for track_id, row in zip(*observed.probable_detections, strict=True):
+        place = np.flatnonzero(observed.held.track_id == track_id)
+        if not len(place):  # it has ended in this scan
+            continue
+        published = observed.held.hits[place[0]]
         hits = window.find(published)
         if not 2 * len(hits) > len(published) or grown.evidence[row] < threshold:
             continue
@@ -97,7 +106,23 @@ def revisions(
             continue
         shared = np.isin(start.hits, hits).any()
         (corrected if shared else replaced).append((int(track_id), start))
-    return Revisions(corrected, replaced)
+    return Revisions(new, corrected, replaced)
+
+
+def _claimed(
+    starts: Sequence[Start], held: TrackArrays, window: DetectionWindow
+) -> tuple[list[Start], list[tuple[int, Start]]]:
+    """Starts that are no held track's, and those of held tracks with the tracks' ids."""
+    new, corrected = [], []
+    published = [window.find(hits) for hits in held.hits] if starts else []
+    for start in starts:
+        common = np.array([np.isin(ids, start.hits).sum() for ids in published], np.int64)
+        owners = held.track_id[2 * common > held.hit_count]
+        if len(owners):
+            corrected.append((int(owners[0]), start))
+        else:
+            new.append(start)
+    return new, corrected
 
 
 def _best_has_most_of(hits: IntArray, grown: Grown, row: int) -> bool:

@@ -163,7 +163,7 @@ class Score(Method):
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),
         )
-        confirmed = [*confirmed, *(start for _, start in revised.replaced)]
+        confirmed = [*revised.new, *(start for _, start in revised.replaced)]
         corrected = [start for _, start in revised.corrected]
         tracks = self._confirmed(observed, confirmed, threshold)
         everything = starts.given_starts(grown.joined(), [*confirmed, *corrected])

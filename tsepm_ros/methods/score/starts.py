@@ -38,7 +38,7 @@ from tsepm_ros.stages.paths import NO_HIT
 MIN_HIT_PROBABILITY = 0.5
 """Posterior probability above which a detection is a hit of a confirmed track: hits are those more
 probable than not."""
-MIN_PURITY_PROBABILITY = float(__import__("os").environ.get("MPP","0.9"))
+MIN_PURITY_PROBABILITY = 0.9
 """Minimum posterior probability that more than half of a new track's hits are its target's.
 
 A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
@@ -285,8 +285,7 @@ def resolved(
     unclear = softmax(rivals.score)[right].sum() < MIN_PURITY_PROBABILITY
     if unclear and waits:
         return None
-    with_all = common == len(hits)
-    state, covariance = mixed(rivals[with_all if with_all.any() else right], fit)
+    state, covariance = mixed(rivals[right], fit)
     return Start(hits, detections, probability, state, covariance, evidence)
 
 
