@@ -11,7 +11,7 @@ of hypothesis i, a scan goes through::
     split         s_i += ln(P_D N(z; H x, S) / lambda)           Sittler 1964; Bar-Shalom, Blackman,
                                                                  Fitzgerald 2007
     start         s = 0, by every detection
-    miss          s_i += ln(1 - P_D P_G); 0 outside the coverage
+    miss          s_i += ln(1 - P_D P_G); 0 outside the coverage; P_D by a chain of seen and faded
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection, with
                   s_i + ln P(|v| <= v_max | x_i, P_i) - ln P_0 near the threshold
     threshold     A = ln(starts per hour / rate) - the mean jump over it, by the bound
@@ -25,7 +25,9 @@ of hypothesis i, a scan goes through::
                   `window` scans old; then the weakest beyond a limit
     finish        ids, track maintenance, targets out of the clutter map (initiator)
 
-Each has its module: `tree` (predict to evidence, prune), `speed_prior`, `threshold` with
+    revise        a held track whose majority of hits turns out wrong is corrected under its id
+
+Each has its module: `tree` (predict to evidence, prune) with `fading`, `revisions`, `speed_prior`, `threshold` with
 `threshold_plan`, and `starts` (confirm). The full references are in `likelihood_ratio`; the jump is
 simulated in `threshold_plan`.
 
@@ -51,7 +53,7 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import starts, tree
+from tsepm_ros.methods.score import fading, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.revisions import revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -126,6 +128,7 @@ class Score(Method):
         ids = self._take(observed)
         predicted = tree.predict(self.hypotheses, observed.interval, options.process_noise)
         detection_probability = observed.detection_probability(predicted.state[:, 0::2])
+        detection_probability = detection_probability * fading.visible_share(predicted.faded)
         children, cut = tree.split(
             predicted,
             detection_probability,
