@@ -226,8 +226,7 @@ def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
         for one in grown.ending + grown.missed
         if one.score > least
         and len(one.keys) >= 2
-        and sum(probability.get(key, 0.0) for key in one.keys)
-        > 0.3 * min(len(one.keys), mean_hits)
+        and sum(probability.get(key, 0.0) for key in one.keys) > 0.3 * min(len(one.keys), mean_hits)
     ]
 
 

@@ -128,9 +128,7 @@ class RunSummary:
             StartSummary(scan, time, Outcome(outcome), pure, *_numbers(more))
             for scan, time, outcome, pure, *more in content["starts"]
         )
-        scans = (
-            ScanSummary(*values[:-3], *_numbers(values[-3:])) for values in content["scans"]
-        )
+        scans = (ScanSummary(*values[:-3], *_numbers(values[-3:])) for values in content["scans"])
         return cls(content["targets"], tuple(starts), tuple(scans))
 
 
@@ -177,7 +175,9 @@ def summarise(run: SimulatedRun) -> RunSummary:
             for scan, one in judged
             if one.outcome is not Outcome.FALSE
         ),
-        scans=tuple(_scan_summary(run, scan, *row) for scan, row in zip(scans, counts, strict=True)),
+        scans=tuple(
+            _scan_summary(run, scan, *row) for scan, row in zip(scans, counts, strict=True)
+        ),
     )
 
 

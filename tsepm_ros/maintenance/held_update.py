@@ -19,7 +19,7 @@ from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
 PROVING = 0.5
-"""P_D by which tracks are proven: were it that in use, then a wrong one would never be corrected."""
+"""P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
 DETECTED = 0.5
 """Probability of a detection from which a target counts as detected in a scan."""
 

@@ -102,9 +102,6 @@ class Scenario:
     name : str
     scans : int
         Number of scans, from the first in which the targets are there.
-    warm_up : int
-        Number of scans of clutter alone before these: from a cold start the first scans hold fewer
-        false tracks than later ones.
     period : float
         Time between scans, s; scan k is sent at ``k * period``.
     sensor : SensorModel
@@ -124,11 +121,13 @@ class Scenario:
         Features of the plots of each of `targets`; Gaussian, widths at least 0.
     clutter_features : mapping
         Features of false detections, likewise.
+    warm_up : int
+        Number of scans of clutter alone before the others: from a cold start the first scans hold
+        fewer false tracks than later ones.
     """
 
     name: str
     scans: int = 16
-    warm_up: int = 0
     period: float = 12.0
     sensor: SensorModel = field(default_factory=SensorModel)
     sound_speed: float = 0.0
@@ -139,6 +138,7 @@ class Scenario:
     clutter_patches: tuple[ClutterPatch, ...] = ()
     target_features: tuple[Features, ...] = ()
     clutter_features: Features = field(default_factory=dict)
+    warm_up: int = 0
 
     @property
     def total_scans(self) -> int:

@@ -1,7 +1,7 @@
 """Targets whose detection probability is not a constant: a chain of seen and faded, in the tree.
 
-A target is seen with the P_D in use, or it has faded to half of it: by aspect, shadow or weather, or
-because the data sheet flatters. It is in either state for a while (the Markov chain of Musicki,
+A target is seen with the P_D in use, or it has faded to half of it: by aspect, shadow or weather,
+or because the data sheet flatters. It is in either state for a while (the Markov chain of Musicki,
 Evans, Stankovic, IEEE Trans. Autom. Control 39(6), 1994, with P_D above 0 in both), so that a miss
 makes further misses cheaper. With f the probability that it has faded, over a time t::
 

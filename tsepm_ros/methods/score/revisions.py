@@ -86,7 +86,7 @@ def revisions(
         See `starts.StartRule.starts`.
     """
     new, corrected = _claimed(starts, observed.held, window)
-    replaced = []
+    replaced: list[tuple[int, Start]] = []
     tested: Grown | None = None
     for track_id, row in zip(*observed.probable_detections, strict=True):
         place = np.flatnonzero(observed.held.track_id == track_id)

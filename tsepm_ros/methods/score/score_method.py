@@ -19,7 +19,7 @@ of hypothesis i, a scan goes through::
     confirm       E >= A, by at least 3 hits, no held track's, of which more than half are the
                   target's with a probability of at least 0.9 (or by 8 hits); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
-      state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
+      state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
     prune         s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
                   `window` scans old; then the weakest beyond a limit
@@ -27,9 +27,9 @@ of hypothesis i, a scan goes through::
 
     revise        a held track whose majority of hits turns out wrong is corrected under its id
 
-Each has its module: `tree` (predict to evidence, prune) with `fading`, `revisions`, `speed_prior`, `threshold` with
-`threshold_plan`, and `starts` (confirm). The full references are in `likelihood_ratio`; the jump is
-simulated in `threshold_plan`.
+Each has its module: `tree` (predict to evidence, prune) with `fading`, `speed_prior`, `threshold`
+with `threshold_plan`, `starts` (confirm), and `revisions`. The full references are in
+`likelihood_ratio`; the jump is simulated in `threshold_plan`.
 
 Readings
 --------

@@ -6,7 +6,8 @@ that ends at v_max (`speed_prior`), and the threshold A::
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
                   target's with a probability of at least 0.9 (or by 8 hits); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
-    state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
+    hits          the detections that are more probable than not, at least 3
+    state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
 x_i and P_i are fitted to the hits of hypothesis i alone.

@@ -235,7 +235,9 @@ def _faded(window: int, interval: float) -> BoolArray:
     draws = rng.random((SIMULATED_TARGETS, window))
     faded = draws < fading.FADED_AT_START
     for scan in range(1, window):
-        faded[:, scan] = draws[:, scan] < fading.predicted(faded[:, scan - 1] * 1.0, interval)
+        faded[:, scan] = draws[:, scan] < fading.predicted(
+            faded[:, scan - 1].astype(np.float64), interval
+        )
     return faded
 
 
