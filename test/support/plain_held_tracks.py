@@ -61,7 +61,7 @@ class Track:
     covered_scans: float = 0.0
     agreeing: int = 0
     unlisted_since: float = 0.0
-    proven: float = 0.02
+    proven: float = 0.005
 
     @property
     def mean(self) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
 
-UNPROVEN = 0.02
+UNPROVEN = 0.005
 """Probability that a new track's target exists, by which the detection probability is learned.
 
 In clutter alone a track is ever proven with this probability at most (Ville): the scans after a
