@@ -172,9 +172,11 @@ def resolved(
     if held_share(rivals, free) > max_held_share or max(len(one.keys) for one in rivals) < 3:
         return None
     probability = hit_probabilities(rivals)
-    certain = {key for key, value in probability.items() if value > 0.5}
+    certain = {key for key, value in probability.items() if value >= 0.9}
     if len(certain) < 3:
-        return None
+        certain = set(sorted(probability, key=lambda key: (-probability[key], key))[:3])
+        if min(probability[key] for key in certain) <= 0.5:
+            return None
     right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
     if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
         return None  # these scenes have too few scans for it to wait no longer

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,12 @@ from tsepm_ros.maintenance import (
 )
 from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, GatedDetections, Neighbours
+from tsepm_ros.maintenance.held_detections import (
+    NO_ASSOCIATION,
+    NO_OWN_DETECTIONS,
+    HeldAssociation,
+    OwnDetections,
+)
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.held_update import CoveredTracks
 from tsepm_ros.maintenance.stationary import SpeedPrior
@@ -47,48 +52,6 @@ PROBABLE = 0.5
 """Probability above which a detection is more probably a track's than not."""
 
 
-class HeldAssociation(NamedTuple):
-    """Detections of a scan that may be held tracks'.
-
-    Attributes
-    ----------
-    row : (p,) ndarray of int
-        Detection of each pair.
-    probability : (p,) ndarray
-        That the track's target exists and the detection is its: ``r_i beta_ij``.
-    """
-
-    row: IntArray
-    probability: FloatArray
-
-    def joined(self, further: FloatArray, clutter: FloatArray) -> HeldAssociation:
-        """With detections that tracks may have beside their own.
-
-        Parameters
-        ----------
-        further, clutter : (d,) ndarray
-            Density of these, and of clutter, at each detection, 1/m^2.
-        """
-        rows = np.flatnonzero(further)
-        share = further[rows] / (further[rows] + clutter[rows])
-        return HeldAssociation(np.append(self.row, rows), np.append(self.probability, share))
-
-
-class OwnDetections(NamedTuple):
-    """Detections of a scan that are held tracks', with more than some probability.
-
-    Attributes
-    ----------
-    track_id, row : (k,) ndarray of int
-        Id of the track, and detection.
-    """
-
-    track_id: IntArray
-    row: IntArray
-
-
-NO_OWN_DETECTIONS = OwnDetections(np.zeros(0, np.int64), np.zeros(0, np.int64))
-NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 NO_TRACKS = TrackArrays.of([])
 
@@ -246,11 +209,9 @@ class TrackMaintenance:
         held = publication.judged(replace(held, fits=fits), self.speed_prior)
         of_target = association.probability * held.existence[near.track]
         self.held_association = HeldAssociation(near.row, of_target)
-        own = of_target > ALMOST_CERTAIN
-        self.own_detections = OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
-        own = of_target > PROBABLE
-        self.probable_detections = OwnDetections(
-            held.tracks.track_id[near.track[own]], near.row[own]
+        self.own_detections, self.probable_detections = (
+            OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
+            for own in (of_target > ALMOST_CERTAIN, of_target > PROBABLE)
         )
         self._held = held
         # End.
