@@ -104,7 +104,7 @@ def revisions(
         start = _instead(hits, len(published), tested, row, window, threshold, min_time, fit)
         if start is None:
             continue
-        shared = np.isin(start.hits, hits).any()
+        shared = np.isin(start.probable, hits).any()
         (corrected if shared else replaced).append((int(track_id), start))
     return Revisions(new, corrected, replaced)
 
@@ -116,7 +116,8 @@ def _claimed(
     new, corrected = [], []
     published = [window.find(hits) for hits in held.hits] if starts else []
     for start in starts:
-        common = np.array([np.isin(ids, start.hits).sum() for ids in published], np.int64)
+        own = start.probable
+        common = np.array([np.isin(ids, own).sum() for ids in published], np.int64)
         owners = held.track_id[2 * common > held.hit_count]
         if len(owners):
             corrected.append((int(owners[0]), start))

@@ -105,6 +105,11 @@ class Start:
     covariance: FloatArray
     evidence: float
 
+    @property
+    def probable(self) -> IntArray:
+        """Detections that are more probably the target's than not, ascending."""
+        return self.detections[self.probability > MIN_HIT_PROBABILITY]
+
 
 class StartRule(Protocol):
     """Decides which tracks a scan starts."""
