@@ -20,8 +20,9 @@ from tsepm_ros.initiation.scan_clutter import ScanClutter
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
+from tsepm_ros.maintenance.held_detections import HeldAssociation
 from tsepm_ros.maintenance.hulls import Hulls
-from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMaintenance
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates

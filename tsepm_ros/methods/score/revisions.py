@@ -88,25 +88,41 @@ def revisions(
     new, corrected = _claimed(starts, observed.held, window)
     replaced: list[tuple[int, Start]] = []
     tested: Grown | None = None
+    for track_id, row, hits, published in doubtful(grown, observed, window):
+        if grown.evidence[row] + speed_prior.LOG_GAIN < threshold:
+            continue
+        if any(grown.ids[row] in start.detections for start in starts):
+            continue
+        tested = tested or speed_prior.ended_at(grown, threshold, max_speed)
+        start = _instead(hits, published, tested, row, window, threshold, min_time, fit)
+        if start is None:
+            continue
+        shared = np.isin(start.probable, hits).any()
+        (corrected if shared else replaced).append((track_id, start))
+    return Revisions(new, corrected, replaced)
+
+
+def doubtful(
+    grown: Grown, observed: Observation, window: DetectionWindow
+) -> list[tuple[int, int, IntArray, int]]:
+    """Held tracks whose best hypothesis lacks half of their published hits or more.
+
+    Returns
+    -------
+    list of (int, int, (h,) ndarray of int, int)
+        Id of each track, its detection in the scan, its published hits, and their number; only
+        tracks of which most hits are in the window.
+    """
+    found = []
     for track_id, row in zip(*observed.probable_detections, strict=True):
         place = np.flatnonzero(observed.held.track_id == track_id)
         if not len(place):  # it has ended in this scan
             continue
         published = observed.held.hits[place[0]]
         hits = window.find(published)
-        if not 2 * len(hits) > len(published) or grown.evidence[row] < threshold:
-            continue
-        if _best_has_most_of(hits, grown, row):
-            continue
-        if any(grown.ids[row] in start.detections for start in starts):
-            continue
-        tested = tested or speed_prior.ended_at(grown, threshold, max_speed)
-        start = _instead(hits, len(published), tested, row, window, threshold, min_time, fit)
-        if start is None:
-            continue
-        shared = np.isin(start.probable, hits).any()
-        (corrected if shared else replaced).append((int(track_id), start))
-    return Revisions(new, corrected, replaced)
+        if 2 * len(hits) > len(published) and not _best_has_most_of(hits, grown, row):
+            found.append((int(track_id), int(row), hits, len(published)))
+    return found
 
 
 def _claimed(

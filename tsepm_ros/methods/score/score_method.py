@@ -53,9 +53,9 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import fading, starts, tree
+from tsepm_ros.methods.score import fading, speed_prior, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.revisions import revisions
+from tsepm_ros.methods.score.revisions import doubtful, revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
 from tsepm_ros.methods.score.threshold import Threshold
@@ -141,8 +141,11 @@ class Score(Method):
         started = tree.start(observed, ids, self.common.max_speed, options.window)
         missed = tree.miss(predicted, detection_probability, options.gate_probability)
         grown = Grown(Hypotheses.joined(children, started), missed, ids)
+        attainable = starts.attainable(grown, self.detections)
+        for _, row, *_ in doubtful(grown, observed, self.detections):
+            attainable[row] = max(attainable[row], grown.evidence[row] + speed_prior.LOG_GAIN)
         threshold = self._threshold.value_if_near(
-            starts.attainable(grown, self.detections).max(initial=-np.inf),
+            attainable.max(initial=-np.inf),
             self.sensor,
             self.common,
             options,
