@@ -272,12 +272,8 @@ class FrontEnd:
         )
         association = self.maintenance.held_association
         if self.plots.active:
-            further = further_plots(
-                self.maintenance.held,
-                detections["position"],
-                self.plots.extent,
-                self._poses.middle[:2],
-            )
+            position, origin = detections["position"], self._poses.middle[:2]
+            further = further_plots(self.maintenance.held, position, self.plots.extent, origin)
             density = density + further
             association = association.joined(further, clutter)
         return density, association
