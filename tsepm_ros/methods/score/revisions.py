@@ -10,7 +10,8 @@ detection, and the n hits that the track was published with::
 Where the right hits are partly those that were published, the start is corrected. Where none is,
 the track was of no target or of another, and the target is a new one, which replaces it. A start
 with more than half of a held track's published hits is that track's too: the track has lost its
-target, and is corrected.
+target, and is corrected. Tracks within the reach ``v_max a`` of another, of age a, are left as they
+are: of two targets side by side the hits are exchanged by turns, and the targets are held.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def revisions(
     new, corrected = _claimed(starts, observed.held, window)
     replaced: list[tuple[int, Start]] = []
     tested: Grown | None = None
-    for track_id, row, hits, published in doubtful(grown, observed, window):
+    for track_id, row, hits, published in doubtful(grown, observed, window, max_speed):
         if grown.evidence[row] + speed_prior.LOG_GAIN < threshold:
             continue
         if any(grown.ids[row] in start.detections for start in starts):
@@ -103,7 +104,7 @@ def revisions(
 
 
 def doubtful(
-    grown: Grown, observed: Observation, window: DetectionWindow
+    grown: Grown, observed: Observation, window: DetectionWindow, max_speed: float
 ) -> list[tuple[int, int, IntArray, int]]:
     """Held tracks whose best hypothesis lacks half of their published hits or more.
 
@@ -111,14 +112,19 @@ def doubtful(
     -------
     list of (int, int, (h,) ndarray of int, int)
         Id of each track, its detection in the scan, its published hits, and their number; only
-        tracks of which most hits are in the window.
+        tracks of which most hits are in the window, and with no other held track in reach.
     """
     found = []
+    held = observed.held
+    position = held.state[:, 0::2]
     for track_id, row in zip(*observed.probable_detections, strict=True):
-        place = np.flatnonzero(observed.held.track_id == track_id)
+        place = np.flatnonzero(held.track_id == track_id)
         if not len(place):  # it has ended in this scan
             continue
-        published = observed.held.hits[place[0]]
+        apart = np.hypot(*(position - position[place[0]]).T)
+        if np.count_nonzero(apart <= max_speed * held.age[place[0]]) > 1:
+            continue
+        published = held.hits[place[0]]
         hits = window.find(published)
         if 2 * len(hits) > len(published) and not _best_has_most_of(hits, grown, row):
             found.append((int(track_id), int(row), hits, len(published)))

@@ -142,7 +142,7 @@ class Score(Method):
         missed = tree.miss(predicted, detection_probability, options.gate_probability)
         grown = Grown(Hypotheses.joined(children, started), missed, ids)
         attainable = starts.attainable(grown, self.detections)
-        for _, row, *_ in doubtful(grown, observed, self.detections):
+        for _, row, *_ in doubtful(grown, observed, self.detections, self.common.max_speed):
             attainable[row] = max(attainable[row], grown.evidence[row] + speed_prior.LOG_GAIN)
         threshold = self._threshold.value_if_near(
             attainable.max(initial=-np.inf),
