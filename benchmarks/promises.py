@@ -49,6 +49,8 @@ STARTS_AT = {1e-8: 2.5, 1e-6: 1.0}
 """Densities of the starts, with factors of the number of runs."""
 RATES = (1, 10, 100, 1000, 10000)
 """Target false-track rates of the sweep of `score`, per hour."""
+WARM_UP = 16
+"""Scans of clutter alone before the target of a scene appears."""
 LEFT_OUT = 10
 """Scans of each run with clutter alone in which the hypotheses accumulate."""
 
@@ -107,16 +109,17 @@ def false_rate_table(options: argparse.Namespace) -> Rows:
             yield f"{density:g}", f"{rate:g}", f"{hours:.3g}", f"{ratio:.2f}"
 
 
-def scene(name: str, **changes: float) -> Scenario:
-    """The box with some of the sensor's values changed."""
+def scene(name: str, warm_up: int = WARM_UP, **changes: float) -> Scenario:
+    """The box, after scans of clutter alone, with some of the sensor's values changed."""
     given = {f"sensor.{key}": value for key, value in changes.items()}
-    return replace(load_scenario("box", given), name=name)
+    return replace(load_scenario("box", given), name=name, warm_up=warm_up)
 
 
 def starts_table(options: argparse.Namespace, densities: Mapping[float, float] = STARTS_AT) -> Rows:
     """Errors of pure starts over their bound, and NEES."""
     shown = {
         "detection": "P_D",
+        "detection_by_position": "P_D by position",
         "position_to_bound": "position error / bound",
         "velocity_to_bound": "velocity error / bound",
         "pure_nees": "NEES, pure",
@@ -127,10 +130,10 @@ def starts_table(options: argparse.Namespace, densities: Mapping[float, float] =
         runs = math.ceil(factor * options.runs)
         for degrees in (1, 3):
             azimuth = math.radians(degrees)
-            box = scene("box", clutter_density=density, azimuth_std=azimuth)
+            box = scene("box", options.warm_up, clutter_density=density, azimuth_std=azimuth)
             [result] = evaluated(box, [score_at(rate) for rate in (1, 10)], runs, options)
             for point, measures in zip(result.points, result.measures, strict=True):
-                cells = [measures.text(name, interval=name != "detection") for name in shown]
+                cells = [measures.text(name, interval="detection" not in name) for name in shown]
                 yield f"{density:g}", f"{degrees} deg", point.label, str(runs), *cells
 
 
@@ -156,7 +159,7 @@ def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES
     head += ["`score` at as many: P_D", "`score` at its P_D: false + misplaced per run"]
     yield [*head, "verdict"]
     for name in options.scene or CHANGED:
-        box = scene(name, **CHANGED[name])
+        box = scene(name, options.warm_up, **CHANGED[name])
         for result in evaluated(box, points, options.runs, options, HORIZONS):
             yield equal_rate_row(result)
 
@@ -272,6 +275,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "--scene", action="append", choices=CHANGED, help="of equal-false-rate; default all"
         )
         add_result(command)
+        command.add_argument(
+            "--warm-up", type=int, default=WARM_UP, help="scans before the box's target appears"
+        )
         command.add_argument("--out", type=Path, default=BUILD, help="folder of the runs done")
     options = parser.parse_args(arguments)
     options.workers = workers_of(options)

@@ -13,6 +13,7 @@ field                          datatype meaning
 ``hit_count``, ``scan_count``  UINT16   hits, and scans since the first; at most 65535
 ``age``                        FLOAT64  time since the first hit, s
 ``stationary_probability``     FLOAT64  that the target stands still; nan where not known
+``revision``                   UINT16   0 as first published, then the number of its correction
 ============================== ======== =======================================================
 """
 
@@ -45,6 +46,7 @@ TRACK_DTYPE = np.dtype(
         *((name, "<u2") for name in ("hit_count", "scan_count")),
         ("age", "<f8"),
         ("stationary_probability", "<f8"),
+        ("revision", "<u2"),
     ],
     align=True,  # each float64 at a multiple of 8; the item size too
 )
@@ -58,13 +60,14 @@ _BLOCKS_DTYPE = np.dtype(
         ("counts", "<u2", (2,)),
         ("age", "<f8"),
         ("stationary_probability", "<f8"),
+        ("revision", "<u2"),
     ],
     align=True,
 )
 """The same bytes with fields of equal type combined, for assignment of whole blocks."""
 
-OPTIONAL_FIELDS = ("stationary_probability",)
-"""Fields that clouds of earlier versions lack; nan then."""
+OPTIONAL_FIELDS = {"stationary_probability": np.nan, "revision": 0}
+"""Fields that clouds of earlier versions lack, and their values then."""
 
 _MAX_COUNT = int(np.iinfo(np.uint16).max)
 _MAX_ID = int(np.iinfo(np.uint32).max)
@@ -127,6 +130,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     records["counts"][:, 1] = np.minimum(arrays.scan_count, _MAX_COUNT)
     records["age"] = arrays.age
     records["stationary_probability"] = arrays.stationary_probability
+    records["revision"] = np.minimum(arrays.revision, _MAX_COUNT)
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
     return records.view(TRACK_DTYPE), is_dense
 
@@ -163,7 +167,7 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
         for name in names:
             records[name] = values[name]
     for name in absent:
-        records[name] = np.nan
+        records[name] = OPTIONAL_FIELDS[name]
     return records
 
 
@@ -201,6 +205,7 @@ def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
         scan_count=records["scan_count"].astype(np.int64),
         age=records["age"].copy(),
         stationary_probability=records["stationary_probability"].copy(),
+        revision=records["revision"].astype(np.int64),
     )
 
 

@@ -55,7 +55,8 @@ def track_markers(
     """Build the markers that show the current tracks and remove those that ended.
 
     Each track has a sphere at its position, an arrow to its predicted position, its 95 % ellipse,
-    and a label with id, speed and the largest standard deviation of the position.
+    and a label with id, speed, the largest standard deviation of the position, and the revision of
+    a start that was corrected.
 
     Parameters
     ----------
@@ -273,4 +274,6 @@ def _label(
     # ASCII only: RViz's font has no Greek letters.
     speed = math.hypot(*track.velocity)
     marker.text = f"{track.track_id}: {speed:.1f} m/s, sigma {sigma:.0f} m"
+    if track.revision:
+        marker.text += f", revision {track.revision}"
     return _place(marker, track, ahead=height)

@@ -10,6 +10,7 @@ from support.run_summaries import run_of, start
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.analysis.bounds import cramer_rao
+from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.run_summary import RunSummary, start_bound, summarise
 from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
@@ -144,3 +145,43 @@ def test_a_scene_without_targets_is_recorded_too():
     kept = run((scene, [1, 1], point("tsepm")))
     assert kept.targets == 0
     assert kept.starts == ()
+
+
+class Corrector:
+    """Starts on clutter at the target's place, and corrects the start two scans later."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.revised: list[ConfirmedTrack] = []
+        self.count = 0
+
+    def process(self, scan):
+        self.count += 1
+        self.revised = [self.track(revision=1)] if self.count == 7 else []
+        return [self.track()] if self.count in (2, 5) else []
+
+    def track(self, revision: int = 0) -> ConfirmedTrack:
+        state = np.array([5000.0, 5.0, 5000.0, 0.0])
+        hits = ((self.count - 1, 0),) if revision else ((0, 0),)
+        stamp = 12.0 * (self.count - 1)
+        return ConfirmedTrack(0, stamp, state, 1e4 * np.eye(4), hits, 0.0, revision=revision)
+
+
+def test_only_revision_0_counts_and_what_was_before_the_targets_does_not():
+    changes = {"sensor.detection_probability": 1.0, "scans": 4, "warm_up": 3}
+    made = simulate(
+        load_scenario("box", {**changes, "sensor.clutter_density": 1e-6}),
+        [3, 1],
+        OperatingPoint("corrector", options={}, factory=lambda one, *_: Corrector(one)),
+    )
+    # The correction's hit is the target's.
+    made.origins[6][0] = 0
+    kept = summarise(made)
+    assert [scan.false for scan in kept.scans] == [0, 1, 0, 0]
+    assert [scan.at for scan in kept.scans] == [0, 1, 1, 1]
+    assert [scan.corrections for scan in kept.scans] == [0, 0, 0, 1]
+    assert [scan.right for scan in kept.scans] == [0, 0, 0, 1]
+    assert kept.starts == ()
+    measures = measures_of(made.scenario, [kept])
+    assert (measures.detection.value, measures.detection_by_position.value) == (0.0, 1.0)
+    assert (measures.detection_corrected.value, measures.corrections_per_run.value) == (1.0, 1.0)
+    assert measures_of(made.scenario, [kept], 1).detection_by_position.value == 0.0

@@ -26,7 +26,9 @@ SWEEP = {"1/h": (2, 1), "10/h": (4, 4)}
 
 
 def options(folder: Path, runs: int) -> argparse.Namespace:
-    return argparse.Namespace(runs=runs, seed=1, workers=Workers(), out=folder, scene=None)
+    return argparse.Namespace(
+        runs=runs, seed=1, workers=Workers(), out=folder, scene=None, warm_up=0
+    )
 
 
 def beside(found: int, false: int, sweep: dict[str, tuple[int, int]] = SWEEP) -> list[str]:

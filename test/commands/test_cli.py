@@ -252,7 +252,7 @@ def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
     (point,) = read_track_cloud(heard["/tracks"][2])
     for name in (
         *("state_x", "state_vy", "cov_01", "score", "age", "hit_count"),
-        "stationary_probability",
+        *("stationary_probability", "revision"),
     ):
         assert float(row[name]) == point[name]
     assert not list(tmp_path.glob("out/tmp*"))

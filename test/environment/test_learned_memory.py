@@ -13,14 +13,14 @@ from tsepm_ros import SensorModel
 from tsepm_ros.environment.learned_memory import HALF_LIFE, read, written
 
 DAY = 86_400.0
-SENSOR = SensorModel(clutter_density=1e-7)
+SENSOR = SensorModel(clutter_density=1e-8)
 TARGET = (3000.0, 3.0, 1000.0, 4.0)
 
 
 @pytest.fixture(scope="module")
 def run():
     initiator = score(SENSOR)
-    for scan in sea(np.random.default_rng(2), 40, [TARGET], detected=0.6):
+    for scan in sea(np.random.default_rng(2), 40, [TARGET], density=1e-8, detected=0.6):
         initiator.process(scan)
     return initiator
 

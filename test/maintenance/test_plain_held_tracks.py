@@ -201,7 +201,7 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainMaintenance) -> Count
             assert_close(held.models.probability[mode, row], expected.probability)
             assert_close(held.models.state[mode, row], expected.state)
             assert_close(held.models.covariance[mode, row], expected.covariance)
-        for name in ("existence", "visible", "covered_scans", "last_detected"):
+        for name in ("existence", "proven", "visible", "covered_scans", "last_detected"):
             assert getattr(held, name)[row] == pytest.approx(getattr(track, name), rel=1e-7)
         assert held.agreeing_scans[row] == track.agreeing
     expected = sorted((j, p) for (_, j), p in plain.association.items() if p > 1e-12)

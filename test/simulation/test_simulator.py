@@ -405,3 +405,33 @@ def test_parts_have_the_clutter_of_the_scan():
     number = sum(len(part.scan) for part in Simulator(one, 3).parts(8))
     expected = 40 * 4e-7 * sensor.coverage_area
     assert abs(number - expected) < 4.0 * math.sqrt(expected)
+
+
+def test_the_targets_appear_after_the_warm_up_in_their_states():
+    scenario = load_scenario("box", {"warm_up": 5, "scans": 4})
+    simulator = Simulator(scenario, 3)
+    scans = list(simulator)
+    assert len(scans) == 9
+    for index, simulated in enumerate(scans):
+        assert simulated.scan.stamp == 12.0 * index
+        assert len(simulated.truth) == (index >= 5)
+        assert index >= 5 or (simulated.origin < 0).all()
+        assert len(simulated.origin) > 10
+    assert scans[5].truth.tolist() == [[5000.0, 5.0, 5000.0, 0.0]]
+    assert scans[8].truth[0, 0] == 5000.0 + 3 * 12.0 * 5.0
+    hits = [scan for scan in scans if (scan.origin == 0).any()]
+    assert len(hits) >= 2
+    for simulated in hits:
+        (row,) = np.flatnonzero(simulated.origin == 0)
+        x, _, y, _ = simulated.truth[0]
+        assert abs(simulated.scan.range[row] - np.hypot(x, y)) < 5 * 0.015 * np.hypot(x, y)
+
+
+def test_without_a_warm_up_nothing_changes():
+    for one, other in zip(
+        Simulator(load_scenario("four_targets"), 2),
+        Simulator(load_scenario("four_targets", {"warm_up": 0}), 2),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(one.scan.range, other.scan.range)
+        np.testing.assert_array_equal(one.truth, other.truth)

@@ -61,6 +61,7 @@ class Track:
     covered_scans: float = 0.0
     agreeing: int = 0
     unlisted_since: float = 0.0
+    proven: float = 0.005
 
     @property
     def mean(self) -> tuple[np.ndarray, np.ndarray]:
@@ -121,6 +122,7 @@ class PlainMaintenance:
                         stamp=time,
                         modes=new.modes,
                         existence=0.99,
+                        proven=0.99,
                         last_detected=max(track.last_detected, time),
                         unlisted_since=-math.inf,
                     )
@@ -229,7 +231,7 @@ class PlainMaintenance:
                 self.association[track.id, j] = value / whole * track.existence
             covered = track.covered_scans + (p_d[i] > 0.0)
             if p_d[i] > 0.0:
-                learned.append((detected, covered))
+                learned.append((detected * track.proven / track.existence, covered))
             self.tracks.append(replace(track, covered_scans=covered * (1.0 - detected)))
         self.learn(learned)
         self.end("existence", [track.existence >= 0.01 for track in self.tracks])
@@ -324,6 +326,7 @@ def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Tra
         stamp=stamp,
         modes=(modes[ON], modes[TURN]),
         existence=track.existence * math.exp(-max(time, 0.0) / 600.0),
+        proven=track.proven * math.exp(-max(time, 0.0) / 600.0),
         visible=seen[0],
     )
 
@@ -439,14 +442,19 @@ def update(
         wholes.append(whole)
         modes.append(Mode(mode.probability * whole, *limited(*mixture(parts), max_speed)))
     whole = sum(mode.probability for mode in modes)
-    r = track.existence
+    r, q = track.existence, track.proven
     existence = whole * r / (1.0 - r + whole * r)
+    proof = 1.0  # as if P_D were one half
+    if empty < 1.0:
+        proof = 1.0 - 0.5 * P_G + (whole - empty) * 0.5 * P_G / (1.0 - empty)
+    proven = proof * q / (1.0 - q + proof * q)
     detected = (1.0 - empty / whole) * existence
     return (
         replace(
             track,
             modes=tuple(replace(mode, probability=mode.probability / whole) for mode in modes),
             existence=existence,
+            proven=proven,
             visible=1.0 - (1.0 - track.visible) / whole,
             last_detected=track.stamp if detected >= 0.5 else track.last_detected,
         ),

@@ -41,6 +41,7 @@ class Hypothesis:
     state: np.ndarray
     covariance: np.ndarray
     score: float
+    faded: float = 0.15 * 0.5 / (0.85 + 0.15 * 0.5)
 
 
 @dataclass(frozen=True)
@@ -173,13 +174,13 @@ def resolved(
     probability = hit_probabilities(rivals)
     certain = {key for key, value in probability.items() if value >= 0.9}
     if len(certain) < 3:
-        best = max((one for one in rivals if len(one.keys) >= 3), key=likelihood)
-        certain = set(sorted(best.keys, key=lambda key: -probability[key])[:3])
+        certain = set(sorted(probability, key=lambda key: (-probability[key], key))[:3])
+        if min(probability[key] for key in certain) <= 0.5:
+            return None
     right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
     if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
         return None  # these scenes have too few scans for it to wait no longer
-    mixed = [one for one in rivals if certain <= set(one.keys)] or right
-    return Start(certain, evidence(members), mixed, probability)
+    return Start(certain, evidence(members), right, probability)
 
 
 def given_start(one: Hypothesis, start: Start) -> Hypothesis:
@@ -221,13 +222,13 @@ def hit_probabilities(members: Sequence[Hypothesis]) -> dict[Key, float]:
 def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
     """Hypotheses of the same target, whatever they end in, that are not negligible."""
     probability = hit_probabilities(members)
-    least = evidence(members) - math.log(1e4)
+    least, mean_hits = evidence(members) - math.log(1e4), sum(probability.values())
     return [
         one
         for one in grown.ending + grown.missed
         if one.score > least
         and len(one.keys) >= 2
-        and sum(probability.get(key, 0.0) for key in one.keys) > 0.3 * len(one.keys)
+        and sum(probability.get(key, 0.0) for key in one.keys) > 0.3 * min(len(one.keys), mean_hits)
     ]
 
 
@@ -279,7 +280,14 @@ def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
         transition @ hypothesis.state,
         transition @ hypothesis.covariance @ transition.T + noise,
         hypothesis.score,
+        0.15 + (hypothesis.faded - 0.15) * math.exp(-elapsed / 120.0),
     )
+
+
+def of_states(hypothesis: Hypothesis, rule: Rule) -> list[tuple[float, float]]:
+    """Probability of each state of a target, seen and faded, and P_D in it."""
+    p_d = rule.detection_probability
+    return [(1.0 - hypothesis.faded, p_d), (hypothesis.faded, 0.5 * p_d)]
 
 
 def extend(
@@ -295,23 +303,30 @@ def extend(
     if distance > -2.0 * math.log(1.0 - rule.gate_probability):
         return None
     density = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
-    increment = math.log(rule.detection_probability * density / rule.settings.clutter_density)
+    in_states = [share * p_d for share, p_d in of_states(predicted, rule)]
+    increment = math.log(sum(in_states) * density / rule.settings.clutter_density)
     kalman_gain = predicted.covariance @ h.T @ np.linalg.inv(s)
     return Hypothesis(
         (*predicted.keys, detection.key),
         predicted.state + kalman_gain @ innovation,
         (np.eye(4) - kalman_gain @ h) @ predicted.covariance,
         predicted.score + increment,
+        in_states[1] / sum(in_states),
     )
 
 
 def missed(predicted: Hypothesis, way: Way, rule: Rule) -> Hypothesis:
     """The branch without a detection; its increment is 0 outside the coverage."""
-    increment = 0.0
-    if covered(predicted, way, rule):
-        increment = math.log(1.0 - rule.detection_probability * rule.gate_probability)
+    if not covered(predicted, way, rule):
+        return predicted
+    p_g = rule.gate_probability
+    in_states = [share * (1.0 - p_d * p_g) for share, p_d in of_states(predicted, rule)]
     return Hypothesis(
-        predicted.keys, predicted.state, predicted.covariance, predicted.score + increment
+        predicted.keys,
+        predicted.state,
+        predicted.covariance,
+        predicted.score + math.log(sum(in_states)),
+        in_states[1] / sum(in_states),
     )
 
 

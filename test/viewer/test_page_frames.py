@@ -107,6 +107,7 @@ def test_facts_of_a_message_say_why_as_far_as_it_tells():
         "confirmed": None,
         "hits": [],
         "reason": "3 hits in 4 pings; log-likelihood ratio 10.5, threshold 10.0",
+        "revision": 0,
     }
 
 

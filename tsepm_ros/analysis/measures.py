@@ -44,6 +44,12 @@ class Measures:
     runs, scans : int
     detection : Estimate
         P_D: share of (run, target) pairs with a true start by the end of the run.
+    detection_by_position : Estimate
+        Share of pairs with a start within 3 sigma of the target, whatever its hits.
+    detection_corrected : Estimate
+        Share of pairs with a true start, or a start that a correction made true. All other measures
+        are of starts as first published.
+    corrections_per_run : Estimate
     false_per_run, false_density, false_per_hour : Estimate
         False and misplaced starts: per run, per scan and km^2 of coverage, and per hour.
     redundant_per_run : Estimate
@@ -66,6 +72,9 @@ class Measures:
     runs: int
     scans: int
     detection: Estimate = field(metadata=_shown("P_D", ".4f"))
+    detection_by_position: Estimate = field(metadata=_shown("P_D by position", ".4f"))
+    detection_corrected: Estimate = field(metadata=_shown("P_D with corrections", ".4f"))
+    corrections_per_run: Estimate = field(metadata=_shown("corrections per run", ".2f"))
     false_per_run: Estimate = field(metadata=_shown("false + misplaced per run", ".2f"))
     false_density: Estimate = field(metadata=_shown("false + misplaced per scan and km^2", ".3g"))
     false_per_hour: Estimate = field(metadata=_shown("false + misplaced per hour", ".1f"))
@@ -139,8 +148,12 @@ def _counts(scenario: Scenario, runs: Sequence[RunSummary], scans: int) -> dict[
     false = mean_count([run.wrong for run in runs])
     targets = sum(run.targets for run in runs)
     held = [run.scans[-1].held for run in runs]
+    corrections = [sum(scan.corrections for scan in run.scans) for run in runs]
     return {
         "detection": proportion(sum(run.count(Outcome.TRUE) for run in runs), targets),
+        "detection_by_position": proportion(sum(run.scans[-1].at for run in runs), targets),
+        "detection_corrected": proportion(sum(run.scans[-1].right for run in runs), targets),
+        "corrections_per_run": mean_count(corrections),
         "false_per_run": false,
         "false_density": false / (scans * scenario.area / 1e6),
         "false_per_hour": false.mapped(lambda v: v * SECONDS_PER_HOUR / (scans * scenario.period)),

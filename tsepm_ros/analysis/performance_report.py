@@ -18,6 +18,9 @@ from tsepm_ros.simulation import Scenario
 TABLES = {
     "Detection and false starts": (
         "detection",
+        "detection_by_position",
+        "detection_corrected",
+        "corrections_per_run",
         "false_per_run",
         "false_density",
         "false_per_hour",
@@ -38,6 +41,7 @@ TABLES = {
 """Measures of each table."""
 SHORT = {
     "detection": "P_D",
+    "detection_by_position": "by position",
     "false_per_run": "false/run",
     "false_per_hour": "false/h",
     "held": "held",
@@ -52,6 +56,9 @@ Every method got the same scenes: run i is seeded with (seed, i). Intervals are 
 
 - *P_D*: share of (run, target) pairs with a true start by the end. More than half of a true \
 start's hits are from the target, and it is within 3 sigma of the measurement error's larger axis.
+- *P_D by position*: share of pairs with a start within 3 sigma of the target, whatever its hits.
+- *P_D with corrections*: share of pairs with a true start, or one that a correction made true. \
+All other figures are of starts as first published (revision 0).
 - *false + misplaced*: starts without a target that gave more than half of the hits, and starts \
 farther from it. *redundant*: another true start of a target.
 - *targets held at the end*: with a held track within 3 sigma, whatever its hits.
@@ -100,8 +107,9 @@ def _scene(scenario: Scenario) -> str:
     clutter = f"clutter {sensor.clutter_density:g} /m^2 over {scenario.area / 1e6:.4g} km^2"
     range_error = f"range error {sensor.range_std:g} m and {100 * sensor.range_std_fraction:g} %"
     azimuth_error = f"azimuth error {math.degrees(sensor.azimuth_std):.3g} degrees"
+    warm_up = f", after {scenario.warm_up} of clutter alone" if scenario.warm_up else ""
     return (
-        f"{scenario.scans} scans, one in {scenario.period:g} s; {clutter}\n"
+        f"{scenario.scans} scans{warm_up}, one in {scenario.period:g} s; {clutter}\n"
         f"{range_error}, {azimuth_error}, detection probability {sensor.detection_probability:g}\n"
         f"targets: {len(scenario.targets)} given, {drawn} drawn in every run; "
         f"own ship {scenario.own_ship.speed:g} m/s"

@@ -24,9 +24,9 @@ class StartSummary:
     Attributes
     ----------
     scan : int
-        Index of the scan that confirmed it.
+        Index of the scan that confirmed it, from the first in which the targets are there.
     time : float
-        Time from the first scan to that one, s.
+        Time from that scan to that one, s.
     outcome : Outcome
     pure : bool
         All hits come from the target.
@@ -59,6 +59,12 @@ class ScanSummary:
         False starts in this scan.
     held : int
         Targets with a held track within 3 sigma; -1 if the starter holds no tracks.
+    at : int
+        Targets within 3 sigma of which a track was started, in this scan or before.
+    corrections : int
+        Starts that were corrected in this scan.
+    right : int
+        Targets with a true start, or with a start that a correction made true, so far.
     localisation, missed, false_held : float
         Parts of the squared GOSPA metric of the held tracks, m^2; nan if the starter holds no
         tracks.
@@ -66,6 +72,9 @@ class ScanSummary:
 
     false: int
     held: int = -1
+    at: int = 0
+    corrections: int = 0
+    right: int = 0
     localisation: float = math.nan
     missed: float = math.nan
     false_held: float = math.nan
@@ -119,9 +128,7 @@ class RunSummary:
             StartSummary(scan, time, Outcome(outcome), pure, *_numbers(more))
             for scan, time, outcome, pure, *more in content["starts"]
         )
-        scans = (
-            ScanSummary(false, held, *_numbers(more)) for false, held, *more in content["scans"]
-        )
+        scans = (ScanSummary(*values[:-3], *_numbers(values[-3:])) for values in content["scans"])
         return cls(content["targets"], tuple(starts), tuple(scans))
 
 
@@ -136,28 +143,61 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
 
 
 def summarise(run: SimulatedRun) -> RunSummary:
-    """Judge the starts of a run and summarise it."""
-    false = np.zeros(len(run.scans), int)
-    starts = []
-    for judged, scan in zip(run.judged(), run.start_scans, strict=True):
-        if judged.outcome is Outcome.FALSE:
-            false[scan] += 1
-        else:
-            starts.append(_start_summary(run, judged, scan))
+    """Judge the starts of a run and summarise it; what was before its targets is left out."""
+    first = run.scenario.warm_up
+    judged = [
+        (scan - first, start)
+        for scan, start in zip(run.start_scans, run.judged(), strict=True)
+        if scan >= first
+    ]
+    corrected = [
+        (scan - first, revision)
+        for scan, revision in zip(run.correction_scans, run.judge(run.corrections), strict=True)
+        if scan >= first
+    ]
+    true = [
+        (scan, one.target)
+        for scan, one in [*judged, *corrected]
+        if one.outcome in (Outcome.TRUE, Outcome.REDUNDANT)
+    ]
+    scans = range(run.scenario.scans)
+    counts = zip(
+        _in_each_scan([scan for scan, one in judged if one.outcome is Outcome.FALSE], scans),
+        _so_far([(scan, target) for scan, one in judged for target in one.at], scans),
+        _in_each_scan([scan for scan, _ in corrected], scans),
+        _so_far(true, scans),
+        strict=True,
+    )
     return RunSummary(
         targets=len(run.simulator.targets),
-        starts=tuple(starts),
+        starts=tuple(
+            _start_summary(run, one, scan)
+            for scan, one in judged
+            if one.outcome is not Outcome.FALSE
+        ),
         scans=tuple(
-            _scan_summary(run, index, int(false[index])) for index in range(len(run.scans))
+            _scan_summary(run, scan, *row) for scan, row in zip(scans, counts, strict=True)
         ),
     )
+
+
+def _in_each_scan(events: Sequence[int], scans: range) -> list[int]:
+    """Number of the events in each scan."""
+    return [events.count(scan) for scan in scans]
+
+
+def _so_far(events: Sequence[tuple[int, int]], scans: range) -> list[int]:
+    """Number of targets with an event, a scan and a target, up to each scan."""
+    return [len({target for at, target in events if at <= scan}) for scan in scans]
 
 
 def _start_summary(run: SimulatedRun, judged: Judged, scan: int) -> StartSummary:
     bound = start_bound(run, judged)
     return StartSummary(
         scan=scan,
-        time=run.scans[scan].stamp - run.simulator.start,
+        time=run.scans[run.scenario.warm_up + scan].stamp
+        - run.simulator.start
+        - run.scenario.target_start,
         outcome=judged.outcome,
         pure=judged.pure,
         position_error=judged.position_error,
@@ -201,17 +241,27 @@ def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArr
     return scan.stamp + offset, poses[row, :2], velocities[row]
 
 
-def _scan_summary(run: SimulatedRun, index: int, false: int) -> ScanSummary:
+def _scan_summary(
+    run: SimulatedRun, scan: int, false: int, at: int, corrections: int, right: int
+) -> ScanSummary:
     """Compare the held tracks with the truth; c is 3 sigma, the mean over the targets."""
+    index = run.scenario.warm_up + scan
     held, stamp = run.held[index], run.scans[index].stamp
     targets = run.simulator.truth(stamp)[:, 0::2]
     if held is None or not len(targets):
-        return ScanSummary(false)
+        return ScanSummary(false, -1, at, corrections, right)
     sensor = run.sensor_position(stamp)
     sigmas = [measurement_sigma(run.scenario.sensor, target - sensor) for target in targets]
     parts = gospa(held, targets, SIGMAS * float(np.mean(sigmas)))
     return ScanSummary(
-        false, _targets_held(held, targets, sigmas), parts.localisation, parts.missed, parts.false
+        false,
+        _targets_held(held, targets, sigmas),
+        at,
+        corrections,
+        right,
+        parts.localisation,
+        parts.missed,
+        parts.false,
     )
 
 

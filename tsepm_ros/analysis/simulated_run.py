@@ -85,16 +85,22 @@ class SimulatedRun(SimulatedScene):
     starts : list of ConfirmedTrack
     start_scans : list of int
         Index of the scan that confirmed each start.
+    corrections : list of ConfirmedTrack
+        Later revisions of starts.
+    correction_scans : list of int
+        Index of the scan that brought each.
     held : list of (n, 2) ndarray or None
         Positions of the held tracks after each scan; None if the starter holds no tracks.
     """
 
     starts: list[ConfirmedTrack] = field(default_factory=list)
     start_scans: list[int] = field(default_factory=list)
+    corrections: list[ConfirmedTrack] = field(default_factory=list)
+    correction_scans: list[int] = field(default_factory=list)
     held: list[FloatArray | None] = field(default_factory=list)
 
     def judged(self) -> list[Judged]:
-        """Judge the starts."""
+        """Judge the starts, as first published: revision 0."""
         return self.judge(self.starts)
 
 
@@ -106,6 +112,9 @@ def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> Simu
         started = list(starter.process(scan))
         run.starts += started
         run.start_scans += [index] * len(started)
+        corrected = list(getattr(starter, "revised", ()))
+        run.corrections += corrected
+        run.correction_scans += [index] * len(corrected)
         run.held.append(_held_positions(starter))
     return run
 

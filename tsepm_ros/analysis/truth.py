@@ -3,7 +3,8 @@
 A confirmed track belongs to a target that gave more than half of its hits. Each confirmed track of
 a run has one outcome: *true* (the first track of a target within 3 sigma of it, sigma being the
 larger axis of the measurement error there), *redundant* (a later track within 3 sigma of the
-target), *misplaced* (a track farther from its target), *false* (a track without a target).
+target), *misplaced* (a track farther from its target), *false* (a track without a target). Apart
+from its hits, a track is *at* each target that is within 3 sigma of it.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ class Judged:
         Distance from that target's state, m and m/s; nan without a target.
     nees : float
         Normalised estimation error squared, ideally 4 on average; nan without a target.
+    at : frozenset of int
+        Targets within 3 sigma of the track at its stamp, whatever its hits.
     """
 
     track: ConfirmedTrack
@@ -58,6 +61,7 @@ class Judged:
     position_error: float
     velocity_error: float
     nees: float
+    at: frozenset[int] = frozenset()
 
 
 def measurement_sigma(sensor: SensorModel, offset: FloatArray) -> float:
@@ -106,15 +110,18 @@ def judge(
     for track in tracks:
         sources = np.array([origins[scan][index] for scan, index in track.hits])
         target = _majority(sources)
+        truths, sensor_position = truth_at(track.stamp), sensor_position_at(track.stamp)
+        at = frozenset(
+            index
+            for index, truth in enumerate(truths)
+            if _distance(track, truth) <= SIGMAS * _sigma_at(truth, sensor, sensor_position)
+        )
         if target == NO_TARGET:
-            judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan))
+            judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan, at))
             continue
-        truth = truth_at(track.stamp)[target]
-        error = track.state - truth
-        distance = float(np.hypot(error[0], error[2]))
-        sigma = measurement_sigma(sensor, truth[0::2] - sensor_position_at(track.stamp))
+        error = track.state - truths[target]
         outcome = Outcome.MISPLACED
-        if distance <= SIGMAS * sigma:
+        if target in at:
             outcome = Outcome.REDUNDANT if target in started else Outcome.TRUE
             started.add(target)
         judged.append(
@@ -123,9 +130,10 @@ def judge(
                 outcome,
                 target,
                 bool((sources == target).all()),
-                distance,
+                _distance(track, truths[target]),
                 float(np.hypot(error[1], error[3])),
                 nees(error, track.covariance),
+                at,
             )
         )
     return judged
@@ -147,6 +155,16 @@ def origins_of(
     """
     middle = 0.5 * (np.array(stamps[1:]) + np.array(stamps[:-1]))
     return [origins[index] for index in np.searchsorted(middle, processed)]
+
+
+def _distance(track: ConfirmedTrack, truth: FloatArray) -> float:
+    """Distance of a track from a target's state, m."""
+    error = track.state - truth
+    return float(np.hypot(error[0], error[2]))
+
+
+def _sigma_at(truth: FloatArray, sensor: SensorModel, sensor_position: FloatArray) -> float:
+    return measurement_sigma(sensor, truth[0::2] - sensor_position)
 
 
 def _majority(sources: NDArray[np.int64]) -> int:

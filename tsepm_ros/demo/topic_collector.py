@@ -49,6 +49,7 @@ class TopicCollector(Node):
 
     def _on_tracks(self, message: PointCloud2) -> None:
         stamp = time_to_ns(message.header.stamp)
-        self.tracks.extend((stamp, record) for record in read_track_cloud(message))
+        records = read_track_cloud(message)
+        self.tracks.extend((stamp, record) for record in records[records["revision"] == 0])
         self.processed += 1
         self.heard += 1

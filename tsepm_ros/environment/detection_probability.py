@@ -2,7 +2,8 @@
 
 A missed target was present if it is detected again. Therefore the scans from each detection of a
 held target to its next detection count as one detection in their number: a target that has left is
-not counted as missed, however long its track is held.
+not counted as missed, however long its track is held. A track counts as far as the scans after its
+start prove that its target exists: the detections of false tracks are not those of targets.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ class DetectionProbability:
         Parameters
         ----------
         detected : (n,) ndarray
-            Probability that each track's target exists and was detected.
+            Probability that each track's target exists, by the scans since its start alone, and was
+            detected.
         scans : (n,) ndarray
             Scans that covered the target since its previous detection, the present scan included.
         gate_probability : float

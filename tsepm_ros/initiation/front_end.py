@@ -20,8 +20,9 @@ from tsepm_ros.initiation.scan_clutter import ScanClutter
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
+from tsepm_ros.maintenance.held_detections import HeldAssociation
 from tsepm_ros.maintenance.hulls import Hulls
-from tsepm_ros.maintenance.track_maintenance import HeldAssociation, TrackMaintenance
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
@@ -213,6 +214,8 @@ class FrontEnd:
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
             held_association=held_association,
+            held=self.maintenance.held.tracks,
+            probable_detections=self.maintenance.probable_detections,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.seen_extent.estimate,
@@ -269,12 +272,8 @@ class FrontEnd:
         )
         association = self.maintenance.held_association
         if self.plots.active:
-            further = further_plots(
-                self.maintenance.held,
-                detections["position"],
-                self.plots.extent,
-                self._poses.middle[:2],
-            )
+            position, origin = detections["position"], self._poses.middle[:2]
+            further = further_plots(self.maintenance.held, position, self.plots.extent, origin)
             density = density + further
             association = association.joined(further, clutter)
         return density, association

@@ -43,6 +43,9 @@ class Initiator:
     ----------
     method : Method
         With the sensor and all options.
+    revised : TrackArrays
+        Held tracks whose starts the last scan corrected, as they are now: each with the hits that
+        are its own after all, and its number of revisions.
     statistics : ScanStatistics
         Counts of the last scan.
     totals : ScanStatistics
@@ -60,6 +63,7 @@ class Initiator:
         self.method = method
         self.statistics = self.totals = ScanStatistics()
         self.next_track_id = 0
+        self.revised = TrackArrays.of([])
         self._observed: Observation | None = None
         self.max_scan_time = math.inf
         self.maintenance = TrackMaintenance(
@@ -116,6 +120,8 @@ class Initiator:
         """Observe a scan, let the method step on it, and hold the new tracks, with their ids."""
         observed = self.front_end.observe(scan, limit)
         step = self.method.step(observed)
+        revised = self._within_max_speed(step.revised.proper()).proper()
+        self.revised = self.maintenance.revise(revised, step.replaced)
         # First proper: what follows inverts the covariances.
         tracks = self._within_max_speed(step.tracks.proper()).proper()
         step = dataclasses.replace(step, tracks=tracks)
@@ -196,6 +202,7 @@ class Initiator:
         """Forget everything but the next track id: none is used twice."""
         self.statistics = ScanStatistics()
         self.totals = ScanStatistics()
+        self.revised = TrackArrays.of([])
         self.front_end.reset()
         self.forget_potential_tracks()
         self.maintenance.clear()

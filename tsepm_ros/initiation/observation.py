@@ -40,6 +40,10 @@ class Observation:
     held_association : tuple of (p,) ndarray
         Rows of detections that may be a held track's, and the probability of each that the track's
         target exists and caused the detection.
+    held : TrackArrays
+        The held tracks, with the hits of their starts.
+    probable_detections : tuple of (k,) ndarray of int
+        Ids of held tracks, and the detection of each that is more probably the track's than not.
     in_clutter_zone : (d,) ndarray of bool
         With `plot_features`; else all False.
     clutter_sensor : SensorModel
@@ -65,6 +69,8 @@ class Observation:
     clutter_density: FloatArray
     held_density: FloatArray
     held_association: tuple[IntArray, FloatArray]
+    held: TrackArrays
+    probable_detections: tuple[IntArray, IntArray]
     in_clutter_zone: BoolArray
     clutter_sensor: SensorModel
     seen_extent: Extent
@@ -88,9 +94,15 @@ class Step:
     target_probability : (d,) ndarray, optional
         Probability that each detection is of a target that is not confirmed yet; this part of it
         does not count as clutter.
+    revised : TrackArrays
+        Held tracks, by their ids, whose starts are corrected.
+    replaced : tuple of int
+        Ids of held tracks in whose place new ones are held: they end.
     """
 
     tracks: TrackArrays = field(default_factory=lambda: TrackArrays.of([]))
     statistics: ScanStatistics = field(default_factory=lambda: ScanStatistics(scans=1))
     existence: FloatArray | None = None
     target_probability: FloatArray | None = None
+    revised: TrackArrays = field(default_factory=lambda: TrackArrays.of([]))
+    replaced: tuple[int, ...] = ()

@@ -44,6 +44,8 @@ class ConfirmedTrack:
         Time since the first hit, s, at `stamp`.
     stationary_probability : float
         Probability that the target stands still; nan where it is not known.
+    revision : int
+        0 as first published; one more for each correction of the hits.
     """
 
     track_id: int
@@ -56,6 +58,7 @@ class ConfirmedTrack:
     scan_count: int = 0
     age: float = 0.0
     stationary_probability: float = math.nan
+    revision: int = 0
 
     @property
     def since(self) -> float:
@@ -144,7 +147,8 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     Attributes
     ----------
-    track_id, stamp, evaluation, score, scan_count, age, stationary_probability : (n,) ndarray
+    track_id, stamp, evaluation, score, scan_count, age : (n,) ndarray
+    stationary_probability, revision : (n,) ndarray
         As in `ConfirmedTrack`.
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
@@ -165,6 +169,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     scan_count: NDArray[np.int64]
     age: NDArray[np.float64]
     stationary_probability: NDArray[np.float64]
+    revision: NDArray[np.int64]
 
     @classmethod
     def of(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -185,6 +190,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             stationary_probability=np.array(
                 [track.stationary_probability for track in tracks], float
             ),
+            revision=np.array([track.revision for track in tracks], np.int64),
         )
 
     def proper(self) -> TrackArrays:
@@ -218,6 +224,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             scan_count=int(self.scan_count[row]),
             age=float(self.age[row]),
             stationary_probability=float(self.stationary_probability[row]),
+            revision=int(self.revision[row]),
         )
 
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:

@@ -16,6 +16,13 @@ from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.plot_features import Histories
 
+UNPROVEN = 0.005
+"""Probability that a new track's target exists, by which the detection probability is learned.
+
+In clutter alone a track is ever proven with this probability at most (Ville): the scans after a
+false start say nothing of targets, whatever their number. A choice.
+"""
+
 T = TypeVar("T", bound=np.generic)
 
 
@@ -35,6 +42,8 @@ class HeldTracks:
         Fits of constant velocity, by which it is judged whether the target stands still.
     existence : (n,) ndarray
         Probability r that the target exists.
+    proven : (n,) ndarray
+        The same for any P_D, from `UNPROVEN` at the start: by the scans since alone.
     visible : (n,) ndarray
         Probability s that the target, if it exists, is visible: not faded.
     covered_scans : (n,) ndarray
@@ -55,6 +64,7 @@ class HeldTracks:
     histories: Histories
     fits: StraightFits
     existence: FloatArray
+    proven: FloatArray
     visible: FloatArray
     covered_scans: FloatArray
     last_detected: FloatArray
@@ -84,6 +94,7 @@ class HeldTracks:
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
             existence=np.array(np.broadcast_to(existence, n), float),
+            proven=np.full(n, UNPROVEN),
             visible=np.ones(n),
             covered_scans=np.zeros(n),
             last_detected=tracks.stamp,
@@ -144,7 +155,31 @@ class HeldTracks:
             models=models,
             fits=self.fits.predicted(time_step),
             existence=ipda.predicted_existence(self.existence, time_step),
+            proven=ipda.predicted_existence(self.proven, time_step),
             visible=ipda.predicted_visibility(self.visible, time_step),
+        )
+
+    def revised(self, corrected: TrackArrays) -> HeldTracks:
+        """The rows with the starts of tracks, by their ids, that were corrected.
+
+        Each goes on from the corrected state, as its next revision; its target exists as before.
+        """
+        tracks = self.tracks
+        _, row, place = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
+        new = corrected.where(place)
+        hits = list(tracks.hits)
+        for to, of in zip(row, new.hits, strict=True):
+            hits[to] = of
+        names = ("state", "covariance", "hit_count", "evaluation", "score", "scan_count", "age")
+        figures: dict[str, Any] = {
+            name: _put(getattr(tracks, name), row, getattr(new, name)) for name in names
+        }
+        revision = _put(tracks.revision, row, tracks.revision[row] + 1)
+        return replace(
+            self,
+            tracks=replace(tracks, hits=hits, revision=revision, **figures),
+            models=self.models.with_rows(row, InteractingModels.of(new.state, new.covariance)),
+            fits=self.fits.with_rows(row, StraightFits.of(new.state, new.covariance)),
         )
 
     def listed(self, reported: TrackArrays, existence: float) -> HeldTracks:
@@ -169,6 +204,7 @@ class HeldTracks:
             ),
             fits=self.fits.with_rows(row, StraightFits.of(reported.state, reported.covariance)),
             existence=_put(self.existence, row, existence),
+            proven=_put(self.proven, row, existence),
             last_detected=_put(
                 self.last_detected, row, np.maximum(self.last_detected[row], reported.stamp)
             ),
@@ -179,6 +215,7 @@ class HeldTracks:
 
 _COLUMNS = (
     "existence",
+    "proven",
     "visible",
     "covered_scans",
     "last_detected",

@@ -10,10 +10,16 @@ import numpy as np
 from tsepm_ros.kinematics import speed_limit
 from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.maintenance import ipda, state_mixtures
-from tsepm_ros.maintenance.gated_detections import GatedDetections, Neighbours
+from tsepm_ros.maintenance.gated_detections import (
+    GATE_PROBABILITY,
+    GatedDetections,
+    Neighbours,
+)
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
+PROVING = 0.5
+"""P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
 DETECTED = 0.5
 """Probability of a detection from which a target counts as detected in a scan."""
 
@@ -24,7 +30,7 @@ class CoveredTracks(NamedTuple):
     Attributes
     ----------
     detected : (k,) ndarray
-        Probability that the target exists and was detected.
+        Probability that the target exists, by the scans since its start alone, and was detected.
     scans : (k,) ndarray
         Scans that covered the target since its last detection, this scan included.
     """
@@ -75,7 +81,13 @@ def updated(
         probability, slow_state.reshape(state.shape), slow_covariance.reshape(covariance.shape)
     )
     existence = ipda.updated_existence(held.existence, scan_ratio)
-    detected = (1.0 - empty / scan_ratio) * existence
+    proof = np.ones(len(held))
+    seen = 1.0 - empty[covered]
+    of_detections = (scan_ratio - empty)[covered]
+    proof[covered] += PROVING * GATE_PROBABILITY * (of_detections / seen - 1.0)
+    proven = ipda.updated_existence(held.proven, proof)
+    of_target = 1.0 - empty / scan_ratio
+    detected = of_target * existence
     scans = held.covered_scans + covered
     state, covariance = models.combined()
     held = replace(
@@ -83,8 +95,9 @@ def updated(
         tracks=replace(held.tracks, state=state, covariance=covariance),
         models=models,
         existence=existence,
+        proven=proven,
         visible=ipda.updated_visibility(held.visible, scan_ratio),
         covered_scans=scans * (1.0 - detected),
         last_detected=np.where(detected >= DETECTED, held.tracks.stamp, held.last_detected),
     )
-    return held, CoveredTracks(detected[covered], scans[covered])
+    return held, CoveredTracks((of_target * proven)[covered], scans[covered])

@@ -6,10 +6,9 @@ tracks here apply only to tracks that it has not listed yet.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,12 @@ from tsepm_ros.maintenance import (
 )
 from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, GatedDetections, Neighbours
+from tsepm_ros.maintenance.held_detections import (
+    NO_ASSOCIATION,
+    NO_OWN_DETECTIONS,
+    HeldAssociation,
+    OwnDetections,
+)
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.held_update import CoveredTracks
 from tsepm_ros.maintenance.stationary import SpeedPrior
@@ -43,50 +48,10 @@ TRACKED_EXISTENCE = 0.99
 """Existence probability of a target that a downstream tracker lists: a choice."""
 ALMOST_CERTAIN = 0.9
 """Probability from which on a detection is almost certainly a track's."""
+PROBABLE = 0.5
+"""Probability above which a detection is more probably a track's than not."""
 
 
-class HeldAssociation(NamedTuple):
-    """Detections of a scan that may be held tracks'.
-
-    Attributes
-    ----------
-    row : (p,) ndarray of int
-        Detection of each pair.
-    probability : (p,) ndarray
-        That the track's target exists and the detection is its: ``r_i beta_ij``.
-    """
-
-    row: IntArray
-    probability: FloatArray
-
-    def joined(self, further: FloatArray, clutter: FloatArray) -> HeldAssociation:
-        """With detections that tracks may have beside their own.
-
-        Parameters
-        ----------
-        further, clutter : (d,) ndarray
-            Density of these, and of clutter, at each detection, 1/m^2.
-        """
-        rows = np.flatnonzero(further)
-        share = further[rows] / (further[rows] + clutter[rows])
-        return HeldAssociation(np.append(self.row, rows), np.append(self.probability, share))
-
-
-class OwnDetections(NamedTuple):
-    """Detections of a scan that are almost certainly held tracks'.
-
-    Attributes
-    ----------
-    track_id, row : (k,) ndarray of int
-        Id of the track, and detection.
-    """
-
-    track_id: IntArray
-    row: IntArray
-
-
-NO_OWN_DETECTIONS = OwnDetections(np.zeros(0, np.int64), np.zeros(0, np.int64))
-NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 NO_TRACKS = TrackArrays.of([])
 
@@ -116,6 +81,8 @@ class TrackMaintenance:
         Detections of the last scan that may be the tracks'.
     own_detections : OwnDetections
         Those that almost certainly are.
+    probable_detections : OwnDetections
+        Those that more probably are than not: at most one of each track.
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
         them.
@@ -137,7 +104,7 @@ class TrackMaintenance:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
-        self.own_detections = NO_OWN_DETECTIONS
+        self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
 
     @property
@@ -242,8 +209,10 @@ class TrackMaintenance:
         held = publication.judged(replace(held, fits=fits), self.speed_prior)
         of_target = association.probability * held.existence[near.track]
         self.held_association = HeldAssociation(near.row, of_target)
-        own = of_target > ALMOST_CERTAIN
-        self.own_detections = OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
+        self.own_detections, self.probable_detections = (
+            OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
+            for own in (of_target > ALMOST_CERTAIN, of_target > PROBABLE)
+        )
         self._held = held
         # End.
         sigma = np.zeros(len(held))
@@ -273,6 +242,24 @@ class TrackMaintenance:
         sure = self.speed_prior.sure_to_move(new.tracks.stationary_probability)
         self._held = self._held.joined(replace(new, published=sure))
         return new.tracks.where(sure)
+
+    def revise(self, corrected: TrackArrays, replaced: Sequence[int] = ()) -> TrackArrays:
+        """Correct the starts of held tracks, by their ids, and end tracks that were replaced.
+
+        A track that a downstream tracker lists does not end.
+
+        Returns
+        -------
+        TrackArrays
+            The published tracks that were corrected.
+        """
+        if replaced:
+            self._end(~np.isin(self._held.tracks.track_id, replaced))
+        if not len(corrected):
+            return corrected
+        self._held = publication.judged(self._held.revised(corrected), self.speed_prior)
+        current = self.current
+        return current.where(np.isin(current.track_id, corrected.track_id))
 
     def follow(self, stamp: float, tracks: TrackArrays) -> None:
         """Take over what a downstream tracker reports, before the next step.
@@ -331,7 +318,7 @@ class TrackMaintenance:
         """Begin a step: forget the last one's, and end the tracks that are over their time."""
         self._ended, self._cleared = self._cleared, []
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
-        self.own_detections = NO_OWN_DETECTIONS
+        self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)

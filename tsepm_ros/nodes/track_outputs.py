@@ -100,7 +100,7 @@ class TrackOutputs:
         """
         begin = time.perf_counter()
         header = make_header(result.stamp_ns, result.frame_id)
-        self._tracks.publish(track_cloud(header, result.new))
+        self._tracks.publish(track_cloud(header, result.starts))
         published = time.perf_counter()
         self._publish_more(header, result)
         end = time.perf_counter()
@@ -119,7 +119,7 @@ class TrackOutputs:
         self._fixed_echoes.publish(track_cloud(header, result.fixed_echoes))
         # Nested messages are slow to build in Python: only if there is a subscriber.
         if self._odometry.get_subscription_count():
-            for track in result.new:
+            for track in result.starts:
                 self._odometry.publish(track_odometry(header, track))
         self._shown = header, result.current
         if self._markers.get_subscription_count():

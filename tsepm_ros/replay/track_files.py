@@ -23,7 +23,7 @@ COLUMNS = (
     *STATE_FIELDS,
     *COVARIANCE_FIELDS,
     *("evaluation", "score", "hit_count", "scan_count", "age"),
-    "stationary_probability",
+    *("stationary_probability", "revision"),
 )
 
 
@@ -36,6 +36,8 @@ class TrackWriter(Protocol):
 
 class TrackTable:
     """Writes confirmed tracks as CSV, a row per track with the reason of its confirmation.
+
+    A correction is a row of its own, with the same id and the next revision.
 
     Parameters
     ----------
@@ -50,9 +52,10 @@ class TrackTable:
         self._writer.writerow([*COLUMNS, "reason"])
 
     def write(self, result: ScanResult) -> None:
-        """Write the tracks that were confirmed by one scan."""
-        for track in result.new:
-            self._writer.writerow([*_row(track), self._reason(track)])
+        """Write the tracks that were confirmed, or whose starts were corrected, by one scan."""
+        for track in result.starts:
+            corrected = "corrected: " if track.revision else ""
+            self._writer.writerow([*_row(track), corrected + self._reason(track)])
 
 
 class CurrentTable:
@@ -85,6 +88,7 @@ def _row(track: ConfirmedTrack) -> list[object]:
         track.scan_count,
         track.age,
         track.stationary_probability,
+        track.revision,
     ]
 
 
@@ -153,7 +157,7 @@ class TrackBag:
         """
         log_ns = max(result.stamp_ns, 0)
         for topic, tracks in (
-            (self._new, result.new),
+            (self._new, result.starts),
             (self._current, result.current),
             (self._fixed, result.fixed_echoes),
         ):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,6 +56,26 @@ class DetectionWindow:
         """
         probability: NDArray[np.float64] = 1.0 - self._not_held[ids - self._first_id]
         return probability
+
+    def find(self, hits: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+        """Ids of the detections with the given scan and detection indices, those still here.
+
+        Parameters
+        ----------
+        hits : sequence of (int, int)
+            As in `ConfirmedTrack.hits`.
+
+        Returns
+        -------
+        (h,) ndarray of int
+            In the order of the hits; hits that are forgotten are left out.
+        """
+        ids = []
+        for scan, index in hits:
+            first, last = np.searchsorted(self._detections["scan"], [scan, scan + 1])
+            row = first + np.flatnonzero(self._detections["index"][first:last] == index)
+            ids += (self._first_id + row).tolist()
+        return np.array(ids, np.int64)
 
     def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Positions of the detections with the given ids, (..., 2), m."""

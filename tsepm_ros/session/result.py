@@ -31,6 +31,8 @@ class ScanResult:
         Relation to the scans before it; RESTART discarded all tracks, GAP the potential tracks.
     new : TrackArrays
         Newly confirmed tracks.
+    revised : TrackArrays
+        Held tracks whose starts were corrected, under their ids.
     current : TrackArrays
         All published tracks that are held, at `stamp`.
     fixed_echoes : TrackArrays
@@ -51,12 +53,18 @@ class ScanResult:
     frame_id: str
     arrival: Arrival
     new: TrackArrays
+    revised: TrackArrays
     current: TrackArrays
     fixed_echoes: TrackArrays
     ended: list[int]
     statistics: ScanStatistics
     core_seconds: float
     waiting: float
+
+    @property
+    def starts(self) -> TrackArrays:
+        """New tracks and corrected ones, as they go out on the topic `tracks`."""
+        return self.new.joined(self.revised) if len(self.revised) else self.new
 
 
 def vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:

@@ -382,6 +382,7 @@ class Session:
             frame_id=self.fixed_frame,
             arrival=first.arrival,
             new=new,
+            revised=self.initiator.revised,
             current=self.initiator.current,
             fixed_echoes=self.initiator.fixed_echoes,
             ended=self.initiator.maintenance.ended,

@@ -101,7 +101,7 @@ class Scenario:
     ----------
     name : str
     scans : int
-        Number of scans.
+        Number of scans, from the first in which the targets are there.
     period : float
         Time between scans, s; scan k is sent at ``k * period``.
     sensor : SensorModel
@@ -109,7 +109,7 @@ class Scenario:
     sound_speed : float
         m/s; 0: echoes arrive at once.
     targets : tuple of (4,) ndarray
-        States ``[x, vx, y, vy]`` at time 0.
+        States ``[x, vx, y, vy]`` when they appear: at time 0, or after the warm-up.
     areas : tuple of TargetArea
         Random targets, drawn for every run.
     own_ship : OwnShipMotion or WaypointMotion
@@ -121,6 +121,9 @@ class Scenario:
         Features of the plots of each of `targets`; Gaussian, widths at least 0.
     clutter_features : mapping
         Features of false detections, likewise.
+    warm_up : int
+        Number of scans of clutter alone before the others: from a cold start the first scans hold
+        fewer false tracks than later ones.
     """
 
     name: str
@@ -135,11 +138,22 @@ class Scenario:
     clutter_patches: tuple[ClutterPatch, ...] = ()
     target_features: tuple[Features, ...] = ()
     clutter_features: Features = field(default_factory=dict)
+    warm_up: int = 0
+
+    @property
+    def total_scans(self) -> int:
+        """Number of scans with those of the warm-up."""
+        return self.warm_up + self.scans
 
     @property
     def duration(self) -> float:
         """Time from the first to the last scan, s."""
-        return (self.scans - 1) * self.period
+        return (self.total_scans - 1) * self.period
+
+    @property
+    def target_start(self) -> float:
+        """Time at which the targets appear, s: that of the first scan after the warm-up."""
+        return self.warm_up * self.period
 
     @property
     def area(self) -> float:

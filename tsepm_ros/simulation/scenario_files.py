@@ -116,6 +116,8 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     scenario: Scenario = _section(Scenario, values, "scenario")
     if not 1 <= scenario.scans <= MAX_SCANS:
         raise ValueError(f"scenario.scans must be from 1 to {MAX_SCANS}; got {scenario.scans}")
+    if not 0 <= scenario.warm_up <= MAX_SCANS:
+        raise ValueError(f"scenario.warm_up must be from 0 to {MAX_SCANS}; got {scenario.warm_up}")
     if scenario.period <= 0 or scenario.sound_speed < 0:
         raise ValueError("scenario.period must be above 0 and scenario.sound_speed at least 0")
     return dataclasses.replace(

@@ -61,10 +61,10 @@ class Simulator:
         self.scenario = scenario
         self.start = start
         self._rng = np.random.default_rng(seed)
-        drawn = [
-            state for area in scenario.areas for state in area.draw(self._rng, scenario.duration)
-        ]
+        seen_for = (scenario.scans - 1) * scenario.period
+        drawn = [state for area in scenario.areas for state in area.draw(self._rng, seen_for)]
         self.targets = [*scenario.targets, *drawn]
+        self._at_start = [_moved(state, -scenario.target_start) for state in self.targets]
         # Separate streams: range rates and features do not change the positions of a seed.
         streams = np.random.SeedSequence(seed).spawn(2)
         self._rate_rng, self._feature_rng = map(np.random.default_rng, streams)
@@ -74,7 +74,7 @@ class Simulator:
 
     def __iter__(self) -> Iterator[SimulatedScan]:
         """Draw the scans one by one."""
-        for index in range(self.scenario.scans):
+        for index in range(self.scenario.total_scans):
             yield self._scan(index * self.scenario.period)
 
     def parts(self, number: int) -> Iterator[SimulatedScan]:
@@ -85,23 +85,28 @@ class Simulator:
         """
         sensor = self.scenario.sensor
         width = sensor.sector_width / number
-        for index in range(self.scenario.scans * number):
+        for index in range(self.scenario.total_scans * number):
             start = sensor.azimuth_min + index % number * width
             sector = replace(sensor, azimuth_min=start, azimuth_max=start + width)
             yield self._scan(index * self.scenario.period / number, sector)
 
     def truth(self, time: float) -> FloatArray:
-        """States of the k targets at a time after the start (s), (k, 4)."""
-        states = np.array(self.targets).reshape(-1, 4)
+        """States of the k targets at a time after the start (s), (k, 4); k = 0 in the warm-up."""
+        there = self._there(time)
+        states = np.array(self._at_start if there else []).reshape(-1, 4)
         states[:, 0::2] += states[:, 1::2] * time
         return states
+
+    def _there(self, time: float) -> bool:
+        """Whether the targets are there at a time after the start, s."""
+        return not self.scenario.warm_up or time >= self.scenario.target_start
 
     def _scan(self, time: float, sector: SensorModel | None = None) -> SimulatedScan:
         """Draw a scan of the whole coverage, or of a sector of it."""
         seen_by = sector or self.scenario.sensor
         echoes = [
             echo
-            for index, state in enumerate(self.targets)
+            for index, state in enumerate(self._at_start if self._there(time) else [])
             if (echo := self._detect(index, state, time, seen_by)) is not None
         ]
         clutter = self._clutter(time)
@@ -175,7 +180,7 @@ class Simulator:
         over_ground = sensor.clutter_range_rate * self._rate_rng.standard_cauchy(len(delay))
         rates = over_ground - (sight * sensor_velocity).sum(axis=1)
         for row in np.flatnonzero(origin != CLUTTER):
-            state = self.targets[origin[row]]
+            state = self._at_start[origin[row]]
             position = state[0::2] + state[1::2] * (time + delay[row])
             offset = position - own_ship.pose(time + delay[row])[:2]
             relative_velocity = state[1::2] - sensor_velocity[row]
@@ -260,6 +265,13 @@ def _travel(
             return next_delay
         delay = next_delay
     return delay
+
+
+def _moved(state: FloatArray, time: float) -> FloatArray:
+    """A state (4,) after a time, s, at constant velocity."""
+    moved: FloatArray = state.copy()
+    moved[0::2] += state[1::2] * time
+    return moved
 
 
 def _polar(position: FloatArray, pose: FloatArray) -> tuple[float, float]:

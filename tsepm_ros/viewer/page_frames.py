@@ -164,7 +164,8 @@ def track_facts(
     Returns
     -------
     dict
-        ``first``: stamp of the first hit, s, or None; ``confirmed``, ``hits``, ``reason``.
+        ``first``: stamp of the first hit, s, or None; ``confirmed``, ``hits``, ``reason``,
+        ``revision``.
     """
     arrays = TrackArrays.of(tracks)
     return {
@@ -175,6 +176,7 @@ def track_facts(
             "reason": reasons[row]
             if reasons is not None
             else reason_of(track, int(arrays.hit_count[row])),
+            "revision": track.revision,
         }
         for row, track in enumerate(arrays)
     }

@@ -25,12 +25,15 @@ class Hypotheses(Paths):
         Log-likelihood ratio.
     score_given_held : (n,) ndarray
         The same for one more target, where the density due to held tracks counts as clutter.
+    faded : (n,) ndarray
+        Probability that the target has faded, see `fading`.
     """
 
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
     score_given_held: FloatArray
+    faded: FloatArray
 
     def scored_given_held(self) -> Hypotheses:
         """The hypotheses with their scores given the held tracks."""
@@ -66,6 +69,7 @@ class Hypotheses(Paths):
             count,
             np.zeros((0, 4)),
             np.zeros((0, 4, 4)),
+            np.zeros(0),
             np.zeros(0),
             np.zeros(0),
         )

@@ -11,7 +11,7 @@ of hypothesis i, a scan goes through::
     split         s_i += ln(P_D N(z; H x, S) / lambda)           Sittler 1964; Bar-Shalom, Blackman,
                                                                  Fitzgerald 2007
     start         s = 0, by every detection
-    miss          s_i += ln(1 - P_D P_G); 0 outside the coverage
+    miss          s_i += ln(1 - P_D P_G); 0 outside the coverage; P_D by a chain of seen and faded
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection, with
                   s_i + ln P(|v| <= v_max | x_i, P_i) - ln P_0 near the threshold
     threshold     A = ln(starts per hour / rate) - the mean jump over it, by the bound
@@ -19,15 +19,17 @@ of hypothesis i, a scan goes through::
     confirm       E >= A, by at least 3 hits, no held track's, of which more than half are the
                   target's with a probability of at least 0.9 (or by 8 hits); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
-      state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
+      state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
     prune         s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, or
                   `window` scans old; then the weakest beyond a limit
     finish        ids, track maintenance, targets out of the clutter map (initiator)
 
-Each has its module: `tree` (predict to evidence, prune), `speed_prior`, `threshold` with
-`threshold_plan`, and `starts` (confirm). The full references are in `likelihood_ratio`; the jump is
-simulated in `threshold_plan`.
+    revise        a held track whose majority of hits turns out wrong is corrected under its id
+
+Each has its module: `tree` (predict to evidence, prune) with `fading`, `speed_prior`, `threshold`
+with `threshold_plan`, `starts` (confirm), and `revisions`. The full references are in
+`likelihood_ratio`; the jump is simulated in `threshold_plan`.
 
 Readings
 --------
@@ -51,8 +53,9 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import starts, tree
+from tsepm_ros.methods.score import fading, speed_prior, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.revisions import doubtful, revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
 from tsepm_ros.methods.score.threshold import Threshold
@@ -125,6 +128,7 @@ class Score(Method):
         ids = self._take(observed)
         predicted = tree.predict(self.hypotheses, observed.interval, options.process_noise)
         detection_probability = observed.detection_probability(predicted.state[:, 0::2])
+        detection_probability = detection_probability * fading.visible_share(predicted.faded)
         children, cut = tree.split(
             predicted,
             detection_probability,
@@ -137,8 +141,11 @@ class Score(Method):
         started = tree.start(observed, ids, self.common.max_speed, options.window)
         missed = tree.miss(predicted, detection_probability, options.gate_probability)
         grown = Grown(Hypotheses.joined(children, started), missed, ids)
+        attainable = starts.attainable(grown, self.detections)
+        for _, row, *_ in doubtful(grown, observed, self.detections, self.common.max_speed):
+            attainable[row] = max(attainable[row], grown.evidence[row] + speed_prior.LOG_GAIN)
         threshold = self._threshold.value_if_near(
-            starts.attainable(grown, self.detections).max(initial=-np.inf),
+            attainable.max(initial=-np.inf),
             self.sensor,
             self.common,
             options,
@@ -152,8 +159,20 @@ class Score(Method):
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),
         )
+        revised = revisions(
+            grown,
+            observed,
+            self.detections,
+            threshold,
+            confirmed,
+            min_time=self._min_time,
+            max_speed=self.common.max_speed,
+            fit=partial(self._fit, observed),
+        )
+        confirmed = [*revised.new, *(start for _, start in revised.replaced)]
+        corrected = [start for _, start in revised.corrected]
         tracks = self._confirmed(observed, confirmed, threshold)
-        everything = starts.given_starts(grown.joined(), confirmed)
+        everything = starts.given_starts(grown.joined(), [*confirmed, *corrected])
         kept = tree.prune(everything, observed.scan_index, options)
         self.hypotheses = tree.strongest(kept, limit)
         self.detections.forget(observed.scan_index + 2 - options.window)
@@ -167,7 +186,15 @@ class Score(Method):
             cut_potential_tracks=cut + len(kept) - len(self.hypotheses),
         )
         existence = starts.existence(tracks.evaluation, options.false_tracks_per_hour)
-        return Step(tracks, statistics, existence, grown.target_probability)
+        ids = np.array([track_id for track_id, _ in revised.corrected], np.int64)
+        return Step(
+            tracks,
+            statistics,
+            existence,
+            grown.target_probability,
+            self._confirmed(observed, corrected, threshold).numbered(ids),
+            tuple(track_id for track_id, _ in revised.replaced),
+        )
 
     @property
     def threshold(self) -> float:

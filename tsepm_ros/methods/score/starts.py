@@ -6,7 +6,9 @@ that ends at v_max (`speed_prior`), and the threshold A::
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
                   target's with a probability of at least 0.9 (or by 8 hits); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
-    state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with all of the track's hits
+    hits          the detections of a probability of at least 0.9, or, where these are fewer than
+                  3, the 3 most probable, each more probable than not
+    state         x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
 x_i and P_i are fitted to the hits of hypothesis i alone.
@@ -35,8 +37,14 @@ from tsepm_ros.numerics.grouped import sums_over_hits
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.paths import NO_HIT
 
-MIN_HIT_PROBABILITY = 0.9
-"""Posterior probability from which a detection counts as a hit of a confirmed track: a choice."""
+MIN_HIT_PROBABILITY = 0.5
+"""Posterior probability that every hit of a confirmed track exceeds: more probable than not."""
+SURE_HIT_PROBABILITY = 0.9
+"""Posterior probability from which a detection is a hit in any case: a choice.
+
+Less probable hits are published only where these are fewer than `MIN_HITS`: each further doubtful
+hit would make it more probable that most of the hits are wrong.
+"""
 MIN_PURITY_PROBABILITY = 0.9
 """Minimum posterior probability that more than half of a new track's hits are its target's.
 
@@ -96,6 +104,11 @@ class Start:
     state: FloatArray
     covariance: FloatArray
     evidence: float
+
+    @property
+    def probable(self) -> IntArray:
+        """Detections that are more probably the target's than not, ascending."""
+        return self.detections[self.probability > MIN_HIT_PROBABILITY]
 
 
 class StartRule(Protocol):
@@ -275,14 +288,16 @@ def resolved(
         return None
     detections, probability = hit_probabilities(rivals)
     best = np.argmax(np.where(long, rivals.score, -np.inf))
+    waits = rivals.hit_count[best] < MAX_UNRESOLVED_HITS
+    if waits and (probability > MIN_HIT_PROBABILITY).sum() < MIN_HITS:
+        return None
     hits = credible_hits(detections, probability, rivals.hits[best])
     common = np.isin(rivals.hits, hits).sum(axis=1)
     right = common > 0.5 * len(hits)
-    unclear = softmax(rivals.score)[right].sum() < MIN_PURITY_PROBABILITY
-    if unclear and rivals.hit_count[best] < MAX_UNRESOLVED_HITS:
+    least = MIN_PURITY_PROBABILITY if waits else MIN_HIT_PROBABILITY
+    if softmax(rivals.score)[right].sum() < least:
         return None
-    with_all = common == len(hits)
-    state, covariance = mixed(rivals[with_all if with_all.any() else right], fit)
+    state, covariance = mixed(rivals[right], fit)
     return Start(hits, detections, probability, state, covariance, evidence)
 
 
@@ -295,7 +310,8 @@ def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
     ]
     rivals = Hypotheses.joined(*pool)
     common = sums_over_hits(rivals.hits, likely, probability)
-    return rivals[common > MIN_COMMON_SHARE * rivals.hit_count]
+    least = np.minimum(rivals.hit_count, probability.sum())
+    return rivals[common > MIN_COMMON_SHARE * least]
 
 
 def hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
@@ -310,11 +326,14 @@ def hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
 def credible_hits(detections: IntArray, probability: FloatArray, best: IntArray) -> IntArray:
     """The detections (c,), ascending, that are credible as hits.
 
-    Where there are too few, the most probable of the `best` hypothesis.
+    Those that are sure; where these are too few, the most probable of all that are more probable
+    than not; where these are too few, the most probable of the `best` hypothesis.
     """
-    credible = detections[probability >= MIN_HIT_PROBABILITY]
-    if len(credible) >= MIN_HITS:
-        return credible
+    sure = detections[probability >= SURE_HIT_PROBABILITY]
+    if len(sure) >= MIN_HITS:
+        return sure
+    if (probability > MIN_HIT_PROBABILITY).sum() >= MIN_HITS:
+        return np.sort(detections[np.argsort(-probability, kind="stable")[:MIN_HITS]])
     path = best[best != NO_HIT]
     of_path = probability[np.searchsorted(detections, path)]
     return np.sort(path[np.argsort(-of_path, kind="stable")[:MIN_HITS]])

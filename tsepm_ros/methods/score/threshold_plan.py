@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.methods.score import likelihood_ratio
+from tsepm_ros.methods.score import fading, likelihood_ratio
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, position_covariance
@@ -223,9 +223,22 @@ def _draw_targets(
         truth[:, 1::2] += rng.normal(
             0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
         )
-    detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability
+    share = np.where(_faded(window, interval), fading.FADED_FACTOR, 1.0)
+    detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
     return _Targets(detections, detected)
+
+
+def _faded(window: int, interval: float) -> BoolArray:
+    """Whether the targets, detected in the first scan, have faded in each scan, (n, window)."""
+    rng = np.random.default_rng([SEED, 2])
+    draws = rng.random((SIMULATED_TARGETS, window))
+    faded = draws < fading.FADED_AT_START
+    for scan in range(1, window):
+        faded[:, scan] = draws[:, scan] < fading.predicted(
+            faded[:, scan - 1].astype(np.float64), interval
+        )
+    return faded
 
 
 def _scores(
@@ -252,9 +265,7 @@ def _scores(
     scores = np.full((n, window), -np.inf)
     scores[:, first] = np.where(targets.detected[:, first], start, -np.inf)
     target, at_stamp = np.arange(n), np.zeros(n)
-    missed = likelihood_ratio.miss_increment(
-        np.full(n, sensor.detection_probability), gate_probability
-    )
+    faded = np.full(n, fading.FADED_AT_START)
     for scan in range(first + 1, window):
         state, covariance = kalman.predict(state, covariance, interval, process_noise)
         detections = targets.detections[:, scan]
@@ -272,7 +283,15 @@ def _scores(
         )
         hit = targets.detected[:, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
-        increment = likelihood_ratio.hit_increment(density, sensor.detection_probability, clutter)
+        faded = fading.predicted(faded, interval)
+        probability = sensor.detection_probability * fading.visible_share(faded)
+        increment = likelihood_ratio.hit_increment(density, probability, clutter)
+        missed = likelihood_ratio.miss_increment(probability, gate_probability)
+        faded = np.where(
+            hit,
+            fading.after_hit(faded),
+            fading.after_miss(faded, probability, gate_probability),
+        )
         scores[:, scan] = scores[:, scan - 1] + np.where(hit, increment, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
         state[hit], covariance[hit] = kalman.update(

@@ -5,7 +5,7 @@ the gate's probability and s_i the score of the hypothesis::
 
     predicted     x <- F x,  P <- F P F' + Q
     child         s_i + ln(P_D N(z; H x, S) / lambda), for each z with d' S^-1 d <= gamma
-    missed        s_i + ln(1 - P_D P_G)
+    missed        s_i + ln(1 - P_D P_G);  P_D of a chain of seen and faded, see `fading`
     started       s = 0, by every detection; its velocity has variance v_max^2 / 4 on each axis
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection
     pruned        s_i < ln(miss_probability), 1e-4 of the best with the same newest detection, not
@@ -22,7 +22,7 @@ import numpy as np
 
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.methods.score import likelihood_ratio
+from tsepm_ros.methods.score import fading, likelihood_ratio
 from tsepm_ros.methods.score.expected_detections import ExpectedDetections
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -83,11 +83,12 @@ class Grown:
 
 
 def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
-    """The hypotheses after a time interval, s, with nearly constant velocity."""
+    """The hypotheses after a time interval, s, with nearly constant velocity; see `fading` too."""
     state, covariance = kalman.predict(
         hypotheses.state, hypotheses.covariance, interval, process_noise
     )
-    return replace(hypotheses, state=state, covariance=covariance)
+    faded = fading.predicted(hypotheses.faded, interval)
+    return replace(hypotheses, state=state, covariance=covariance, faded=faded)
 
 
 def held_penalty(observed: Observation) -> FloatArray:
@@ -133,7 +134,14 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
     state, covariance = kalman.predict(state, covariance, observed.stamp - detections["time"])
     given_held = score - held_penalty(observed)
     return Hypotheses(
-        path.hits, path.hit_count, path.first_scan, state, covariance, score, given_held
+        path.hits,
+        path.hit_count,
+        path.first_scan,
+        state,
+        covariance,
+        score,
+        given_held,
+        np.full(len(path), fading.FADED_AT_START),
     )
 
 
@@ -155,6 +163,7 @@ def miss(
         predicted,
         score=predicted.score + increment,
         score_given_held=predicted.score_given_held + increment,
+        faded=fading.after_miss(predicted.faded, detection_probability, gate_probability),
     )
 
 
@@ -282,7 +291,8 @@ def updated(
     given_held -= held_penalty(observed)[row]
     state, covariance = expected.updated(parent, row)
     first_scan = hypotheses.first_scan[parent]
-    return Hypotheses(hits, count + 1, first_scan, state, covariance, score, given_held)
+    faded = fading.after_hit(hypotheses.faded[parent])
+    return Hypotheses(hits, count + 1, first_scan, state, covariance, score, given_held, faded)
 
 
 def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hypotheses:

@@ -1,0 +1,77 @@
+"""Starts whose majority of hits turns out wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.builders import AS_GIVEN, scan_at
+from support.score_scenes import score
+
+from tsepm_ros import SensorModel
+
+SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.01, clutter_density=1e-5)
+X = 3000.0
+
+
+def target(k: int) -> tuple[float, float]:
+    """A target at 7 m/s along y."""
+    return X, 84.0 * k
+
+
+def test_a_start_on_clutter_and_one_hit_of_a_target_is_corrected_under_its_id():
+    # Two detections of clutter lead to the target's first; from there it goes another way.
+    clutter = {0: (X - 170.0, 0.0), 1: (X - 85.0, 0.0)}
+    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
+    started, revised = [], []
+    for k in range(9):
+        seen = [clutter[k]] if k in clutter else [target(k - 2)]
+        started += initiator.process(scan_at(12.0 * k, seen))
+        revised += [(k, track) for track in initiator.revised]
+    assert [len(set(track.hits) & {(0, 0), (1, 0), (2, 0)}) for track in started] == [3]
+    assert [track.revision for _, track in revised] == [1]
+    ((k, track),) = revised
+    assert track.track_id == started[0].track_id
+    assert len(track.hits) >= 3
+    assert {scan for scan, _ in track.hits} <= set(range(2, k + 1))
+    np.testing.assert_allclose(track.position, target(k - 2), atol=40.0)
+    np.testing.assert_allclose(track.velocity, (0.0, 7.0), atol=1.5)
+    (held,) = initiator.current
+    assert (held.track_id, held.revision) == (started[0].track_id, 1)
+
+
+def test_a_target_that_a_track_of_clutter_meets_gets_a_track_of_its_own():
+    clutter = {k: (X - 85.0 * (3 - k), 0.0) for k in range(3)}
+    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
+    started = []
+    for k in range(9):
+        seen = [clutter[k]] if k in clutter else [target(k - 3)]
+        started += initiator.process(scan_at(12.0 * k, seen))
+        assert len(initiator.revised) == 0
+    assert [set(track.hits) <= {(0, 0), (1, 0), (2, 0)} for track in started] == [True, False]
+    assert {scan for scan, _ in started[1].hits} <= set(range(3, 9))
+    assert initiator.current.track_id.tolist() == [started[1].track_id], "it replaces the other"
+
+
+def test_a_track_whose_hits_are_right_is_never_corrected():
+    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
+    rng = np.random.default_rng(1)
+    for k in range(40):
+        error = 3.0 * rng.standard_normal(2)
+        initiator.process(scan_at(12.0 * k, [tuple(np.add(target(k), error))]))
+        assert len(initiator.revised) == 0
+    assert initiator.current.revision.tolist() == [0]
+    assert initiator.totals.confirmed == 1
+
+
+@pytest.mark.parametrize("wish", [1.0, 300.0])
+def test_hits_are_more_probable_than_not_at_any_rate(wish):
+    # Beside each of the target's echoes lies one that fits as well.
+    initiator = score(SENSOR, false_tracks_per_hour=wish, **AS_GIVEN)
+    found = []
+    for k in range(6):
+        x, y = target(k)
+        seen = [(x, y)] if k not in (1, 2) else [(x + 3.0, y), (x - 3.0, y)]
+        found += initiator.process(scan_at(12.0 * k, seen))
+    (track,) = found
+    assert not {(1, 0), (1, 1)} <= set(track.hits)
+    assert {(0, 0), (3, 0)} <= set(track.hits)

@@ -1,0 +1,180 @@
+"""Starts that turn out wrong: which of the later hypotheses tell that, and what is right instead.
+
+The tree goes on after a start, and later hits decide between the hypotheses that were rivals at the
+start, and others. With i over the rivals of the hypotheses that end in a held track's probable
+detection, and the n hits that the track was published with::
+
+    right         P = sum of w_i over i with more than n / 2 of these hits,  w_i ~ exp(s_i)
+    wrong         P <= 0.1, as soon as other hits are resolved as for a start
+
+Where the right hits are partly those that were published, the start is corrected. Where none is,
+the track was of no target or of another, and the target is a new one, which replaces it. A start
+with more than half of a held track's published hits is that track's too: the track has lost its
+target, and is corrected. Tracks within the reach ``v_max a`` of another, of age a, are left as they
+are: of two targets side by side the hits are exchanged by turns, and the targets are held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import softmax
+
+from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.methods.score import speed_prior
+from tsepm_ros.methods.score.starts import (
+    MIN_PURITY_PROBABILITY,
+    HitFit,
+    Start,
+    resolved,
+    rivals_of,
+)
+from tsepm_ros.methods.score.tree import Grown
+from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.sensing.detection_window import DetectionWindow
+
+ALL = 1.0
+"""A held track's hits are all due to a held track."""
+
+
+@dataclass(frozen=True)
+class Revisions:
+    """What a scan's starts, and later hits, say of the held tracks.
+
+    Attributes
+    ----------
+    new : list of Start
+        Starts that are no held track's.
+    corrected : list of (int, Start)
+        Id of a track, and its start as it should have been.
+    replaced : list of (int, Start)
+        Id of a track of which no hit was the target's, and the target's start.
+    """
+
+    new: Sequence[Start]
+    corrected: Sequence[tuple[int, Start]]
+    replaced: Sequence[tuple[int, Start]]
+
+
+def revisions(
+    grown: Grown,
+    observed: Observation,
+    window: DetectionWindow,
+    threshold: float,
+    starts: Sequence[Start],
+    *,
+    min_time: float,
+    max_speed: float,
+    fit: HitFit,
+) -> Revisions:
+    """Corrections of the held tracks' starts, as far as their hits are in the window.
+
+    Parameters
+    ----------
+    grown : Grown
+        The tree after the scan.
+    observed : Observation
+        With the held tracks and their detections.
+    window : DetectionWindow
+    threshold : float
+        Of the evidence.
+    starts : sequence of Start
+        Those of the scan.
+    min_time, max_speed, fit
+        See `starts.StartRule.starts`.
+    """
+    new, corrected = _claimed(starts, observed.held, window)
+    replaced: list[tuple[int, Start]] = []
+    tested: Grown | None = None
+    for track_id, row, hits, published in doubtful(grown, observed, window, max_speed):
+        if grown.evidence[row] + speed_prior.LOG_GAIN < threshold:
+            continue
+        if any(grown.ids[row] in start.detections for start in starts):
+            continue
+        tested = tested or speed_prior.ended_at(grown, threshold, max_speed)
+        start = _instead(hits, published, tested, row, window, threshold, min_time, fit)
+        if start is None:
+            continue
+        shared = np.isin(start.probable, hits).any()
+        (corrected if shared else replaced).append((track_id, start))
+    return Revisions(new, corrected, replaced)
+
+
+def doubtful(
+    grown: Grown, observed: Observation, window: DetectionWindow, max_speed: float
+) -> list[tuple[int, int, IntArray, int]]:
+    """Held tracks whose best hypothesis lacks half of their published hits or more.
+
+    Returns
+    -------
+    list of (int, int, (h,) ndarray of int, int)
+        Id of each track, its detection in the scan, its published hits, and their number; only
+        tracks of which most hits are in the window, and with no other held track in reach.
+    """
+    found = []
+    held = observed.held
+    position = held.state[:, 0::2]
+    for track_id, row in zip(*observed.probable_detections, strict=True):
+        place = np.flatnonzero(held.track_id == track_id)
+        if not len(place):  # it has ended in this scan
+            continue
+        apart = np.hypot(*(position - position[place[0]]).T)
+        if np.count_nonzero(apart <= max_speed * held.age[place[0]]) > 1:
+            continue
+        published = held.hits[place[0]]
+        hits = window.find(published)
+        if 2 * len(hits) > len(published) and not _best_has_most_of(hits, grown, row):
+            found.append((int(track_id), int(row), hits, len(published)))
+    return found
+
+
+def _claimed(
+    starts: Sequence[Start], held: TrackArrays, window: DetectionWindow
+) -> tuple[list[Start], list[tuple[int, Start]]]:
+    """Starts that are no held track's, and those of held tracks with the tracks' ids."""
+    new, corrected = [], []
+    published = [window.find(hits) for hits in held.hits] if starts else []
+    for start in starts:
+        own = start.probable
+        common = np.array([np.isin(ids, own).sum() for ids in published], np.int64)
+        owners = held.track_id[2 * common > held.hit_count]
+        if len(owners):
+            corrected.append((int(owners[0]), start))
+        else:
+            new.append(start)
+    return new, corrected
+
+
+def _best_has_most_of(hits: IntArray, grown: Grown, row: int) -> bool:
+    """Whether the best hypothesis that ends in a detection has more than half of the hits."""
+    members = np.flatnonzero(grown.newest == row)
+    best = members[np.argmax(grown.ended.score[members])]
+    return bool(2 * np.isin(hits, grown.ended.hits[best]).sum() > len(hits))
+
+
+def _instead(
+    hits: IntArray,
+    published: int,
+    grown: Grown,
+    row: int,
+    window: DetectionWindow,
+    threshold: float,
+    min_time: float,
+    fit: HitFit,
+) -> Start | None:
+    """The start instead of one with these hits; None where these may be right."""
+    members = grown.ended[grown.newest == row]
+    evidence = float(np.logaddexp.reduce(members.score))
+    if evidence < threshold:
+        return None
+    rivals = rivals_of(members, grown, evidence)
+    most = 2 * np.isin(rivals.hits, hits).sum(axis=1) > published
+    if softmax(rivals.score)[most].sum() > 1.0 - MIN_PURITY_PROBABILITY:
+        return None
+    start = resolved(members, grown, window, ALL, min_time, fit)
+    if start is None or 2 * np.isin(start.hits, hits).sum() > published:
+        return None
+    return start
