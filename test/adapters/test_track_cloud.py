@@ -51,8 +51,9 @@ LAYOUT = [
     ("scan_count", 194, "H"),
     ("age", 200, "d"),
     ("stationary_probability", 208, "d"),
+    ("signal_to_clutter_db", 216, "d"),
 ]
-POINT_STEP = 216
+POINT_STEP = 224
 UNSYMMETRIC = np.arange(16.0).reshape(4, 4) + 0.125
 """No covariance, but it shows rows and columns that were exchanged."""
 
@@ -74,7 +75,7 @@ def test_fields_stand_in_the_order_and_at_the_offsets_of_the_contract(header, ma
 
 def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
     tracks = [
-        make_track(covariance=UNSYMMETRIC, stationary_probability=0.25),
+        make_track(covariance=UNSYMMETRIC, stationary_probability=0.25, signal_to_clutter_db=7.5),
         make_track(track_id=2**32 - 1, score=math.nan),
     ]
     data = bytes(over_the_wire(track_cloud(header, tracks)).data)
@@ -85,7 +86,8 @@ def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
         ]
         expected = [track.state[0], track.state[2], 0.0, track.track_id, *track.state]
         expected += [track.covariance[row, column] for row in range(4) for column in range(4)]
-        expected += [track.evaluation, track.score, 5, 7, 72.0, track.stationary_probability]
+        expected += [track.evaluation, track.score, 5, 7, 72.0]
+        expected += [track.stationary_probability, track.signal_to_clutter_db]
         np.testing.assert_array_equal(found, expected)
         assert data[start + 196 : start + 200] == bytes(4)
 
@@ -103,6 +105,7 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
             scan_count=int(random.integers(65536)),
             age=random.uniform(0, 100),
             stationary_probability=random.uniform(),
+            signal_to_clutter_db=random.uniform(),
         )
         for _ in range(20)
     ]
@@ -114,6 +117,7 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
     for name in (
         *("track_id", "evaluation", "score", "scan_count", "age"),
         "stationary_probability",
+        "signal_to_clutter_db",
     ):
         np.testing.assert_array_equal(records[name], [getattr(track, name) for track in tracks])
     np.testing.assert_array_equal(records["x"], [np.float32(track.state[0]) for track in tracks])
@@ -129,13 +133,14 @@ def test_reading_takes_the_layout_from_the_message():
         assert records[name][0] == place, name
 
 
-def test_a_cloud_of_an_earlier_version_has_no_stationary_probability():
-    names = [(name, code) for name, _, code in LAYOUT if name != "stationary_probability"]
+@pytest.mark.parametrize("field", ["stationary_probability", "signal_to_clutter_db"])
+def test_a_cloud_of_an_earlier_version_lacks_a_field(field):
+    names = [(name, code) for name, _, code in LAYOUT if name != field]
     rows = [[float(value) if code in "fd" else value for _, code in names] for value in (1, 2)]
     records = read_track_cloud(raw_cloud(names, rows))
     assert records["age"].tolist() == [1.0, 2.0]
-    assert np.isnan(records["stationary_probability"]).all()
-    assert np.isnan(track_arrays(records, 0.0).stationary_probability).all()
+    assert np.isnan(records[field]).all()
+    assert np.isnan(getattr(track_arrays(records, 0.0), field)).all()
 
 
 def test_without_tracks_the_cloud_is_empty_and_has_all_fields(header, over_the_wire):

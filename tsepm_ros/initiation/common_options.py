@@ -68,6 +68,12 @@ class CommonOptions:
         "coverage; or given: sensor.clutter_density everywhere",
         choices=("estimated", "given"),
     )
+    intensity: str = parameter(
+        "auto",
+        "Strengths of the detections, in any unit, as evidence with the method score: auto, where "
+        "detections carry an intensity; or off",
+        choices=("auto", "off"),
+    )
     plots: str = parameter(
         "auto",
         "Plots, of which each is all detections of one target in a ping: on; off, where the driver "

@@ -44,6 +44,9 @@ class ConfirmedTrack:
         Time since the first hit, s, at `stamp`.
     stationary_probability : float
         Probability that the target stands still; nan where it is not known.
+    signal_to_clutter_db : float
+        Ratio of the target's mean strength to clutter's, dB, where detections have an intensity;
+        nan where it is not known.
     """
 
     track_id: int
@@ -56,6 +59,7 @@ class ConfirmedTrack:
     scan_count: int = 0
     age: float = 0.0
     stationary_probability: float = math.nan
+    signal_to_clutter_db: float = math.nan
 
     @property
     def since(self) -> float:
@@ -144,7 +148,8 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     Attributes
     ----------
-    track_id, stamp, evaluation, score, scan_count, age, stationary_probability : (n,) ndarray
+    track_id, stamp, evaluation, score, scan_count, age, stationary_probability,
+    signal_to_clutter_db : (n,) ndarray
         As in `ConfirmedTrack`.
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
@@ -165,6 +170,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     scan_count: NDArray[np.int64]
     age: NDArray[np.float64]
     stationary_probability: NDArray[np.float64]
+    signal_to_clutter_db: NDArray[np.float64]
 
     @classmethod
     def of(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -185,6 +191,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             stationary_probability=np.array(
                 [track.stationary_probability for track in tracks], float
             ),
+            signal_to_clutter_db=np.array([track.signal_to_clutter_db for track in tracks], float),
         )
 
     def proper(self) -> TrackArrays:
@@ -218,6 +225,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             scan_count=int(self.scan_count[row]),
             age=float(self.age[row]),
             stationary_probability=float(self.stationary_probability[row]),
+            signal_to_clutter_db=float(self.signal_to_clutter_db[row]),
         )
 
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:

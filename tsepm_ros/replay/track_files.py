@@ -24,6 +24,7 @@ COLUMNS = (
     *COVARIANCE_FIELDS,
     *("evaluation", "score", "hit_count", "scan_count", "age"),
     "stationary_probability",
+    "signal_to_clutter_db",
 )
 
 
@@ -85,6 +86,7 @@ def _row(track: ConfirmedTrack) -> list[object]:
         track.scan_count,
         track.age,
         track.stationary_probability,
+        track.signal_to_clutter_db,
     ]
 
 

@@ -25,12 +25,19 @@ class Hypotheses(Paths):
         Log-likelihood ratio.
     score_given_held : (n,) ndarray
         The same for one more target, where the density due to held tracks counts as clutter.
+    strength_count, strength_total : (n,) ndarray
+        Hits whose strength counts, and the sum of their exponents; see `path_strength`.
+    strength_score : (n,) ndarray
+        Part of the score that is due to strengths.
     """
 
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
     score_given_held: FloatArray
+    strength_count: IntArray
+    strength_total: FloatArray
+    strength_score: FloatArray
 
     def scored_given_held(self) -> Hypotheses:
         """The hypotheses with their scores given the held tracks."""
@@ -66,6 +73,9 @@ class Hypotheses(Paths):
             count,
             np.zeros((0, 4)),
             np.zeros((0, 4, 4)),
+            np.zeros(0),
+            np.zeros(0),
+            count,
             np.zeros(0),
             np.zeros(0),
         )

@@ -51,7 +51,7 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import starts, tree
+from tsepm_ros.methods.score import path_strength, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
@@ -156,6 +156,9 @@ class Score(Method):
         everything = starts.given_starts(grown.joined(), confirmed)
         kept = tree.prune(everything, observed.scan_index, options)
         self.hypotheses = tree.strongest(kept, limit)
+        target_hits = None
+        if observed.strengths is not None:
+            target_hits = path_strength.target_hits(self.hypotheses, self.detections)
         self.detections.forget(observed.scan_index + 2 - options.window)
         statistics = ScanStatistics(
             scans=1,
@@ -167,7 +170,7 @@ class Score(Method):
             cut_potential_tracks=cut + len(kept) - len(self.hypotheses),
         )
         existence = starts.existence(tracks.evaluation, options.false_tracks_per_hour)
-        return Step(tracks, statistics, existence, grown.target_probability)
+        return Step(tracks, statistics, existence, grown.target_probability, target_hits)
 
     @property
     def threshold(self) -> float:
@@ -183,7 +186,7 @@ class Score(Method):
         return (
             f"{super().reason(track)}; log-likelihood ratio {track.score:.1f}, threshold "
             f"{track.score - track.evaluation:.1f} ({rate:g} false track{'' if rate == 1 else 's'} "
-            "per hour)"
+            f"per hour){_strength_of(track)}"
         )
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
@@ -261,3 +264,9 @@ class Score(Method):
             evaluation=evidence - threshold,
             score=evidence,
         )
+
+
+def _strength_of(track: ConfirmedTrack) -> str:
+    """What the strength of a track's echoes contributed to its reason, if it is known."""
+    ratio = track.signal_to_clutter_db
+    return "" if np.isnan(ratio) else f"; echoes about {ratio:.0f} dB above the clutter"

@@ -22,7 +22,7 @@ import numpy as np
 
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.methods.score import likelihood_ratio
+from tsepm_ros.methods.score import likelihood_ratio, path_strength
 from tsepm_ros.methods.score.expected_detections import ExpectedDetections
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -90,11 +90,13 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
     return replace(hypotheses, state=state, covariance=covariance)
 
 
-def held_penalty(observed: Observation) -> FloatArray:
-    """``ln((lambda + held density) / lambda)``, (d,): a hit's loss by held tracks."""
-    return np.log1p(
-        observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
-    )
+def held_penalty(observed: Observation, row: IntArray, strength: FloatArray) -> FloatArray:
+    """``ln((lambda + held density) / lambda)``, (p,): a hit's loss by held tracks.
+
+    Where the strength speaks for a target, by `strength` (p,), it speaks for the held one as well.
+    """
+    ratio = observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
+    return np.log1p(ratio[row] * np.exp(np.maximum(strength, 0.0)))
 
 
 def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -> Hypotheses:
@@ -131,9 +133,18 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
     )
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
     state, covariance = kalman.predict(state, covariance, observed.stamp - detections["time"])
-    given_held = score - held_penalty(observed)
+    strength = path_strength.begun(observed)
+    score = score + strength.score
+    given_held = score - held_penalty(observed, np.arange(len(path)), strength.score)
     return Hypotheses(
-        path.hits, path.hit_count, path.first_scan, state, covariance, score, given_held
+        path.hits,
+        path.hit_count,
+        path.first_scan,
+        state,
+        covariance,
+        score,
+        given_held,
+        *strength,
     )
 
 
@@ -261,7 +272,10 @@ def child_score(
     increment = likelihood_ratio.hit_increment(
         density, detection_probability[parent], observed.clutter_density[row]
     )
-    score: FloatArray = expected.hypotheses.score[parent] + increment
+    hypotheses = expected.hypotheses
+    score: FloatArray = hypotheses.score[parent] + increment
+    if observed.strengths is not None:
+        score += path_strength.extended(hypotheses, parent, observed, row).increment
     return score
 
 
@@ -278,11 +292,22 @@ def updated(
     hits = hypotheses.hits[parent]
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = ids[row]
+    strength = path_strength.extended(hypotheses, parent, observed, row)
     given_held = hypotheses.score_given_held[parent] + score - hypotheses.score[parent]
-    given_held -= held_penalty(observed)[row]
+    given_held -= held_penalty(observed, row, strength.increment)
     state, covariance = expected.updated(parent, row)
-    first_scan = hypotheses.first_scan[parent]
-    return Hypotheses(hits, count + 1, first_scan, state, covariance, score, given_held)
+    return Hypotheses(
+        hits,
+        count + 1,
+        hypotheses.first_scan[parent],
+        state,
+        covariance,
+        score,
+        given_held,
+        strength.hits,
+        strength.total,
+        hypotheses.strength_score[parent] + strength.increment,
+    )
 
 
 def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hypotheses:
