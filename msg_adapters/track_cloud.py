@@ -13,6 +13,7 @@ field                          datatype meaning
 ``hit_count``, ``scan_count``  UINT16   hits, and scans since the first; at most 65535
 ``age``                        FLOAT64  time since the first hit, s
 ``stationary_probability``     FLOAT64  that the target stands still; nan where not known
+``signal_to_clutter_db``       FLOAT64  strength over that of clutter, dB; nan where not known
 ``revision``                   UINT16   0 as first published, then the number of its correction
 ============================== ======== =======================================================
 """
@@ -46,6 +47,7 @@ TRACK_DTYPE = np.dtype(
         *((name, "<u2") for name in ("hit_count", "scan_count")),
         ("age", "<f8"),
         ("stationary_probability", "<f8"),
+        ("signal_to_clutter_db", "<f8"),
         ("revision", "<u2"),
     ],
     align=True,  # each float64 at a multiple of 8; the item size too
@@ -60,13 +62,18 @@ _BLOCKS_DTYPE = np.dtype(
         ("counts", "<u2", (2,)),
         ("age", "<f8"),
         ("stationary_probability", "<f8"),
+        ("signal_to_clutter_db", "<f8"),
         ("revision", "<u2"),
     ],
     align=True,
 )
 """The same bytes with fields of equal type combined, for assignment of whole blocks."""
 
-OPTIONAL_FIELDS = {"stationary_probability": np.nan, "revision": 0}
+OPTIONAL_FIELDS = {
+    "stationary_probability": np.nan,
+    "signal_to_clutter_db": np.nan,
+    "revision": 0,
+}
 """Fields that clouds of earlier versions lack, and their values then."""
 
 _MAX_COUNT = int(np.iinfo(np.uint16).max)
@@ -107,7 +114,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     points : (n,) ndarray of TRACK_DTYPE
         With zero padding.
     is_dense : bool
-        Whether every number but the stationary probability is finite.
+        Whether every number but those of `OPTIONAL_FIELDS` is finite.
 
     Raises
     ------
@@ -130,6 +137,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     records["counts"][:, 1] = np.minimum(arrays.scan_count, _MAX_COUNT)
     records["age"] = arrays.age
     records["stationary_probability"] = arrays.stationary_probability
+    records["signal_to_clutter_db"] = arrays.signal_to_clutter_db
     records["revision"] = np.minimum(arrays.revision, _MAX_COUNT)
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
     return records.view(TRACK_DTYPE), is_dense
@@ -205,6 +213,7 @@ def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
         scan_count=records["scan_count"].astype(np.int64),
         age=records["age"].copy(),
         stationary_probability=records["stationary_probability"].copy(),
+        signal_to_clutter_db=records["signal_to_clutter_db"].copy(),
         revision=records["revision"].astype(np.int64),
     )
 

@@ -51,9 +51,10 @@ LAYOUT = [
     ("scan_count", 194, "H"),
     ("age", 200, "d"),
     ("stationary_probability", 208, "d"),
-    ("revision", 216, "H"),
+    ("signal_to_clutter_db", 216, "d"),
+    ("revision", 224, "H"),
 ]
-POINT_STEP = 224
+POINT_STEP = 232
 UNSYMMETRIC = np.arange(16.0).reshape(4, 4) + 0.125
 """No covariance, but it shows rows and columns that were exchanged."""
 
@@ -75,7 +76,12 @@ def test_fields_stand_in_the_order_and_at_the_offsets_of_the_contract(header, ma
 
 def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
     tracks = [
-        make_track(covariance=UNSYMMETRIC, stationary_probability=0.25, revision=2),
+        make_track(
+            covariance=UNSYMMETRIC,
+            stationary_probability=0.25,
+            signal_to_clutter_db=7.5,
+            revision=2,
+        ),
         make_track(track_id=2**32 - 1, score=math.nan),
     ]
     data = bytes(over_the_wire(track_cloud(header, tracks)).data)
@@ -87,10 +93,10 @@ def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
         expected = [track.state[0], track.state[2], 0.0, track.track_id, *track.state]
         expected += [track.covariance[row, column] for row in range(4) for column in range(4)]
         expected += [track.evaluation, track.score, 5, 7, 72.0]
-        expected += [track.stationary_probability, track.revision]
+        expected += [track.stationary_probability, track.signal_to_clutter_db, track.revision]
         np.testing.assert_array_equal(found, expected)
         assert data[start + 196 : start + 200] == bytes(4)
-        assert data[start + 218 : start + 224] == bytes(6)
+        assert data[start + 226 : start + 232] == bytes(6)
 
 
 def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
@@ -106,6 +112,7 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
             scan_count=int(random.integers(65536)),
             age=random.uniform(0, 100),
             stationary_probability=random.uniform(),
+            signal_to_clutter_db=random.uniform(),
             revision=int(random.integers(3)),
         )
         for _ in range(20)
@@ -117,7 +124,7 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
     np.testing.assert_array_equal(records["hit_count"], [len(track.hits) for track in tracks])
     for name in (
         *("track_id", "evaluation", "score", "scan_count", "age"),
-        *("stationary_probability", "revision"),
+        *("stationary_probability", "signal_to_clutter_db", "revision"),
     ):
         np.testing.assert_array_equal(records[name], [getattr(track, name) for track in tracks])
     np.testing.assert_array_equal(records["x"], [np.float32(track.state[0]) for track in tracks])
@@ -133,15 +140,15 @@ def test_reading_takes_the_layout_from_the_message():
         assert records[name][0] == place, name
 
 
-def test_a_cloud_of_an_earlier_version_has_no_stationary_probability_and_revision_0():
-    later = ("stationary_probability", "revision")
-    names = [(name, code) for name, _, code in LAYOUT if name not in later]
+@pytest.mark.parametrize("field", ["stationary_probability", "signal_to_clutter_db", "revision"])
+def test_a_cloud_of_an_earlier_version_lacks_a_field(field):
+    names = [(name, code) for name, _, code in LAYOUT if name != field]
     rows = [[float(value) if code in "fd" else value for _, code in names] for value in (1, 2)]
     records = read_track_cloud(raw_cloud(names, rows))
     assert records["age"].tolist() == [1.0, 2.0]
-    assert np.isnan(records["stationary_probability"]).all()
-    assert np.isnan(track_arrays(records, 0.0).stationary_probability).all()
-    assert track_arrays(records, 0.0).revision.tolist() == [0, 0]
+    given = 0 if field == "revision" else np.nan
+    np.testing.assert_array_equal(records[field], given)
+    np.testing.assert_array_equal(getattr(track_arrays(records, 0.0), field), given)
 
 
 def test_without_tracks_the_cloud_is_empty_and_has_all_fields(header, over_the_wire):

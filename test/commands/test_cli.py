@@ -252,9 +252,9 @@ def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
     (point,) = read_track_cloud(heard["/tracks"][2])
     for name in (
         *("state_x", "state_vy", "cov_01", "score", "age", "hit_count"),
-        *("stationary_probability", "revision"),
+        *("stationary_probability", "signal_to_clutter_db", "revision"),
     ):
-        assert float(row[name]) == point[name]
+        np.testing.assert_array_equal(float(row[name]), point[name])
     assert not list(tmp_path.glob("out/tmp*"))
 
 

@@ -19,6 +19,7 @@ from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
 from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
@@ -229,3 +230,19 @@ def test_a_wish_that_cannot_be_met_comes_with_what_would_help(capsys):
     said = capsys.readouterr().out
     assert "infeasible: " in said
     assert "as it is" in said and "twice as many pings" in said
+
+
+def test_a_design_knows_the_strength_of_its_targets():
+    plain = Case(sensor=SensorModel())
+    strong = dataclasses.replace(plain, ratio_db=6.0)
+    [(threshold, share)] = search.score_thresholds(plain, ScoreOptions(), [16])
+    [(lower, more)] = search.score_thresholds(strong, ScoreOptions(), [16])
+    assert lower < threshold and more > share + 0.2
+    # The mean of ln L of an exponential of mean 1 + r against 1 is r - ln(1 + r).
+    ratio = 10.0**0.6
+    gain = search.ping_increments(strong, 0.99).hit - search.ping_increments(plain, 0.99).hit
+    assert gain == pytest.approx(ratio - math.log1p(ratio), rel=0.02)
+    off = dataclasses.replace(strong, common=CommonOptions(intensity="off"))
+    assert search.score_thresholds(off, ScoreOptions(), [16]) == [(threshold, share)]
+    with pytest.raises(ValueError, match="ratio must be"):
+        Case(sensor=SensorModel(), ratio_db=1e3)

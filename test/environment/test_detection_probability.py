@@ -96,7 +96,8 @@ def test_it_is_known_in_either_case_and_used_where_asked_for():
         initiator.process(Scan(12.0 * len(scans), [], []))
     missed = math.log1p(-0.99 * estimated.detection_probability)
     loss = first.score.max() - estimated.potential_tracks().score.max()
-    assert loss == pytest.approx(-missed, abs=1e-6)
+    # That of a target which may have faded: see `fading`.
+    assert 0.9 * -missed < loss <= -missed
     assert estimated.method.threshold != given.method.threshold
 
 

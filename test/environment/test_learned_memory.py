@@ -80,3 +80,22 @@ def test_another_sensor_is_refused(run):
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match="it is not"):
         read(text, SENSOR, "", 0.0, DAY)
+
+
+def test_strengths_survive_and_texts_of_earlier_versions_have_none():
+    initiator = score(SENSOR)
+    rng = np.random.default_rng(3)
+    for scan in sea(rng, 20, [TARGET], detected=0.9):
+        initiator.process(replace(scan, features={"intensity": rng.exponential(size=len(scan))}))
+    raw, weight, decibels = initiator.learned.strengths.memory
+    assert weight > 20.0
+    text = written(initiator.learned, SENSOR, "sonar", 0.0)
+    found = read(text, SENSOR, "sonar", HALF_LIFE, DAY).learned.strengths.memory
+    np.testing.assert_allclose(found[0], raw, atol=1e-6)
+    assert found[1:] == (pytest.approx(0.5 * weight), decibels)
+    content = json.loads(text)
+    earlier = {key: content[key] for key in content if not key.startswith("strengths")}
+    memory = read(json.dumps(earlier), SENSOR, "sonar", 0.0, DAY).learned.strengths.memory
+    assert len(memory[0]) == 0 and memory[1] == 0.0
+    with pytest.raises(ValueError, match="content"):
+        read(json.dumps(content | {"strengths": ["x"]}), SENSOR, "sonar", 0.0, DAY)

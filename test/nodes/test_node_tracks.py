@@ -99,6 +99,7 @@ def test_tracks_have_the_documented_layout(world):
     assert names == [
         *("x", "y", "z", "track_id", *STATE, *COVARIANCE),
         *("evaluation", "score", "hit_count", "scan_count", "age", "stationary_probability"),
+        "signal_to_clutter_db",
     ]
     kinds = {field.name: field.datatype for field in message.fields}
     # RViz and PCL need these three as float32.

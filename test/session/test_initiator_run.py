@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from support.builders import assert_same_tracks
 from support.sessions import (
@@ -18,10 +19,12 @@ from support.sessions import (
     settings,
 )
 
-from tsepm_ros import SensorModel
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.session.initiator_run import InitiatorRun
+from tsepm_ros.session.refusal import Notice
 from tsepm_ros.session.scan_order import Arrival
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
@@ -134,3 +137,22 @@ def test_the_time_limit_holds_only_live(live):
     one.configure(settings(max_scan_time=4.0))
     play(one, [12])
     assert one.initiator.max_scan_time == (4.0 if live else math.inf)
+
+
+def test_a_notice_says_once_that_strengths_count_and_that_they_no_longer_do():
+    run = InitiatorRun(settings(method="score"), live=False)
+    rng = np.random.default_rng(1)
+    said = []
+    for index in range(8):
+        range_, azimuth = rng.uniform(500.0, 5000.0, 40), rng.uniform(-3.0, 3.0, 40)
+        features = {"intensity": rng.exponential(size=40)} if index < 5 else {}
+        scan = Scan(12.0 * index, range_, azimuth, features=features)
+        run.process(scan, None)
+        said += [
+            (index, remark.sentence)
+            for remark in run.remarks(scan, run.initiator.maintenance.tracker, False)
+            if isinstance(remark, Notice) and remark.subject == "intensity"
+        ]
+    assert [index for index, _ in said] == [1, 5]
+    assert "used: compared with" in said[0][1] and "no strengths" in said[1][1]
+    assert run.figures()["intensity"] == "not used: no strengths"

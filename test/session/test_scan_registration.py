@@ -60,7 +60,7 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
     for stamp in (31.0, 32.0):
         one.add_own_ship(PoseSample(stamp, 1e9, 0.0, 0.0, rates=(10.0, 0.0, 0.0), frame_id="odom"))
     assert play(one, [36]) == []
-    assert (one.dropped, one.waiting) == ({"internal_error": 1}, 0)
+    assert (one.dropped, one.waiting) == ({"own_ship_jump": 1}, 0)
     sail(one, 40.0, 60.0)
     (result,) = play(one, [48])
     assert held(result) == [track.track_id for track in confirmed]

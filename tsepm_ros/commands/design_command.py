@@ -55,6 +55,12 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
         "--range", type=float, help="range of the targets, m; default anywhere in the coverage"
     )
     parser.add_argument(
+        "--ratio",
+        type=float,
+        metavar="DB",
+        help="signal-to-clutter ratio of the targets, dB, where detections have an intensity",
+    )
+    parser.add_argument(
         "--wanted", type=float, default=0.9, help="required share of targets that are found"
     )
     add_runs(parser, 400, "simulated targets, at most")
@@ -148,6 +154,7 @@ def _case(options: argparse.Namespace, sensor: SensorModel, common: CommonOption
         scans=options.scans,
         target_speed=0.5 * common.max_speed if options.speed is None else options.speed,
         target_range=options.range,
+        ratio_db=options.ratio,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from tsepm_ros.analysis.measures import SECONDS_PER_HOUR
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +28,9 @@ class Case:
         m/s.
     target_range : float, optional
         Range of the targets in the middle of the run, m; anywhere in the coverage if not given.
+    ratio_db : float, optional
+        Signal-to-clutter ratio of the targets, dB, fluctuating in Rayleigh clutter; without it
+        detections have no strength.
 
     Raises
     ------
@@ -40,6 +44,7 @@ class Case:
     scans: int = 16
     target_speed: float = 5.0
     target_range: float | None = None
+    ratio_db: float | None = None
 
     def __post_init__(self) -> None:
         sensor, speed = self.sensor, self.target_speed
@@ -51,6 +56,8 @@ class Case:
             )
         if self.scans < 3:
             raise ValueError(f"scans must be at least 3; got {self.scans}")
+        if self.ratio_db is not None and not -100.0 <= self.ratio_db <= 100.0:
+            raise ValueError(f"ratio must be from -100 to 100 dB; got {self.ratio_db!r}")
         nearest, farthest = sensor.min_range, sensor.max_range
         if self.target_range is not None and not (
             nearest <= self.target_range <= farthest and self.target_range > 0.0
@@ -59,6 +66,16 @@ class Case:
                 f"range must be above 0 and within the coverage, {nearest:g} to {farthest:g} m; "
                 f"got {self.target_range!r}"
             )
+
+    @property
+    def clutter_strength(self) -> ClutterStrength | None:
+        """Law of the strength of clutter, where detections have one."""
+        return None if self.ratio_db is None else ClutterStrength()
+
+    @property
+    def target_strength(self) -> TargetStrength | None:
+        """Strength of the targets' echoes, where detections have one."""
+        return None if self.ratio_db is None else TargetStrength(self.ratio_db)
 
     @property
     def max_speed(self) -> float:

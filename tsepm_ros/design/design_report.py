@@ -19,6 +19,8 @@ def case_lines(case: Case, false_per_hour: float) -> str:
     where = "anywhere in the coverage"
     if case.target_range is not None:
         where = f"at {case.target_range:g} m in the middle of the run"
+    if case.ratio_db is not None:
+        where += f", {case.ratio_db:g} dB above the clutter"
     return (
         f"sonar: {sensor.coverage_area / 1e6:.4g} km^2, a ping every {case.interval:g} s, "
         f"{case.detections_per_scan:.3g} false detections in each: {case.starts_per_hour:.0f} "

@@ -144,7 +144,11 @@ def false_tracks_per_hour(
     """
     part = math.ceil(scans / SEGMENTS)
     scene = Scenario(
-        name="clutter", scans=case.scans + part, period=case.interval, sensor=case.sensor
+        name="clutter",
+        scans=case.scans + part,
+        period=case.interval,
+        sensor=case.sensor,
+        clutter_strength=case.clutter_strength,
     )
     jobs = [(scene, [seed, index], method, options, case.scans) for index in range(SEGMENTS)]
     counts = list(progress(workers.mapped(_count_false, jobs), SEGMENTS))

@@ -7,6 +7,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -144,6 +145,8 @@ def ping_increments(case: Case, gate_probability: float) -> PingIncrements:
     clutter = rng.poisson(edge * size * sensor.clutter_density, SIMULATED_PINGS)
     owner = np.repeat(np.arange(SIMULATED_PINGS), clutter)
     own_rate, clutter_rate = _range_rate_ratios(case, owner)
+    own_strength, clutter_strength = _strength_ratios(case, len(owner))
+    own_rate, clutter_rate = own_rate * own_strength, clutter_rate * clutter_strength
     likelihood = clutter_rate * np.exp(-edge * rng.random(len(owner)))
     likelihood = np.asarray(np.bincount(owner, likelihood, minlength=SIMULATED_PINGS), float)
     own = rng.exponential(1.0, SIMULATED_PINGS)
@@ -177,6 +180,18 @@ def _range_rate_ratios(case: Case, owner: NDArray[np.int64]) -> tuple[FloatArray
     return own, ratio(half * rng.standard_cauchy(len(owner)), true[owner])
 
 
+def _strength_ratios(case: Case, clutter: int) -> tuple[FloatArray, FloatArray]:
+    """Likelihood ratios of the strengths of targets and of clutter, the ratio being known."""
+    if case.ratio_db is None or case.common.intensity == "off":
+        return np.ones(SIMULATED_PINGS), np.ones(clutter)
+    rng, mean = np.random.default_rng(3), 1.0 + 10.0 ** (case.ratio_db / 10.0)
+
+    def ratio(exponent: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(exponent * (1.0 - 1.0 / mean)) / mean)
+
+    return ratio(mean * rng.exponential(size=SIMULATED_PINGS)), ratio(rng.exponential(size=clutter))
+
+
 def passages(
     case: Case, options: ScoreOptions, windows: Sequence[int]
 ) -> list[tuple[float, FloatArray]]:
@@ -184,7 +199,8 @@ def passages(
 
     The targets have at least the case's scans, without clutter.
     """
-    plans = threshold_plan.score_plans(
+    plans_of = partial(
+        threshold_plan.score_plans,
         case.sensor,
         max_speed=case.max_speed,
         interval=threshold_plan.rounded(case.interval),
@@ -195,11 +211,16 @@ def passages(
         deletion=math.log(options.miss_probability),
         min_hits=MIN_HITS,
     )
+    if case.ratio_db is None or case.common.intensity == "off":
+        plans = of_targets = plans_of()
+    else:  # nobody tells the method the ratio
+        plans = plans_of(ratio=threshold_plan.ANY_RATIO)
+        of_targets = plans_of(ratio=10.0 ** (case.ratio_db / 10.0))
     share = min(options.false_tracks_per_hour / case.starts_per_hour, 1.0)
     thresholds = [plan.threshold(share) for plan in plans]
     return [
         (threshold, plan.passed(threshold))
-        for plan, threshold in zip(plans, thresholds, strict=True)
+        for plan, threshold in zip(of_targets, thresholds, strict=True)
     ]
 
 

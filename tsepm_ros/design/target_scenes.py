@@ -133,6 +133,8 @@ def _scene(
         sensor=case.sensor,
         targets=tuple(states),
         clutter_box=clutter_box,
+        clutter_strength=case.clutter_strength,
+        target_strengths=(case.target_strength,) * len(targets),
     )
 
 

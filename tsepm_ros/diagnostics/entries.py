@@ -71,6 +71,7 @@ def _detections_values(figures: HealthFigures) -> Mapping[str, object]:
         "scan_interval_s": figures.interval,
         "scan_period_expected_s": figures.period,
         "since_last_scan_s": figures.since_scan,
+        "intensity": figures.snapshot.intensity,
         "sweep": figures.snapshot.sweep,
         "sweep_latency_ms": 1e3 * figures.snapshot.sweep_latency,
         **figures.dropped_of(DETECTIONS),

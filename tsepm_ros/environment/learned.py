@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.clutter_range_rates import ClutterRangeRates
+from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Surroundings
 from tsepm_ros.environment.measurement_errors import MeasurementErrors
@@ -24,6 +25,8 @@ class Learned:
     clutter_map : ClutterMap
     seen_extent : SeenExtent
         Where clutter is seen, in the coverage.
+    strengths : ClutterStrengths
+        Strengths of clutter.
     all_extent : SeenExtent
         Where detections are, outside the coverage too, of scans that have such.
     secondary_echoes : SecondaryEchoes
@@ -41,6 +44,7 @@ class Learned:
 
     clutter_map: ClutterMap
     seen_extent: SeenExtent
+    strengths: ClutterStrengths
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
     secondary_echoes: SecondaryEchoes = field(default_factory=SecondaryEchoes)
     scan_interval: ScanInterval = field(default_factory=ScanInterval)
@@ -52,15 +56,19 @@ class Learned:
     @classmethod
     def initial(cls, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor."""
-        return cls(ClutterMap(sensor), SeenExtent(Extent.of(sensor)))
+        clutter_map = ClutterMap(sensor)
+        strengths = ClutterStrengths(clutter_map.grid.shape, clutter_map.grid.wraps)
+        return cls(clutter_map, SeenExtent(Extent.of(sensor)), strengths)
 
     def under(self, sensor: SensorModel) -> Learned:
         """The models for a sensor; the clutter map is kept only for the same coverage."""
         if self.clutter_map.fits(sensor):
             return self
+        fresh = Learned.initial(sensor)
         return replace(
             self,
-            clutter_map=ClutterMap(sensor),
-            seen_extent=SeenExtent(Extent.of(sensor)),
+            clutter_map=fresh.clutter_map,
+            seen_extent=fresh.seen_extent,
+            strengths=fresh.strengths,
             secondary_echoes=SecondaryEchoes(),
         )

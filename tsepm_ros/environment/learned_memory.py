@@ -1,8 +1,8 @@
 """What was learned, as a text that outlives a restart.
 
-The text has the clutter map, where clutter is seen, and the detection probability, with the sensor
-and the time. What was learned fades with its age: after `HALF_LIFE` it counts as if half as many
-scans had been seen.
+The text has the clutter map, where clutter is seen, its strengths and the detection probability,
+with the sensor and the time. What was learned fades with its age: after `HALF_LIFE` it counts as if
+half as many scans had been seen.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -
     """
     counts, scans = learned.clutter_map.memory
     range_, azimuth = learned.seen_extent.places
+    strengths, references, decibels = learned.strengths.memory
     detected, covered = learned.detection_probability.memory
     content = {
         "format": FORMAT,
@@ -73,6 +74,9 @@ def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -
         "seen_azimuth": np.round(azimuth, 6).tolist(),
         "detected": detected,
         "covered": covered,
+        "strengths": np.round(strengths, 6).tolist(),
+        "strengths_count": references,
+        "strengths_in_decibels": decibels,
     }
     return json.dumps(content)
 
@@ -129,10 +133,16 @@ def read(text: str, sensor: SensorModel, frame_id: str, time: float, max_age: fl
         _check(_all_finite(counts) and _all_finite(np.array(figures)))
         _check(bool((counts >= 0.0).all()) and min(figures) >= 0.0)
         _check(counts.shape == fresh.clutter_map.memory[0].shape)
+        # Texts of earlier versions have no strengths.
+        strengths = np.array(content.get("strengths", []), float)
+        references = float(content.get("strengths_count", 0.0))
+        _check(strengths.ndim == 1 and _all_finite(np.append(strengths, references)))
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ValueError("its content is not that of a learned state") from None
     fresh.seen_extent.remember(places[0], places[1])
     fresh.clutter_map.remember(share * counts, share * figures[0], fresh.seen_extent.region)
+    decibels = bool(content.get("strengths_in_decibels", False))
+    fresh.strengths.remember(np.sort(strengths), share * references, decibels)
     fresh.detection_probability.remember(share * figures[1], share * figures[2])
     return Remembered(fresh, age)
 

@@ -68,6 +68,12 @@ class CommonOptions:
         "from sensor.clutter_density; given: sensor.clutter_density everywhere",
         choices=("estimated", "given"),
     )
+    intensity: str = parameter(
+        "auto",
+        "Strengths of the detections, in any unit, as evidence with the method score: auto, where "
+        "detections carry an intensity; or off",
+        choices=("auto", "off"),
+    )
     plots: str = parameter(
         "auto",
         "Combination of the detections of one target and ping into a plot. on: from the "

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.environment.land import LandMask, afloat
 from tsepm_ros.environment.learned import Learned
-from tsepm_ros.environment.secondary_echoes import HeldTargets
+from tsepm_ros.initiation import learning
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.plot_extraction import Join, PlotExtraction
@@ -26,7 +26,7 @@ from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
-from tsepm_ros.sensing.conversion import convert, measured_polar
+from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, echo_poses_of, inside, swept
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
@@ -197,12 +197,19 @@ class FrontEnd:
         self._check(scan)
         interval = self._count_in(scan)
         detections = self._detections(scan)
+        strengths = learning.judge_strengths(
+            self._clutter.strengths, detections, self._clutter.cells, self.scan_index, self._window
+        )
         in_zone, environment = self._zones(detections)
         clutter_sensor, of_rates = self._clutter_rates(detections)
-        before = self._clutter.before(self._held_targets()) * of_rates
+        targets = learning.held_targets(self.maintenance.held, self._poses)
+        before = self._clutter.before(targets) * of_rates
         held_density, held_association = self._carry_held(scan, detections, before, environment)
         self._learn_from_held(detections, held_density < before)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
+        learning.learn_strengths(
+            self._clutter.strengths, detections, self._clutter.weight, self._reach
+        )
         self._hits.append(self.scan_index, detections, self._window)
         return Observation(
             stamp=scan.stamp,
@@ -223,6 +230,7 @@ class FrontEnd:
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
             time_limit=time_limit,
+            strengths=strengths,
         )
 
     def _count_in(self, scan: Scan) -> float:
@@ -282,7 +290,8 @@ class FrontEnd:
         """Learn from the held tracks' detections: how many there are, their errors and features."""
         learned = self.learned
         learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        self._learn_errors(detections)
+        if not self.plots.active:
+            learning.learn_errors(learned.errors, self.maintenance, self.sensor, detections)
         if self.common.plot_features:
             learned.features.observe(
                 self.scan_index, detections["index"], detections["features"], is_clutter
@@ -292,26 +301,15 @@ class FrontEnd:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
         weight = clutter / (clutter + held) if self.most_tracks_true else np.ones(len(clutter))
         # In an area within the reach of one target while a hypothesis of it lives.
-        reach = self.common.max_speed * self.learned.scan_interval.median * REACH_SCANS
-        return self._clutter.learn(weight, math.pi * reach**2, self._held_targets())
+        reach = self._reach * REACH_SCANS
+        return self._clutter.learn(
+            weight, math.pi * reach**2, learning.held_targets(self.maintenance.held, self._poses)
+        )
 
-    def _held_targets(self) -> HeldTargets:
-        """The held tracks in the sensor's frame, as of the last step."""
-        held = self.maintenance.held
-        tracks = held.tracks
-        range_, azimuth = self._poses.polar(tracks.state[:, 0::2])
-        return HeldTargets(tracks.track_id, range_, azimuth, held.existence)
-
-    def _learn_errors(self, detections: NDArray[np.void]) -> None:
-        """Learn the sensor's errors from held tracks' detections, if these have its errors."""
-        if self.plots.active:
-            return
-        track_id, row = self.maintenance.own_detections
-        rows = np.isnan(detections["range_std"][row])
-        own = detections[row[rows]]
-        variance = self.sensor.range_variance(measured_polar(own)[0])
-        held = self.maintenance.held.tracks.track_id
-        self.learned.errors.update(track_id[rows], own, variance, held)
+    @property
+    def _reach(self) -> float:
+        """Distance that a target moves at most from scan to scan, m."""
+        return self.common.max_speed * self.learned.scan_interval.median
 
     def finish(self, step: Step, existence: FloatArray, ids: IntArray) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
@@ -321,8 +319,11 @@ class FrontEnd:
         tracks = step.tracks.numbered(ids)
         if step.target_probability is not None:
             self._clutter.withdraw(step.target_probability)
+        if step.target_hits is not None:
+            self.learned.strengths.discount(*step.target_hits)
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
-        return self.maintenance.add(tracks, existence, histories, self._hits.misfits(tracks))
+        of_hits = self._hits.misfits(tracks), self._hits.strengths(tracks)
+        return self.maintenance.add(tracks, existence, histories, *of_hits)
 
     def _check(self, scan: Scan) -> None:
         if not isinstance(scan, Scan):

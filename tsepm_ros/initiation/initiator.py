@@ -316,6 +316,18 @@ class Initiator:
         return self.front_end.clutter_density
 
     @property
+    def uses_intensity(self) -> bool:
+        """Whether the strengths of the last scan counted."""
+        return self.intensity.startswith("used")
+
+    @property
+    def intensity(self) -> str:
+        """Whether the strengths of the last scan counted, and why not, in words."""
+        if self.common.intensity == "off" or not self.method.most_tracks_true:
+            return "not used: off" if self.common.intensity == "off" else "not used by the method"
+        return self.learned.strengths.use
+
+    @property
     def covered_area(self) -> float:
         """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
         return self.front_end.covered_area

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment.seen_extent import Extent
+from tsepm_ros.environment.target_strength import ScanStrengths
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -58,6 +60,8 @@ class Observation:
         P_D in the coverage, given or estimated.
     time_limit : TimeLimit
         Time that the scan may take.
+    strengths : ScanStrengths or None
+        What the strengths of the detections say; None where they do not count.
     """
 
     stamp: float
@@ -78,6 +82,23 @@ class Observation:
     detection_probability: Callable[[FloatArray], FloatArray]
     detection_probability_in_use: float
     time_limit: TimeLimit
+    strengths: ScanStrengths | None = None
+
+
+class TargetHits(NamedTuple):
+    """Detections of the last scans that are probably targets', held or not.
+
+    Attributes
+    ----------
+    scan, detection : (k,) ndarray of int
+        Scan of each, and its index there.
+    probability : (k,) ndarray
+        By the positions alone.
+    """
+
+    scan: IntArray
+    detection: IntArray
+    probability: FloatArray
 
 
 @dataclass(frozen=True)
@@ -98,6 +119,8 @@ class Step:
         Held tracks, by their ids, whose starts are corrected.
     replaced : tuple of int
         Ids of held tracks in whose place new ones are held: they end.
+    target_hits : TargetHits, optional
+        Detections that are probably targets', by their positions alone.
     """
 
     tracks: TrackArrays = field(default_factory=lambda: TrackArrays.of([]))
@@ -106,3 +129,4 @@ class Step:
     target_probability: FloatArray | None = None
     revised: TrackArrays = field(default_factory=lambda: TrackArrays.of([]))
     replaced: tuple[int, ...] = ()
+    target_hits: TargetHits | None = None

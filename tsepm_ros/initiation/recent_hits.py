@@ -25,6 +25,7 @@ class _Hits(NamedTuple):
     time: FloatArray
     position: FloatArray
     covariance: FloatArray
+    strength: FloatArray
 
 
 @cache
@@ -41,10 +42,19 @@ class RecentHits:
 
     def append(self, scan_index: int, detections: NDArray[np.void], window: int) -> None:
         """Add a scan's detections, and forget those before a window of scans."""
-        parts = (detections[name].copy() for name in ("index", "time", "position", "covariance"))
-        self._scans.append((scan_index, _Hits(*parts)))
+        names = ("index", "time", "position", "covariance", "strength")
+        self._scans.append((scan_index, _Hits(*(detections[name].copy() for name in names))))
         while self._scans[0][0] <= scan_index - window:
             self._scans.popleft()
+
+    def strengths(self, tracks: TrackArrays) -> tuple[FloatArray, FloatArray]:
+        """Number of hits of tracks with a strength, and the sum of their exponents, (n,) each."""
+        sums = np.zeros((2, len(tracks)))
+        for row in range(len(tracks)):
+            for *_, strength in self._seen(tracks, row):
+                known = strength[np.isfinite(strength)]
+                sums[:, row] += [len(known), known.sum()]
+        return sums[0], sums[1]
 
     def misfits(self, tracks: TrackArrays) -> FloatArray:
         """Factors by which the covariances of new tracks are too small for their hits, (n,).
@@ -56,18 +66,22 @@ class RecentHits:
         return np.array([self._misfit(tracks, row) for row in range(len(tracks))])
 
     def _misfit(self, tracks: TrackArrays, row: int) -> float:
-        scans = dict(self._scans)
-        hits = [
-            [part[scans[scan].detection == index] for part in scans[scan][1:]]
-            for scan, index in tracks.hits[row]
-            if scan in scans
-        ]
+        hits = self._seen(tracks, row)
         freedom = 2 * len(hits) - 4
         if freedom <= 0:
             return 1.0
         state = tracks.state[row]
-        time, position, covariance = map(np.concatenate, zip(*hits, strict=True))
+        time, position, covariance, _ = map(np.concatenate, zip(*hits, strict=True))
         elapsed = time - tracks.stamp[row]
         expected = state[0::2] + elapsed[:, None] * state[1::2]
         square = squared_distance(position - expected, covariance).sum()
         return float(square / freedom) if square > _largest_good(freedom) else 1.0
+
+    def _seen(self, tracks: TrackArrays, row: int) -> list[list[FloatArray]]:
+        """Time, position, covariance and strength of a track's hits in the recent scans."""
+        scans = dict(self._scans)
+        return [
+            [part[scans[scan].detection == index] for part in scans[scan][1:]]
+            for scan, index in tracks.hits[row]
+            if scan in scans
+        ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -27,6 +28,10 @@ class ScanClutter:
 
     Attributes
     ----------
+    strengths : ClutterStrengths or None
+        The law of strengths, where the method learns it.
+    cells : Cells
+        Of the clutter map.
     weight : (d,) ndarray
         Probability that each detection is clutter; 0 until `learn`.
     """
@@ -45,20 +50,23 @@ class ScanClutter:
         self._echoes = self._estimated and counts_echoes
         self._given = sensor.clutter_density
         self._polar = range, azimuth
-        self._cells = learned.clutter_map.grid.cells(range, azimuth)
+        self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
+        self.strengths: ClutterStrengths | None = None
+        if common.intensity == "auto" and counts_echoes:
+            self.strengths = learned.strengths
 
     @property
     def in_zone(self) -> BoolArray:
         """Whether each detection is in a clutter zone, (d,)."""
-        return self._learned.clutter_map.in_zone(self._cells)
+        return self._learned.clutter_map.in_zone(self.cells)
 
     def before(self, targets: HeldTargets) -> FloatArray:
         """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""
         density = self.density()
         if self._echoes:
             density *= self._learned.secondary_echoes.behind_targets(
-                self._learned.clutter_map.grid, targets, self._cells
+                self._learned.clutter_map.grid, targets, self.cells
             )
         return density
 
@@ -76,17 +84,17 @@ class ScanClutter:
         """
         learned, self.weight = self._learned, weight
         learned.seen_extent.update(*self._polar, weight)
-        learned.clutter_map.update(self._cells, weight, learned.seen_extent.region, min_area)
+        learned.clutter_map.update(self.cells, weight, learned.seen_extent.region, min_area)
         density = self.density()
         if self._echoes:
             density *= learned.secondary_echoes.update(
-                learned.clutter_map, targets, self._cells, weight
+                learned.clutter_map, targets, self.cells, weight
             )
         return density
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each detection (d,): that of a target after all."""
-        self._learned.clutter_map.withdraw(self._cells, self.weight * share)
+        self._learned.clutter_map.withdraw(self.cells, self.weight * share)
 
     def density(self) -> FloatArray:
         """Density of the map, (d,), 1/m^2."""
@@ -94,4 +102,4 @@ class ScanClutter:
             return np.full(len(self.weight), self._given)
         if not len(self.weight):
             return np.zeros(0)
-        return self._learned.clutter_map.at(self._cells)
+        return self._learned.clutter_map.at(self.cells)

@@ -63,5 +63,6 @@ def tracks_from_hits(
         scan_count=scan_index + 1 - first["scan"].astype(np.int64),
         age=stamp - first["time"],
         stationary_probability=np.full(len(hits), np.nan),
+        signal_to_clutter_db=np.full(len(hits), np.nan),
         revision=np.zeros(len(hits), np.int64),
     )

@@ -44,6 +44,9 @@ class ConfirmedTrack:
         Time since the first hit, s, at `stamp`.
     stationary_probability : float
         Probability that the target stands still; nan where it is not known.
+    signal_to_clutter_db : float
+        Ratio of the target's mean strength to clutter's, dB, where detections have an intensity;
+        nan where it is not known.
     revision : int
         0 as first published; one more for each correction of the hits.
     """
@@ -58,6 +61,7 @@ class ConfirmedTrack:
     scan_count: int = 0
     age: float = 0.0
     stationary_probability: float = math.nan
+    signal_to_clutter_db: float = math.nan
     revision: int = 0
 
     @property
@@ -147,8 +151,8 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     Attributes
     ----------
-    track_id, stamp, evaluation, score, scan_count, age : (n,) ndarray
-    stationary_probability, revision : (n,) ndarray
+    track_id, stamp, evaluation, score, scan_count, age, stationary_probability,
+    signal_to_clutter_db, revision : (n,) ndarray
         As in `ConfirmedTrack`.
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
@@ -169,6 +173,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     scan_count: NDArray[np.int64]
     age: NDArray[np.float64]
     stationary_probability: NDArray[np.float64]
+    signal_to_clutter_db: NDArray[np.float64]
     revision: NDArray[np.int64]
 
     @classmethod
@@ -190,6 +195,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             stationary_probability=np.array(
                 [track.stationary_probability for track in tracks], float
             ),
+            signal_to_clutter_db=np.array([track.signal_to_clutter_db for track in tracks], float),
             revision=np.array([track.revision for track in tracks], np.int64),
         )
 
@@ -224,6 +230,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             scan_count=int(self.scan_count[row]),
             age=float(self.age[row]),
             stationary_probability=float(self.stationary_probability[row]),
+            signal_to_clutter_db=float(self.signal_to_clutter_db[row]),
             revision=int(self.revision[row]),
         )
 

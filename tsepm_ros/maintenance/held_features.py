@@ -1,4 +1,4 @@
-"""Plot features of held tracks: factors of likelihood ratios, and the tracks' own plots."""
+"""Plot features and strengths of held tracks: factors of likelihood ratios, the own plots."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, Neighbours
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.sensing.plot_features import MAX_PLOT_COUNT
 from tsepm_ros.stages.association import Pairs
 from tsepm_ros.stages.paths import NO_HIT
 
@@ -48,6 +49,36 @@ def likelihood_factors(
     cost[inside] = -2.0 * np.log(likelihood[inside])
     pairs = Pairs(near.track, near.row, cost)
     return environment.factors(held.histories, meets, pairs, detections["features"])
+
+
+def with_strengths(
+    held: HeldTracks, near: Neighbours, probability: FloatArray, strength: FloatArray
+) -> HeldTracks:
+    """The rows with the strengths of the detections that may be theirs.
+
+    Older detections fade, over `MAX_PLOT_COUNT`: the aspect changes.
+
+    Parameters
+    ----------
+    held : HeldTracks
+    near : Neighbours
+    probability : (p,) ndarray
+        That each pair's detection is the track's target's.
+    strength : (d,) ndarray
+        Exponent of each detection; nan where it is not known.
+    """
+    known = np.isfinite(strength[near.row])
+    if not known.any():
+        return held
+    track, share, n = near.track[known], probability[known], len(held)
+    hits = np.bincount(track, share, minlength=n)
+    total = np.bincount(track, share * strength[near.row[known]], minlength=n)
+    keep = 1.0 - np.minimum(hits, 1.0) / MAX_PLOT_COUNT
+    return replace(
+        held,
+        strength_hits=keep * held.strength_hits + hits,
+        strength_total=keep * held.strength_total + total,
+    )
 
 
 def with_plots(

@@ -57,6 +57,9 @@ class HeldTracks:
         Time since which the downstream tracker has not listed the track, s; or `LISTED`.
     published : (n,) ndarray of bool
         Whether the track was published: not before its target is sure to move.
+    strength_hits, strength_total : (n,) ndarray
+        Detections with a strength so far, each weighted by the probability that it is the track's,
+        and the sum of their exponents.
     """
 
     tracks: TrackArrays
@@ -71,6 +74,8 @@ class HeldTracks:
     agreeing_scans: IntArray
     unlisted_since: FloatArray
     published: BoolArray
+    strength_hits: FloatArray
+    strength_total: FloatArray
 
     @classmethod
     def of(
@@ -79,13 +84,16 @@ class HeldTracks:
         existence: float | FloatArray,
         histories: Histories | None = None,
         misfit: float | FloatArray = 1.0,
+        strengths: tuple[FloatArray, FloatArray] | None = None,
     ) -> HeldTracks:
         """Rows of new tracks, whose targets exist with a probability, a number or (n,).
 
-        Without histories no feature of their hits is known. The covariances are too small for the
+        Without histories no feature of their hits is known, nor without `strengths` these: their
+        number and the sum of their exponents. The covariances are too small for the
         hits by factors `misfit`, a number or (n,), which counts in the fits.
         """
         n = len(tracks)
+        strength_hits, strength_total = strengths or (np.zeros(n), np.zeros(n))
         return cls(
             tracks=tracks,
             models=InteractingModels.of(tracks.state, tracks.covariance),
@@ -101,6 +109,8 @@ class HeldTracks:
             agreeing_scans=np.zeros(n, np.int64),
             unlisted_since=tracks.stamp,
             published=np.ones(n, bool),
+            strength_hits=strength_hits,
+            strength_total=strength_total,
         )
 
     @classmethod
@@ -222,6 +232,8 @@ _COLUMNS = (
     "agreeing_scans",
     "unlisted_since",
     "published",
+    "strength_hits",
+    "strength_total",
 )
 """The fields of `HeldTracks` that are plain arrays."""
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tsepm_ros.environment.target_strength import ratio_db
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance import stationary
 from tsepm_ros.maintenance.held_tracks import HeldTracks
@@ -18,13 +19,14 @@ STANDS_STILL = 0.5
 
 
 def judged(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
-    """The rows after an update, with the probabilities that their targets stand still.
+    """The rows after an update, with the probability to stand still and the strength of each.
 
     A fit begins again with the filter's state where the motion has changed.
     """
     fits = stationary.begun_again(held.fits, held.tracks.state, held.tracks.covariance)
     probability = fits.stationary_probability(prior)
-    tracks = replace(held.tracks, stationary_probability=probability)
+    ratio = ratio_db(held.strength_hits, held.strength_total)
+    tracks = replace(held.tracks, stationary_probability=probability, signal_to_clutter_db=ratio)
     return replace(held, fits=fits, tracks=tracks)
 
 

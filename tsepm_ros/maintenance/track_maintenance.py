@@ -206,8 +206,9 @@ class TrackMaintenance:
         held, self.covered = held_update.updated(
             held, near, gated, association.ratio, empty, probability > 0.0, limit
         )
-        held = publication.judged(replace(held, fits=fits), self.speed_prior)
         of_target = association.probability * held.existence[near.track]
+        held = held_features.with_strengths(held, near, of_target, detections["strength"])
+        held = publication.judged(replace(held, fits=fits), self.speed_prior)
         self.held_association = HeldAssociation(near.row, of_target)
         self.own_detections, self.probable_detections = (
             OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
@@ -229,15 +230,17 @@ class TrackMaintenance:
         existence: float | FloatArray,
         histories: Histories | None = None,
         misfit: float | FloatArray = 1.0,
+        strengths: tuple[FloatArray, FloatArray] | None = None,
     ) -> TrackArrays:
         """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
 
         Their hits have features as in `histories`, if these are known; their covariances are too
-        small for the hits by factors `misfit`. Those that are published at once are returned.
+        small for the hits by factors `misfit`; their `strengths` see `HeldTracks.of`. Those that
+        are published at once are returned.
         """
         if not len(tracks):
             return tracks
-        new = HeldTracks.of(tracks, existence, histories, misfit)
+        new = HeldTracks.of(tracks, existence, histories, misfit, strengths)
         new = publication.judged(new, self.speed_prior)
         sure = self.speed_prior.sure_to_move(new.tracks.stationary_probability)
         self._held = self._held.joined(replace(new, published=sure))

@@ -23,7 +23,7 @@ COLUMNS = (
     *STATE_FIELDS,
     *COVARIANCE_FIELDS,
     *("evaluation", "score", "hit_count", "scan_count", "age"),
-    *("stationary_probability", "revision"),
+    *("stationary_probability", "signal_to_clutter_db", "revision"),
 )
 
 
@@ -88,6 +88,7 @@ def _row(track: ConfirmedTrack) -> list[object]:
         track.scan_count,
         track.age,
         track.stationary_probability,
+        track.signal_to_clutter_db,
         track.revision,
     ]
 

@@ -29,6 +29,7 @@ DETECTION = np.dtype(
         ("range_rate_std", np.float64),  # m/s; 0: no range rate
         ("clutter_density", np.float64),  # 1/m^2, at its position
         ("features", np.float64, (3,)),  # as in plot_features; nan: not measured
+        ("strength", np.float64),  # exponent among clutter, without an end; nan: not known
     ]
 )
 """A converted detection, with the fields for re-evaluating its covariance elsewhere."""
@@ -233,6 +234,7 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
     range_rates.take(detections, scan, sensor)
     detections["clutter_density"] = sensor.clutter_density
     detections["features"] = plot_features.measured(scan)
+    detections["strength"] = np.nan
     return detections
 
 

@@ -35,6 +35,7 @@ class InitiatorRun:
         self._live = live
         self.initiator = settings.make_initiator()
         self.check = SensorCheck()
+        self._strengths_count = False
         self._totals_before = ScanStatistics()  # of runs before the last `start_over`
 
     @property
@@ -115,6 +116,7 @@ class InitiatorRun:
             "detection_probability_estimated": initiator.estimated_detection_probability,
             "clutter_density": initiator.clutter_density,
             "coverage_area": initiator.covered_area,
+            "intensity": initiator.intensity,
             "sensor_findings": findings(check),
             "sensor_figures": check,
             "tracker": initiator.maintenance.tracker.value,
@@ -160,6 +162,11 @@ class InitiatorRun:
         if statistics.on_land:
             remarks.append(Refusal("on_land", "", statistics.on_land))
         remarks += [Notice(*news) for news in self.check.news(self.initiator)]
+        counted, self._strengths_count = self._strengths_count, self.initiator.uses_intensity
+        if counted != self._strengths_count:
+            remarks.append(
+                Notice("intensity", f"intensity of detections: {self.initiator.intensity}")
+            )
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
             remarks.append(Notice("limit", f"a limit cut {cut} hypotheses at {scan.stamp:.3f} s"))

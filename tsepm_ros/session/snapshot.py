@@ -44,6 +44,8 @@ class SessionSnapshot:
         Newest stamps, s.
     tracker : str
         State of the downstream tracker: a value of `Tracker`.
+    intensity : str
+        Whether the strengths of detections count, in words.
     land_area : float
         Area of the land whose detections are left out, m^2.
     sweep : str
@@ -69,6 +71,7 @@ class SessionSnapshot:
     own_ship_stamp: float | None
     scan_stamp: float | None
     tracker: str
+    intensity: str = "not used"
     land_area: float = 0.0
     sweep: str = "a message is a scan"
     sweep_latency: float = 0.0

@@ -11,6 +11,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation.own_ship_motion import Motion, OwnShipMotion
+from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
 
 PLACEMENT_TRIES = 10_000
 
@@ -53,6 +54,8 @@ class TargetArea:
         m/s.
     features : mapping, optional
         Features of their plots.
+    strength : TargetStrength, optional
+        Of their echoes, where the clutter has a strength.
     """
 
     count: int
@@ -60,6 +63,7 @@ class TargetArea:
     azimuths: tuple[float, float]
     speed: float
     features: Features = field(default_factory=dict)
+    strength: TargetStrength | None = None
 
     def draw(self, rng: np.random.Generator, duration: float) -> list[FloatArray]:
         """Draw the targets' states at time 0, (4,) each.
@@ -121,6 +125,10 @@ class Scenario:
         Features of the plots of each of `targets`; Gaussian, widths at least 0.
     clutter_features : mapping
         Features of false detections, likewise.
+    clutter_strength : ClutterStrength, optional
+        Law of the strength of clutter, which detections then carry as `intensity`.
+    target_strengths : tuple of TargetStrength or None
+        Strength of the echoes of each of `targets`; None: not measured.
     warm_up : int
         Number of scans of clutter alone before the others: from a cold start the first scans hold
         fewer false tracks than later ones.
@@ -138,6 +146,8 @@ class Scenario:
     clutter_patches: tuple[ClutterPatch, ...] = ()
     target_features: tuple[Features, ...] = ()
     clutter_features: Features = field(default_factory=dict)
+    clutter_strength: ClutterStrength | None = None
+    target_strengths: tuple[TargetStrength | None, ...] = ()
     warm_up: int = 0
 
     @property

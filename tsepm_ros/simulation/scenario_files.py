@@ -20,6 +20,7 @@ from tsepm_ros.sensing.plot_features import NAMES
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation.own_ship_motion import Motion, OwnShipMotion, WaypointMotion
 from tsepm_ros.simulation.scenario import ClutterPatch, Scenario, TargetArea
+from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
 
 MAX_SCANS = 10_000_000
 
@@ -91,11 +92,12 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     values = dict(_mapping(content, f"scenario {name!r}"))
     sensor = _section(SensorModel, values.pop("sensor", {}), "sensor")
     own_ship = _own_ship(_radians(values.pop("own_ship", {}), "own_ship"))
-    targets, areas, features = [], [], []
+    targets, areas, features, strengths = [], [], [], []
     for where, entry in _entries(values.pop("targets", []), "targets"):
         values_of = _radians(entry, where)
         if "state" in values_of:
-            _known(values_of, ["state", "features"], where)
+            _known(values_of, ["state", "features", "strength"], where)
+            strengths.append(_strength(values_of.get("strength"), where))
             features.append(_features(values_of.get("features", {}), f"{where}.features"))
             targets.append(_numbers(values_of["state"], 4, f"{where}.state"))
         else:
@@ -105,7 +107,9 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     values["clutter_patches"] = _patches(values.get("clutter_patches", []))
     values["clutter_features"] = _features(values.get("clutter_features", {}), "clutter_features")
     values.setdefault("name", Path(name).stem)
-    for key in ("areas", "target_features"):
+    of_targets = any([*strengths, *(area.strength for area in areas)])
+    values["clutter_strength"] = _clutter_strength(values, of_targets)
+    for key in ("areas", "target_features", "target_strengths"):
         if key in values:
             raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
     if not isinstance(values["name"], str) or not FILE_NAME.fullmatch(values["name"]):
@@ -127,6 +131,7 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
         targets=tuple(targets),
         areas=tuple(areas),
         target_features=tuple(features),
+        target_strengths=tuple(strengths),
     )
 
 
@@ -189,10 +194,31 @@ def _area(entry: dict[str, Any], where: str) -> TargetArea:
     for key in ("ranges", "azimuths"):
         values[key] = _intervals(entry.get(key), 1, f"{where}.{key}")
     values["features"] = _features(entry.get("features", {}), f"{where}.features")
+    values["strength"] = _strength(entry.get("strength"), where)
     area: TargetArea = _section(TargetArea, values, where)
     if area.count < 0 or area.ranges[0] < 0:
         raise ValueError(f"{where}: count and ranges must be at least 0")
     return area
+
+
+def _clutter_strength(values: dict[str, Any], of_targets: bool) -> ClutterStrength | None:
+    """Law of the strength of clutter, if it is given."""
+    if values.get("clutter_strength") is not None:
+        strength: ClutterStrength = _section(
+            ClutterStrength, values["clutter_strength"], "clutter_strength"
+        )
+        return strength
+    if of_targets:
+        raise ValueError("targets have a strength: clutter_strength must be given too")
+    return None
+
+
+def _strength(content: Any, where: str) -> TargetStrength | None:
+    """Strength of a target's echoes, if it is given."""
+    if content is None:
+        return None
+    strength: TargetStrength = _section(TargetStrength, content, f"{where}.strength")
+    return strength
 
 
 def _features(content: Any, where: str) -> dict[str, tuple[float, float]]:

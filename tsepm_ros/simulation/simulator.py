@@ -14,6 +14,7 @@ from tsepm_ros.sensing.plot_features import NAMES
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.simulation.scenario import Scenario
+from tsepm_ros.simulation.strengths import Strengths
 
 CLUTTER = -1
 """Origin of a false detection."""
@@ -65,12 +66,19 @@ class Simulator:
         drawn = [state for area in scenario.areas for state in area.draw(self._rng, seen_for)]
         self.targets = [*scenario.targets, *drawn]
         self._at_start = [_moved(state, -scenario.target_start) for state in self.targets]
-        # Separate streams: range rates and features do not change the positions of a seed.
-        streams = np.random.SeedSequence(seed).spawn(2)
-        self._rate_rng, self._feature_rng = map(np.random.default_rng, streams)
+        # Separate streams: what else is measured does not change the positions of a seed.
+        streams = np.random.SeedSequence(seed).spawn(3)
+        self._rate_rng, self._feature_rng, strength_rng = map(np.random.default_rng, streams)
         drawn_features = [area.features for area in scenario.areas for _ in range(area.count)]
         given = scenario.target_features or ({},) * len(scenario.targets)
         self._features = [*given, *drawn_features, scenario.clutter_features]
+        self._strengths: Strengths | None = None
+        if scenario.clutter_strength is not None:
+            of_areas = [area.strength for area in scenario.areas for _ in range(area.count)]
+            of_targets = scenario.target_strengths or (None,) * len(scenario.targets)
+            self._strengths = Strengths(
+                scenario.clutter_strength, [*of_targets, *of_areas], strength_rng
+            )
 
     def __iter__(self) -> Iterator[SimulatedScan]:
         """Draw the scans one by one."""
@@ -121,6 +129,9 @@ class Simulator:
         speed = self.scenario.sound_speed
         offsets = ranges / speed if speed > 0 else None
         own_ship, features = self.scenario.own_ship, self._plot_features(origin)
+        if self._strengths is not None:
+            position = _placed(ranges, azimuths, own_ship.pose(time))
+            features["intensity"] = self._strengths.draw(position, origin, time)
         sensor_velocity: FloatArray = np.zeros(2)
         if self.scenario.sensor.range_rate_std > 0.0:
             delay = np.zeros(len(ranges)) if offsets is None else offsets
@@ -272,6 +283,13 @@ def _moved(state: FloatArray, time: float) -> FloatArray:
     moved: FloatArray = state.copy()
     moved[0::2] += state[1::2] * time
     return moved
+
+
+def _placed(range_: FloatArray, azimuth: FloatArray, pose: FloatArray) -> FloatArray:
+    """Positions of ranges and azimuths (n,) from a pose, (n, 2), m."""
+    direction = azimuth + pose[2]
+    offset = range_ * np.array([np.cos(direction), np.sin(direction)])
+    return np.asarray(offset.T + pose[:2])
 
 
 def _polar(position: FloatArray, pose: FloatArray) -> tuple[float, float]:

@@ -68,3 +68,23 @@ def test_a_rarer_wish_has_a_higher_threshold_whatever_the_sensor(sensor, window)
     thresholds = [made.threshold(10.0**-power) for power in (1, 3, 6, 12, 24)]
     assert np.diff(thresholds) == pytest.approx(np.log(10.0) * np.array([2, 3, 6, 12]), abs=2.5)
     assert thresholds[2] > 10.0
+
+
+def test_strengths_overshoot_more_so_that_the_threshold_is_lower():
+    plain = plan()
+    strong = threshold_plan.score_plan(SensorModel(), **RULE, strengths=True)
+    for share in (1e-3, 1e-4):
+        least = -math.log(share) - threshold_plan.MAX_BELOW_VILLE
+        assert least <= strong.threshold(share) < plain.threshold(share)
+
+
+def test_the_stronger_the_targets_the_sooner_they_pass():
+    rest = {name: value for name, value in RULE.items() if name != "window"}
+    shares = []
+    for ratio in (None, 1.0, 4.0, 30.0):
+        made = threshold_plan.score_plans(
+            SensorModel(), windows=(16,), scans=16, ratio=ratio, **rest
+        )[0]
+        shares.append(made.passed(8.0)[7])
+    assert shares[0] < shares[2] < shares[3]
+    assert shares[1] == pytest.approx(shares[0], abs=0.15)  # 0 dB: nearly nothing

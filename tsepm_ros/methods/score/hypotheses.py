@@ -27,6 +27,10 @@ class Hypotheses(Paths):
         The same for one more target, where the density due to held tracks counts as clutter.
     faded : (n,) ndarray
         Probability that the target has faded, see `fading`.
+    strength_count, strength_total : (n,) ndarray
+        Hits whose strength counts, and the sum of their exponents; see `path_strength`.
+    strength_score : (n,) ndarray
+        Part of the score that is due to strengths.
     """
 
     state: FloatArray
@@ -34,6 +38,9 @@ class Hypotheses(Paths):
     score: FloatArray
     score_given_held: FloatArray
     faded: FloatArray
+    strength_count: IntArray
+    strength_total: FloatArray
+    strength_score: FloatArray
 
     def scored_given_held(self) -> Hypotheses:
         """The hypotheses with their scores given the held tracks."""
@@ -70,6 +77,9 @@ class Hypotheses(Paths):
             np.zeros((0, 4)),
             np.zeros((0, 4, 4)),
             np.zeros(0),
+            np.zeros(0),
+            np.zeros(0),
+            count,
             np.zeros(0),
             np.zeros(0),
         )

@@ -53,7 +53,7 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import fading, speed_prior, starts, tree
+from tsepm_ros.methods.score import fading, path_strength, speed_prior, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.revisions import doubtful, revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -175,6 +175,9 @@ class Score(Method):
         everything = starts.given_starts(grown.joined(), [*confirmed, *corrected])
         kept = tree.prune(everything, observed.scan_index, options)
         self.hypotheses = tree.strongest(kept, limit)
+        target_hits = None
+        if observed.strengths is not None:
+            target_hits = path_strength.target_hits(self.hypotheses, self.detections)
         self.detections.forget(observed.scan_index + 2 - options.window)
         statistics = ScanStatistics(
             scans=1,
@@ -194,6 +197,7 @@ class Score(Method):
             grown.target_probability,
             self._confirmed(observed, corrected, threshold).numbered(ids),
             tuple(track_id for track_id, _ in revised.replaced),
+            target_hits,
         )
 
     @property
@@ -210,7 +214,7 @@ class Score(Method):
         return (
             f"{super().reason(track)}; log-likelihood ratio {track.score:.1f}, threshold "
             f"{track.score - track.evaluation:.1f} ({rate:g} false track{'' if rate == 1 else 's'} "
-            "per hour)"
+            f"per hour){_strength_of(track)}"
         )
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
@@ -288,3 +292,9 @@ class Score(Method):
             evaluation=evidence - threshold,
             score=evidence,
         )
+
+
+def _strength_of(track: ConfirmedTrack) -> str:
+    """What the strength of a track's echoes contributed to its reason, if it is known."""
+    ratio = track.signal_to_clutter_db
+    return "" if np.isnan(ratio) else f"; echoes about {ratio:.0f} dB above the clutter"

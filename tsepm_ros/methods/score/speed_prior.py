@@ -19,8 +19,11 @@ import numpy as np
 
 from tsepm_ros.kinematics import speed_limit
 from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.score_options import MIN_HITS
 from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown
+from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.stages.paths import NO_HIT
 
 LOG_GAIN = -math.log(-math.expm1(-2.0))
 """-ln P_0: what the evidence gains where the velocity is surely inside."""
@@ -40,16 +43,28 @@ def ended_at(grown: Grown, threshold: float, max_speed: float) -> Grown:
         v_max, m/s.
     """
     strong = grown.evidence + LOG_GAIN >= threshold
+    hits = grown.ended.hit_count.astype(float)
+    strong &= grouped.largest_of(hits, grown.newest, len(grown.ids)) >= MIN_HITS
     if not strong.any():
         return grown
-    # Of other detections, those that may be rivals of a start.
+    decided = replace(grown, ended=_ended_at(grown.ended, strong[grown.newest], max_speed))
+    passed = decided.evidence >= threshold
+    if not passed.any():
+        return decided  # no start, and no rival of any
+    # Of other detections, those that may be rivals of a start: they share a hit with it.
+    hits = np.unique(grown.ended.hits[passed[grown.newest]])
+    hits = hits[hits != NO_HIT]
     least = threshold + RELATIVE_PRUNING - LOG_GAIN
+
+    def rival(hypotheses: Hypotheses) -> BoolArray:
+        likely = hypotheses.score >= least
+        likely[likely] = np.isin(hypotheses.hits[likely], hits).any(axis=1)
+        return likely
+
     return replace(
         grown,
-        ended=_ended_at(
-            grown.ended, strong[grown.newest] | (grown.ended.score >= least), max_speed
-        ),
-        missed=_ended_at(grown.missed, grown.missed.score >= least, max_speed),
+        ended=_ended_at(grown.ended, strong[grown.newest] | rival(grown.ended), max_speed),
+        missed=_ended_at(grown.missed, rival(grown.missed), max_speed),
     )
 
 

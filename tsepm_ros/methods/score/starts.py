@@ -279,6 +279,7 @@ def resolved(
     """
     evidence = float(np.logaddexp.reduce(members.score))
     rivals = rivals_of(members, grown, evidence)
+    begun = rivals[rivals.hit_count == 1]
     rivals = rivals[spans_time(rivals, 2, window, min_time)]
     long = spans_time(rivals, MIN_HITS, window, min_time)
     if not long.any():
@@ -294,18 +295,25 @@ def resolved(
     hits = credible_hits(detections, probability, rivals.hits[best])
     common = np.isin(rivals.hits, hits).sum(axis=1)
     right = common > 0.5 * len(hits)
+    # A strong echo may as well be the first of its target, and the hits before it clutter.
+    share = softmax(np.append(rivals.score, begun.score))[: len(rivals)]
     least = MIN_PURITY_PROBABILITY if waits else MIN_HIT_PROBABILITY
-    if softmax(rivals.score)[right].sum() < least:
+    if share[right].sum() < least:
         return None
     state, covariance = mixed(rivals[right], fit)
     return Start(hits, detections, probability, state, covariance, evidence)
 
 
 def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
-    """Hypotheses of the same target as `members`, whatever detection they end in."""
+    """Hypotheses of the same target as `members`, whatever detection they end in.
+
+    A single hit is a hypothesis of its own where it has a strength.
+    """
     likely, probability = hit_probabilities(members)
     pool = [
-        part[(part.score > evidence + RELATIVE_PRUNING) & (part.hit_count >= 2)]
+        part[
+            (part.score > evidence + RELATIVE_PRUNING) & (part.hit_count + part.strength_count >= 2)
+        ]
         for part in (grown.ended, grown.missed)
     ]
     rivals = Hypotheses.joined(*pool)

@@ -81,6 +81,7 @@ class Threshold:
             process_noise=options.process_noise,
             deletion=options.deletion_threshold,
             min_hits=MIN_HITS,
+            strengths=self._last.strengths is not None,
         )
         return plan.threshold(share)
 

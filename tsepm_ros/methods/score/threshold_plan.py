@@ -21,6 +21,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.environment import target_strength
+from tsepm_ros.environment.target_strength import PathRatio
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score import fading, likelihood_ratio
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
@@ -30,6 +32,8 @@ from tsepm_ros.sensing.sensor import SensorModel
 
 SIMULATED_TARGETS = 1500
 SEED = 1
+ANY_RATIO = -1.0
+"""Stands for ratios of the prior."""
 THRESHOLDS = np.arange(0.0, 40.0, 0.05)
 """Thresholds of a plan, in units of the log-likelihood ratio."""
 MIN_PASSAGES = 30
@@ -112,6 +116,7 @@ def score_plan(
     process_noise: float,
     deletion: float,
     min_hits: int,
+    strengths: bool = False,
 ) -> ScorePlan:
     """Simulate the evidence for targets drawn from the method's model.
 
@@ -126,6 +131,8 @@ def score_plan(
         Scans.
     gate_probability, process_noise, deletion, min_hits
         As in the method.
+    strengths : bool, optional
+        Whether detections have a strength, of targets of any ratio of the prior.
 
     Returns
     -------
@@ -141,6 +148,7 @@ def score_plan(
         process_noise=process_noise,
         deletion=deletion,
         min_hits=min_hits,
+        ratio=ANY_RATIO if strengths else None,
     )
     return plan
 
@@ -156,6 +164,7 @@ def score_plans(
     process_noise: float,
     deletion: float,
     min_hits: int,
+    ratio: float | None = None,
 ) -> list[ScorePlan]:
     """The plans of several windows, from the same targets.
 
@@ -164,10 +173,13 @@ def score_plans(
     windows : sequence of int
     scans : int
         Scans through which the targets are followed, at least the longest window.
+    ratio : float, optional
+        Signal-to-clutter ratio of the targets, not in dB; `ANY_RATIO`: of the prior; None: their
+        detections have no strength.
     sensor, max_speed, interval, gate_probability, process_noise, deletion, min_hits
         See `score_plan`.
     """
-    targets = _draw_targets(sensor, max_speed, interval, scans, process_noise)
+    targets = _draw_targets(sensor, max_speed, interval, scans, process_noise, ratio)
     evidences = np.full((len(windows), SIMULATED_TARGETS, scans), -np.inf)
     for first in range(scans):
         score = _scores(
@@ -192,10 +204,26 @@ class _Targets:
     detections : (n, window) ndarray of DETECTION
         As they would be measured in each scan.
     detected : (n, window) ndarray of bool
+    exponents : (n, window) ndarray or None
+        Of the strengths of the detections.
     """
 
     detections: NDArray[np.void]
     detected: BoolArray
+    exponents: FloatArray | None
+
+    def strength_increments(self, first: int, scan: int) -> FloatArray:
+        """What the strength of each target's detection in a scan adds, (n,), from a scan on."""
+        if self.exponents is None:
+            return np.zeros(len(self.detected))
+        hit = self.detected[:, first : scan + 1]
+        totals = np.cumsum(np.where(hit, self.exponents[:, first : scan + 1], 0.0), axis=1)
+        counts = np.cumsum(hit, axis=1, dtype=np.int64)
+        ratio = PathRatio.of(target_strength.LAW_KNOWN, self.detected.shape[1])
+        now = ratio.at(counts[:, -1], totals[:, -1])
+        if scan > first:
+            now -= ratio.at(counts[:, -2], totals[:, -2])
+        return now
 
 
 def _draw_targets(
@@ -204,6 +232,7 @@ def _draw_targets(
     interval: float,
     window: int,
     process_noise: float,
+    ratio: float | None,
 ) -> _Targets:
     """Targets anywhere in the coverage."""
     rng = np.random.default_rng(SEED)
@@ -226,7 +255,19 @@ def _draw_targets(
     share = np.where(_faded(window, interval), fading.FADED_FACTOR, 1.0)
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
-    return _Targets(detections, detected)
+    return _Targets(detections, detected, _drawn_exponents(ratio, window))
+
+
+def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
+    """Exponents of the strengths of targets' detections, (n, window)."""
+    if ratio is None:
+        return None
+    rng = np.random.default_rng([SEED, 2])
+    means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
+    if ratio == ANY_RATIO:
+        ratios, weights = target_strength.ratio_prior()
+        means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
+    return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
 
 
 def _faded(window: int, interval: float) -> BoolArray:
@@ -262,6 +303,7 @@ def _scores(
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
     state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
+    start = start + targets.strength_increments(first, first)
     scores = np.full((n, window), -np.inf)
     scores[:, first] = np.where(targets.detected[:, first], start, -np.inf)
     target, at_stamp = np.arange(n), np.zeros(n)
@@ -286,6 +328,7 @@ def _scores(
         faded = fading.predicted(faded, interval)
         probability = sensor.detection_probability * fading.visible_share(faded)
         increment = likelihood_ratio.hit_increment(density, probability, clutter)
+        increment = increment + targets.strength_increments(first, scan)
         missed = likelihood_ratio.miss_increment(probability, gate_probability)
         faded = np.where(
             hit,

@@ -22,7 +22,7 @@ import numpy as np
 
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.methods.score import fading, likelihood_ratio
+from tsepm_ros.methods.score import fading, likelihood_ratio, path_strength
 from tsepm_ros.methods.score.expected_detections import ExpectedDetections
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -91,11 +91,13 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
     return replace(hypotheses, state=state, covariance=covariance, faded=faded)
 
 
-def held_penalty(observed: Observation) -> FloatArray:
-    """``ln((lambda + held density) / lambda)``, (d,): a hit's loss by held tracks."""
-    return np.log1p(
-        observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
-    )
+def held_penalty(observed: Observation, row: IntArray, strength: FloatArray) -> FloatArray:
+    """``ln((lambda + held density) / lambda)``, (p,): a hit's loss by held tracks.
+
+    Where the strength speaks for a target, by `strength` (p,), it speaks for the held one as well.
+    """
+    ratio = observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
+    return np.log1p(ratio[row] * np.exp(np.maximum(strength, 0.0)))
 
 
 def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -> Hypotheses:
@@ -132,7 +134,9 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
     )
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
     state, covariance = kalman.predict(state, covariance, observed.stamp - detections["time"])
-    given_held = score - held_penalty(observed)
+    strength = path_strength.begun(observed)
+    score = score + strength.score
+    given_held = score - held_penalty(observed, np.arange(len(path)), strength.score)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -142,6 +146,7 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
         score,
         given_held,
         np.full(len(path), fading.FADED_AT_START),
+        *strength,
     )
 
 
@@ -270,7 +275,10 @@ def child_score(
     increment = likelihood_ratio.hit_increment(
         density, detection_probability[parent], observed.clutter_density[row]
     )
-    score: FloatArray = expected.hypotheses.score[parent] + increment
+    hypotheses = expected.hypotheses
+    score: FloatArray = hypotheses.score[parent] + increment
+    if observed.strengths is not None:
+        score += path_strength.extended(hypotheses, parent, observed, row).increment
     return score
 
 
@@ -287,12 +295,23 @@ def updated(
     hits = hypotheses.hits[parent]
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = ids[row]
+    strength = path_strength.extended(hypotheses, parent, observed, row)
     given_held = hypotheses.score_given_held[parent] + score - hypotheses.score[parent]
-    given_held -= held_penalty(observed)[row]
+    given_held -= held_penalty(observed, row, strength.increment)
     state, covariance = expected.updated(parent, row)
-    first_scan = hypotheses.first_scan[parent]
-    faded = fading.after_hit(hypotheses.faded[parent])
-    return Hypotheses(hits, count + 1, first_scan, state, covariance, score, given_held, faded)
+    return Hypotheses(
+        hits,
+        count + 1,
+        hypotheses.first_scan[parent],
+        state,
+        covariance,
+        score,
+        given_held,
+        fading.after_hit(hypotheses.faded[parent]),
+        strength.hits,
+        strength.total,
+        hypotheses.strength_score[parent] + strength.increment,
+    )
 
 
 def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hypotheses:

@@ -1,0 +1,236 @@
+"""Strengths of clutter, learned from scan to scan: units, gain, texture, targets and restarts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tsepm_ros import SensorModel
+from tsepm_ros.environment.clutter_map import ClutterMap
+from tsepm_ros.environment.clutter_strengths import ClutterStrengths, Judged
+from tsepm_ros.environment.strength_texture import LAGS
+from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.simulation.strengths import ClutterStrength
+
+BOX = load_scenario("box")
+MAP = ClutterMap(BOX.sensor)
+REACH = 120.0 * np.arange(LAGS + 1) + 380.0
+"""Of two detections of one target, m."""
+
+
+class Sea:
+    """Clutter of a law through a learner."""
+
+    def __init__(self, clutter: ClutterStrength | None = None, seed: int = 1) -> None:
+        self.learner = ClutterStrengths(MAP.grid.shape, MAP.grid.wraps)
+        law = clutter or ClutterStrength()
+        scene = dataclasses.replace(BOX, scans=200, targets=(), clutter_strength=law)
+        self._scans = enumerate(Simulator(scene, seed))
+
+    def pings(self, number: int, changed=lambda strength, range_: strength) -> list[Judged | None]:
+        judged = []
+        for index, simulated in (next(self._scans) for _ in range(number)):
+            scan = simulated.scan
+            n, strength = len(scan), changed(scan.features["intensity"], scan.range)
+            direction = np.array([np.cos(scan.azimuth), np.sin(scan.azimuth)])
+            position = (scan.range * direction).T
+            cells = MAP.grid.cells(scan.range, scan.azimuth)
+            found = self.learner.judge(strength, index, np.arange(n), cells, position)
+            self.learner.update(np.ones(n), 750.0, REACH)
+            judged.append(found)
+        return judged
+
+
+def exponents(judged) -> np.ndarray:
+    return np.concatenate([found.exponent for found in judged])
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda strength, range_: strength,
+        lambda strength, range_: np.sqrt(strength),
+        lambda strength, range_: 10.0 * np.log10(strength) - 20.0,
+        lambda strength, range_: np.clip(np.floor(20.0 * strength) + 1.0, 1.0, 255.0),
+        lambda strength, range_: strength * (5000.0 / range_) ** 4,
+        lambda strength, range_: np.where(range_ > 7000.0, 10.0 * strength, strength),
+    ],
+    ids=["power", "amplitude", "decibels", "8 bits", "fall with range", "step with range"],
+)
+def test_exponents_of_clutter_are_exponential_in_any_unit(changed):
+    sea = Sea()
+    sea.pings(16, changed)
+    found = exponents(sea.pings(40, changed))
+    assert found.mean() == pytest.approx(1.0, abs=0.12)
+    assert np.mean(found > 3.0) == pytest.approx(np.exp(-3.0), abs=0.025)
+
+
+def test_another_unit_gives_the_same_ranks():
+    plain, amplitude = Sea(), Sea()
+    plain.pings(16)
+    amplitude.pings(16, lambda strength, range_: 255.0 * np.sqrt(strength))
+    one = exponents(plain.pings(4))
+    other = exponents(amplitude.pings(4, lambda strength, range_: 255.0 * np.sqrt(strength)))
+    np.testing.assert_allclose(one, other, atol=0.2)
+
+
+def test_nothing_is_said_before_there_are_references():
+    sea = Sea()
+    assert sea.pings(1) == [None]
+    assert "too few" in sea.learner.unsaid
+    assert sea.pings(1) != [None]
+    assert sea.learner.use.startswith("used")
+
+
+@pytest.mark.parametrize("value", [7.0, 0.0, -40.0])
+def test_constant_strengths_say_nothing(value):
+    sea = Sea()
+    assert sea.pings(20, lambda strength, range_: np.full(len(strength), value)) == [None] * 20
+    assert sea.learner.use == "not used: constant strengths"
+
+
+def test_strengths_that_vanish_say_nothing_and_those_that_appear_again_go_on():
+    sea = Sea()
+    sea.pings(16)
+
+    def missing(strength, range_):
+        return np.full(len(strength), np.nan)
+
+    assert sea.pings(3, missing) == [None] * 3
+    assert sea.learner.use == "not used: no strengths"
+    assert None not in sea.pings(1)
+
+
+def test_a_detection_without_a_strength_is_not_judged():
+    sea = Sea()
+    sea.pings(16)
+
+    def some(strength, range_):
+        return np.where(np.arange(len(strength)) == 3, np.nan, strength)
+
+    (found,) = sea.pings(1, some)
+    assert np.isnan(found.exponent).tolist() == [row == 3 for row in range(len(found.exponent))]
+
+
+def test_saturated_strengths_count_as_the_share_that_saturates():
+    """A tenth of the clutter is at the top value: no exponent is above ln 10."""
+    sea = Sea()
+
+    def saturated(strength, range_):
+        return np.minimum(strength, np.log(10.0))
+
+    sea.pings(30, saturated)
+    of_top: list[float] = []
+
+    def noted(strength, range_):
+        of_top.append(np.mean(strength >= np.log(10.0)))
+        return saturated(strength, range_)
+
+    judged = sea.pings(20, noted)
+    strongest = [
+        np.sort(found.exponent)[::-1][: round(share * len(found.exponent))]
+        for found, share in zip(judged, of_top, strict=True)
+    ]
+    at_top = np.concatenate(strongest)
+    assert np.median(at_top) == pytest.approx(np.log(10.0), abs=0.2)
+
+
+@pytest.mark.parametrize("gain", [100.0, 0.01])
+def test_a_change_of_gain_does_not_pass_for_strong_echoes(gain):
+    sea = Sea()
+    sea.pings(16)
+    found = exponents(sea.pings(8, lambda strength, range_: gain * strength))
+    assert found.mean() == pytest.approx(1.0, abs=0.45)
+    assert np.mean(found > 4.0) < 0.06
+
+
+def test_a_change_of_unit_drops_the_law_of_before():
+    sea = Sea()
+    sea.pings(30)
+
+    def decibels(strength, range_):
+        return 60.0 + 10.0 * np.log10(strength)
+
+    sea.pings(8, decibels)
+    found = exponents(sea.pings(20, decibels))
+    assert found.mean() == pytest.approx(1.0, abs=0.15)
+
+
+def test_texture_is_seen_and_independent_clutter_has_none():
+    for law, shape in (("rayleigh", 1.0), ("k", 0.5)):
+        independent = Sea(ClutterStrength(law, shape))
+        independent.pings(30)
+        assert independent.learner.texture < 0.02
+    textured = Sea(ClutterStrength("k", 0.5, texture_length=500.0))
+    judged = textured.pings(30)
+    assert textured.learner.texture > 0.1
+    assert judged[-1].samples < 10.0
+    assert "neighbouring clutter is alike" in textured.learner.use
+
+
+def test_references_of_targets_are_weighed_down():
+    """Echoes of a target, the strongest of each ping, are told to be its."""
+    told, untold = Sea(), Sea()
+
+    def strong(strength, range_):
+        return np.where(np.arange(len(strength)) == 0, 1e3, strength)
+
+    for sea in (told, untold):
+        sea.pings(16, strong)
+    one, zero = np.ones(16), np.zeros(16, np.int64)
+    told.learner.discount(np.arange(16), zero, one)
+    told.pings(1), untold.pings(1)
+    found, other = (sea.pings(1, strong)[0].exponent for sea in (told, untold))
+    assert found[0] > other[0] + 1.0
+    assert np.abs(found[1:] - other[1:]).mean() < 0.2
+
+
+def test_memory_counts_after_a_restart_with_the_same_law_only():
+    before = Sea()
+    before.pings(30)
+    raw, weight, decibels = before.learner.memory
+    assert weight > 500.0 and not decibels
+    same, other = Sea(seed=2), Sea(seed=2)
+    for sea in (same, other):
+        sea.learner.remember(raw, weight, decibels)
+
+    def louder(strength, range_):
+        return 1e4 * strength**2
+
+    assert same.pings(1) == other.pings(1, louder) == [None]
+    (found,), (changed,) = same.pings(1), other.pings(1, louder)
+    assert found.samples > 200.0
+    assert changed.samples < 100.0
+
+
+def test_negative_strengths_begin_anew_as_decibels():
+    sea = Sea()
+    sea.pings(16)
+
+    def decibels(strength, range_):
+        return 10.0 * np.log10(strength) - 30.0
+
+    assert sea.pings(1, decibels) == [None]
+    assert exponents(sea.pings(10, decibels)).mean() == pytest.approx(1.0, abs=0.2)
+    assert sea.learner.memory[2]
+
+
+def test_replays_are_equal_to_the_bit():
+    one, other = (exponents(sea.pings(30)[2:]) for sea in (Sea(), Sea()))
+    assert one.tobytes() == other.tobytes()
+
+
+def test_a_large_scan_is_bounded_in_memory():
+    sensor = SensorModel()
+    learner = ClutterStrengths(MAP.grid.shape, MAP.grid.wraps)
+    rng = np.random.default_rng(1)
+    for scan in range(3):
+        n = 20_000
+        position = rng.uniform(-9000.0, 9000.0, (n, 2))
+        cells = MAP.grid.cells(np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0]))
+        learner.judge(rng.exponential(size=n), scan, np.arange(n), cells, position)
+        learner.update(np.ones(n), 500.0, REACH)
+    assert len(learner.memory[0]) == 256 and learner.memory[1] <= 3 * 64
+    assert sensor.max_range > 0.0

@@ -1,0 +1,95 @@
+"""Levels of strength: of pings, and of places."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros.environment.strength_levels import PlaceLevels, ping_level
+
+GAIN = math.log(100.0)
+
+
+def pings_of(rng, number: int, size: int):
+    return [np.log(rng.exponential(size=size)) for _ in range(number)]
+
+
+MEDIAN = math.log(math.log(2.0))
+
+
+def test_a_level_that_does_not_change_stays_to_the_bit():
+    pings = pings_of(np.random.default_rng(1), 64, 36)
+    levels = [ping_level(MEDIAN, pings[: last + 1]) for last in range(16, 64)]
+    assert np.mean(np.array(levels) == MEDIAN) > 0.9
+
+
+@pytest.mark.parametrize("gain", [GAIN, -GAIN, math.log(10.0)])
+def test_a_change_of_gain_is_followed_in_its_ping(gain):
+    for seed in range(20):
+        pings = pings_of(np.random.default_rng(seed), 17, 36)
+        pings[-1] = pings[-1] + gain
+        assert ping_level(MEDIAN, pings) == pytest.approx(MEDIAN + gain, abs=1.0)
+
+
+def test_a_small_change_is_followed_within_some_pings():
+    pings = pings_of(np.random.default_rng(2), 32, 36)
+    for ping in pings[16:]:
+        ping += math.log(2.0)
+    assert ping_level(MEDIAN, pings) == pytest.approx(MEDIAN + math.log(2.0), abs=0.2)
+
+
+def test_targets_alone_in_a_calm_sea_do_not_raise_the_level():
+    """Two of three detections a ping are 20 dB above the clutter."""
+    pings = [
+        ping + np.array([GAIN, GAIN, 0.0]) for ping in pings_of(np.random.default_rng(3), 1, 3)
+    ]
+    assert ping_level(MEDIAN, [*pings_of(np.random.default_rng(4), 16, 3), *pings]) == MEDIAN
+
+
+def learned(levels, side: int = 40, pings: int = 40, size: int = 60, seed: int = 1) -> PlaceLevels:
+    """Levels learned from clutter that is uniform over cells, with a level by row."""
+    rng = np.random.default_rng(seed)
+    places = PlaceLevels((side, side), True)
+    for _ in range(pings):
+        cells = rng.integers(side, size=size), rng.integers(side, size=size)
+        values = np.clip(rng.normal(size=size) + levels[cells[0]], -4.0, 4.0)
+        places.update(cells, values, np.ones(size), 4.0, float(values.std()))
+    return places
+
+
+def test_places_of_one_level_have_none():
+    places = learned(np.zeros(40))
+    rows = np.arange(40)
+    found = places.at((rows, rows))
+    assert np.abs(found).max() < 0.35
+    assert np.mean(found == 0.0) > 0.5
+
+
+def test_a_step_with_range_is_followed():
+    levels = np.where(np.arange(40) < 20, -1.15, 1.15)
+    found = learned(levels).at((np.array([3, 8, 31, 36]), np.full(4, 7)))
+    np.testing.assert_allclose(found, [-1.15, -1.15, 1.15, 1.15], atol=0.35)
+
+
+def test_a_target_of_one_detection_a_ping_does_not_raise_its_place():
+    rng = np.random.default_rng(5)
+    places = PlaceLevels((40, 40), False)
+    for _ in range(12):
+        cells = rng.integers(40, size=31), rng.integers(40, size=31)
+        cells[0][-1] = cells[1][-1] = 20
+        values = rng.normal(size=31)
+        values[-1] = 4.0
+        places.update(cells, values, np.ones(31), 4.0, 1.0)
+    assert places.at((np.array([20]), np.array([20])))[0] < 0.3
+
+
+def test_windows_wrap_around_and_end_at_the_borders():
+    rng = np.random.default_rng(6)
+    for wraps in (True, False):
+        places = PlaceLevels((10, 12), wraps)
+        cells = rng.integers(10, size=500), rng.integers(12, size=500)
+        places.update(cells, np.ones(500), np.ones(500), 1.0, 1e-9)
+        found = places.at((np.repeat(np.arange(10), 12), np.tile(np.arange(12), 10)))
+        np.testing.assert_allclose(found, 0.0, atol=1e-6)

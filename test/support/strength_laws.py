@@ -1,0 +1,38 @@
+"""Laws of clutter's strength: ln(strength) that clutter exceeds with the probability exp(-u)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import special, stats
+
+from tsepm_ros.numerics.arrays import FloatArray
+
+
+def _k_table(shape: float = 0.5) -> tuple[FloatArray, FloatArray]:
+    """Exponents and ln(strength) of K clutter, from the closed form of its exceedance."""
+    strength = np.exp(np.linspace(-30.0, 9.0, 4000))
+    argument = 2.0 * np.sqrt(shape * strength)
+    log_exceedance = (
+        np.log(2.0 / special.gamma(shape))
+        + 0.5 * shape * np.log(shape * strength)
+        + np.log(special.kve(shape, argument))
+        - argument
+    )
+    return -log_exceedance, np.log(strength)
+
+
+_K = _k_table()
+_GRID = np.linspace(-12.0, 8.0, 4000)
+_SPIKES = np.log(0.98 * np.exp(-np.exp(_GRID)) + 0.02 * np.exp(-np.exp(_GRID) / 100.0))
+
+QUANTILES: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "exponential": np.log,
+    "k": lambda u: np.interp(u, *_K),
+    "log-normal": lambda u: stats.norm.isf(np.exp(-u)),
+    "8 bit": lambda u: np.log(np.clip(np.floor(20.0 * u) + 1.0, 1.0, 255.0)),
+    "threshold": lambda u: np.log(9.0 + u),
+    "spikes": lambda u: np.interp(-u, _SPIKES[::-1], _GRID[::-1]),
+}
+"""By name; the last: two of a hundred are 20 dB stronger."""

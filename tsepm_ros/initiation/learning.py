@@ -1,0 +1,109 @@
+"""What the detections of a scan teach, beside their density: strengths and errors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.environment import strength_texture
+from tsepm_ros.environment.clutter_strengths import ClutterStrengths
+from tsepm_ros.environment.measurement_errors import MeasurementErrors
+from tsepm_ros.environment.secondary_echoes import HeldTargets
+from tsepm_ros.environment.target_strength import ScanStrengths
+from tsepm_ros.maintenance.held_tracks import HeldTracks
+from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.sensing.conversion import measured_polar
+from tsepm_ros.sensing.coverage import EchoPoses
+from tsepm_ros.sensing.plot_features import NAMES
+from tsepm_ros.sensing.sensor import SensorModel
+
+INTENSITY = NAMES.index("intensity")
+
+
+def judge_strengths(
+    strengths: ClutterStrengths | None,
+    detections: NDArray[np.void],
+    cells: tuple[IntArray, IntArray],
+    scan_index: int,
+    most_hits: int,
+) -> ScanStrengths | None:
+    """What the strengths of a scan's detections say, by the scans before.
+
+    Their exponents become the field `strength` of the detections.
+
+    Parameters
+    ----------
+    strengths : ClutterStrengths or None
+        None: they do not count.
+    detections : (d,) ndarray of DETECTION
+    cells : tuple of (d,) ndarray of int
+        Cells of the clutter map.
+    scan_index : int
+    most_hits : int
+        Hits that a path may have.
+
+    Returns
+    -------
+    ScanStrengths or None
+        None where they say nothing.
+    """
+    if strengths is None:
+        return None
+    judged = strengths.judge(
+        detections["features"][:, INTENSITY],
+        scan_index,
+        detections["index"],
+        cells,
+        detections["position"],
+    )
+    if judged is None:
+        return None
+    detections["strength"] = judged.extrapolated
+    return ScanStrengths.of(judged.exponent, judged.samples, most_hits)
+
+
+def learn_strengths(
+    strengths: ClutterStrengths | None,
+    detections: NDArray[np.void],
+    weight: FloatArray,
+    moved: float,
+) -> None:
+    """Learn the law of the strengths of clutter from the scan that was judged.
+
+    Parameters
+    ----------
+    strengths : ClutterStrengths or None
+    detections : (d,) ndarray of DETECTION
+    weight : (d,) ndarray
+        Probability that each is of clutter.
+    moved : float
+        Distance that a target moves at most from scan to scan, m.
+    """
+    if strengths is None:
+        return
+    error = 3.0 * float(np.median(detections["major_sigma"])) if len(detections) else 0.0
+    reach = moved * np.arange(strength_texture.LAGS + 1.0) + math.sqrt(2.0) * error
+    strengths.update(weight, (strength_texture.LAGS + 1.0) * moved + error, reach)
+
+
+def learn_errors(
+    errors: MeasurementErrors,
+    maintenance: TrackMaintenance,
+    sensor: SensorModel,
+    detections: NDArray[np.void],
+) -> None:
+    """Learn the sensor's errors from held tracks' detections, if these have its errors."""
+    track_id, row = maintenance.own_detections
+    rows = np.isnan(detections["range_std"][row])
+    own = detections[row[rows]]
+    variance = sensor.range_variance(measured_polar(own)[0])
+    errors.update(track_id[rows], own, variance, maintenance.held.tracks.track_id)
+
+
+def held_targets(held: HeldTracks, poses: EchoPoses) -> HeldTargets:
+    """The held tracks in the sensor's frame."""
+    range_, azimuth = poses.polar(held.tracks.state[:, 0::2])
+    return HeldTargets(held.tracks.track_id, range_, azimuth, held.existence)
