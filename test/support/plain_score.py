@@ -41,7 +41,7 @@ class Hypothesis:
     state: np.ndarray
     covariance: np.ndarray
     score: float
-    faded: float = 0.15 * 0.5 / (0.85 + 0.15 * 0.5)
+    faded: float = 0.1 * 0.5 / (0.9 + 0.1 * 0.5)
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
         transition @ hypothesis.state,
         transition @ hypothesis.covariance @ transition.T + noise,
         hypothesis.score,
-        0.15 + (hypothesis.faded - 0.15) * math.exp(-elapsed / 120.0),
+        0.1 + (hypothesis.faded - 0.1) * math.exp(-elapsed / 120.0),
     )
 
 

@@ -31,7 +31,7 @@ def scores(detected: tuple[bool, ...]) -> float:
 def summed(detected: tuple[bool, ...]) -> float:
     """The same from all sequences of states: seen 0, faded 1; the first scan had a detection."""
     stays = math.exp(-INTERVAL / 120.0)
-    share, p_d = (0.85, 0.15), (P_D, 0.5 * P_D)
+    share, p_d = (0.9, 0.1), (P_D, 0.5 * P_D)
     first = [share[k] * p_d[k] for k in (0, 1)]
     total = 0.0
     for states in itertools.product((0, 1), repeat=len(detected) + 1):
