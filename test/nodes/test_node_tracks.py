@@ -99,13 +99,14 @@ def test_tracks_have_the_documented_layout(world):
     assert names == [
         *("x", "y", "z", "track_id", *STATE, *COVARIANCE),
         *("evaluation", "score", "hit_count", "scan_count", "age", "stationary_probability"),
-        "signal_to_clutter_db",
+        *("signal_to_clutter_db", "revision"),
     ]
     kinds = {field.name: field.datatype for field in message.fields}
     # RViz and PCL need these three as float32.
     assert {kinds.pop(name) for name in "xyz"} == {PointField.FLOAT32}
     assert kinds.pop("track_id") == PointField.UINT32
-    assert {kinds.pop("hit_count"), kinds.pop("scan_count")} == {PointField.UINT16}
+    counts = {kinds.pop(name) for name in ("hit_count", "scan_count", "revision")}
+    assert counts == {PointField.UINT16}
     assert set(kinds.values()) == {PointField.FLOAT64}
     doubles = [f.offset for f in message.fields if f.datatype == PointField.FLOAT64]
     assert not any(offset % 8 for offset in [*doubles, message.point_step])
