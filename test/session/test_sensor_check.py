@@ -35,6 +35,14 @@ def test_a_coverage_far_too_large_is_named_with_the_figures_to_set():
     assert findings(few) == {}, "six detections may lie together by chance"
 
 
+def test_a_chance_gap_in_azimuth_is_no_sector():
+    seen = Extent(10.0, 199.0, -0.664, 5.52)
+    said = findings(SensorFigures(seen=seen, seen_detections=80))["coverage"]
+    assert "sensor.max_range to 200" in said
+    assert "all round" in said
+    assert "azimuth" not in said
+
+
 def test_a_coverage_too_small_is_named_only_where_much_is_lost():
     extent = Extent(3.0, 812.0, -math.pi, math.pi)
     lost = SensorFigures(sensor=SHORT, outside=90, detections=200, outside_extent=extent)

@@ -26,6 +26,8 @@ RATE_WINDOW = 3600.0
 RATE_FACTOR = 10.0
 """Confirmations may exceed the target false-track rate by this factor: there are targets too."""
 SCANS_BETWEEN = 10
+MIN_EMPTY_SECTOR = math.pi / 3.0
+"""Sector without detections, rad, below which they count as all round: chance leaves gaps."""
 MIN_CONFIRMATIONS = 30
 """Confirmations from which on a flood is said."""
 
@@ -144,10 +146,16 @@ def many_confirmations(figures: SensorFigures) -> str:
     )
 
 
+def _is_sector(extent: Extent) -> bool:
+    """Whether an extent leaves out more than a chance gap."""
+    seen = extent.azimuth_max - extent.azimuth_min
+    return not extent.all_round and 2.0 * math.pi - seen >= MIN_EMPTY_SECTOR
+
+
 def _of(extent: Extent) -> str:
     """An extent in words."""
     sector = "all round"
-    if not extent.all_round:
+    if _is_sector(extent):
         sector = (
             f"between {math.degrees(extent.azimuth_min):.0f} and "
             f"{math.degrees(extent.azimuth_max):.0f} degrees"
@@ -160,7 +168,7 @@ def _settings(extent: Extent, sensor: SensorModel) -> str:
     settings = {"sensor.max_range": f"{_rounded_up(extent.max_range):g}"}
     if extent.min_range < sensor.min_range:
         settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
-    if not extent.all_round:
+    if _is_sector(extent):
         settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
         settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
     return ", ".join(f"{name} to {value}" for name, value in settings.items())
