@@ -85,4 +85,6 @@ def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> 
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
         with suppress(KeyboardInterrupt):
-            threading.Event().wait()
+            ended = threading.Event()
+            while not ended.wait(1.0):  # looks again: another thread may have got the signal
+                pass

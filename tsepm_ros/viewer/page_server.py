@@ -37,6 +37,8 @@ MAX_BROWSERS = 32
 """Maximum number of connected browsers; further ones are refused."""
 PING_INTERVAL, PING_TIMEOUT = 30.0, 30.0
 """Times after which a silent browser is asked for a sign of life, and given up, s."""
+CLOSE_TIMEOUT = 2.0
+"""Time for connections to close at the end, s."""
 MAX_REQUEST = 4096
 """Largest message and body that a browser may send, bytes."""
 
@@ -164,7 +166,8 @@ class PageServer:
         self._server.stop()
         for browser in list(self._browsers):
             browser.close(1001)
-        await self._server.close_all_connections()
+        with contextlib.suppress(asyncio.TimeoutError):  # a connection that just begins
+            await asyncio.wait_for(self._server.close_all_connections(), CLOSE_TIMEOUT)
         tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in tasks:
             task.cancel()
