@@ -270,6 +270,16 @@ def test_the_end_closes_the_connections_and_frees_the_port():
         put_moving(live_state(1), 2)
 
 
+def test_a_server_that_is_stopped_while_it_starts_ends():
+    for _ in range(100):
+        server = PageServer(ViewerNodeOptions(port=0), "Tracks", live_state())
+        server.start()
+        while not server.loop.is_running():
+            pass
+        server.stop()
+        assert server.loop.is_closed()
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

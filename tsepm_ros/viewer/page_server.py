@@ -102,6 +102,7 @@ class PageServer:
             "log_function": lambda handler: None,
         }
         self.loop = asyncio.new_event_loop()
+        self._stopped = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="page server", daemon=True)
 
     @property
@@ -132,7 +133,8 @@ class PageServer:
     def stop(self) -> None:
         """Close all connections and end the thread, if it was started; free the port."""
         if self._thread.is_alive():
-            self.loop.call_soon_threadsafe(self.loop.stop)
+            with contextlib.suppress(RuntimeError):  # ended since
+                self.loop.call_soon_threadsafe(self._stopped.set)
             self._thread.join()
         self.loop.close()
         for bound in self._sockets:
@@ -153,14 +155,14 @@ class PageServer:
         asyncio.set_event_loop(self.loop)
         try:
             self.loop.run_until_complete(self._serve())
-            self.loop.run_forever()
-            self.loop.run_until_complete(self._close())
         finally:
             self.loop.close()
 
     async def _serve(self) -> None:
         self._server = HTTPServer(self._application, max_body_size=MAX_REQUEST)
         self._server.add_sockets(self._sockets)
+        await self._stopped.wait()  # an event also counts when it is set before
+        await self._close()
 
     async def _close(self) -> None:
         self._server.stop()
