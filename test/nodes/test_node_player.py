@@ -118,6 +118,13 @@ def test_elevation_and_attitude_are_played(world, record):
     np.testing.assert_allclose(found, [math.pi / 2 - 0.5, -0.2, 0.1], atol=1e-12)
 
 
+@pytest.mark.parametrize("own_ship", [OWN_SHIP, None])
+def test_the_own_ship_has_a_topic_only_where_it_was_recorded(world, record, own_ship):
+    given = {"detections": DETECTIONS} | ({} if own_ship is None else {"own_ship": own_ship})
+    show = Show(world, ScanPlayer, recording=record(**given))
+    assert show.node.count_publishers("own_ship/odometry") == (own_ship is not None)
+
+
 def test_the_players_start_is_added_to_recorded_stamps(world, record):
     folder = record(detections=DETECTIONS, own_ship=OWN_SHIP)
     show = Show(world, ScanPlayer, recording=folder, start_stamp=1e9).play()

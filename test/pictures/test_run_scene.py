@@ -241,6 +241,8 @@ def test_the_picture_of_a_judged_run_has_the_result_and_a_panel_for_each_target(
     assert titles == ["target A: track 41\nafter 3 pings, 2 s, by 2 hits", "target B: no track"]
     written = [text.get_text() for text in found.texts]
     assert {"1", "3", "41"} <= set(written), "the scans of the hits, and the id"
+    diamonds = [line for line in found.lines if line.get_marker() == "D"]
+    assert [(*line.get_xdata(), *line.get_ydata()) for line in diamonds] == [(31.0, 0.0)], "at 2 s"
     rings = [text.get_text() for text in plan.texts if text.get_text().endswith((" m", "km"))]
     assert rings, "ranges of the rings"
     plt.close(figure)

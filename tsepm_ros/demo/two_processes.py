@@ -155,7 +155,7 @@ def _watch(
             executor.spin_once(timeout_sec=0.1)
             if collector.heard != heard:
                 heard, last = collector.heard, time.monotonic()
-                bar.set_postfix_str(f"{len(collector.tracks)} confirmed tracks", refresh=False)
+                bar.set_postfix_str(f"confirmed tracks: {len(collector.tracks)}", refresh=False)
                 bar.update(collector.processed - bar.n)
             if time.monotonic() - last > MAX_IDLE_TIME or tracker.poll() is not None:
                 return

@@ -34,6 +34,8 @@ class DriverTopics:
         Message class of the detections.
     fixed_frame, sensor_frame : str
         Frame of own ship and truth; frame of the detections.
+    own_ship : bool, optional
+        Whether there is an own ship; without it there is no topic that a node might wait for.
 
     Attributes
     ----------
@@ -43,7 +45,12 @@ class DriverTopics:
     """
 
     def __init__(
-        self, node: Node, detections_type: type, fixed_frame: str, sensor_frame: str
+        self,
+        node: Node,
+        detections_type: type,
+        fixed_frame: str,
+        sensor_frame: str,
+        own_ship: bool = True,
     ) -> None:
         self._frames = fixed_frame, sensor_frame
 
@@ -52,10 +59,12 @@ class DriverTopics:
             return node.create_publisher(kind, topic, depth, qos_overriding_options=options)
 
         self.detections = publisher(detections_type, "detections")
-        self._own_ship = publisher(Odometry, "own_ship/odometry")
+        self._own_ship = publisher(Odometry, "own_ship/odometry") if own_ship else None
         self._truth = publisher(PointCloud2, "ground_truth")
         self._truth_markers = publisher(MarkerArray, "ground_truth/markers", 10)
-        self.publishers = [self._own_ship, self.detections, self._truth]
+        self.publishers = [self.detections, self._truth]
+        if self._own_ship is not None:
+            self.publishers.append(self._own_ship)
 
     def sensor_header(self, stamp: float) -> Header:
         """Header of detections with a stamp, s."""
@@ -81,7 +90,14 @@ class DriverTopics:
             vx, vy (fixed frame, m/s) and yaw rate (rad/s).
         roll, pitch : float, optional
             rad.
+
+        Raises
+        ------
+        ValueError
+            If there is no own ship.
         """
+        if self._own_ship is None:
+            raise ValueError("there is no own ship")
         x, y, yaw = pose
         frame_id, child_frame_id = self._frames
         sample = PoseSample(

@@ -57,7 +57,13 @@ class PlayedRecording:
                 f"recording: with start_stamp its stamps go from {self._from + self._shift:g} to "
                 f"{last + self._shift:g} s; ROS takes 0 to {MAX_STAMP:g} s"
             )
-        self._topics = DriverTopics(node, PointCloud2, options.fixed_frame, options.sensor_frame)
+        self._topics = DriverTopics(
+            node,
+            PointCloud2,
+            options.fixed_frame,
+            options.sensor_frame,
+            own_ship=bool(self._recording.own_ship),
+        )
         self.detections, self.publishers = self._topics.detections, self._topics.publishers
 
     def close(self) -> None:

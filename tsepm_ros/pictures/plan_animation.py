@@ -27,6 +27,7 @@ from tsepm_ros.pictures.plan_marks import (
     draw_rings,
     draw_track,
     draw_trail,
+    draw_true_place,
     legend_line,
     legend_points,
     legend_sonar,
@@ -160,9 +161,7 @@ def _draw_scan(axes: Axes, scene: RunScene, index: int, seconds: float, new_ids:
         axes.plot(*path[:, 1:].T, color=TRUTH_COLOUR, linewidth=1.4, alpha=0.5)
         position = position_at(path, view.stamp)
         if position is not None:
-            axes.plot(
-                *position, marker="D", color=TRUTH_COLOUR, markersize=6, markerfacecolor="none"
-            )
+            draw_true_place(axes, position)
     trails = scene.trails(index + 1)
     for track in view.held:
         new = track.track_id in new_ids
@@ -199,7 +198,7 @@ def _legend(scene: RunScene, seconds: float) -> list[Line2D]:
         legend_sonar(scene.own_ship),
     ]
     if scene.truth:
-        handles.append(legend_points(TRUTH_COLOUR, "D", "truth", 6.0, hollow=True))
+        handles.append(legend_points(TRUTH_COLOUR, "D", "true place", 6.0, hollow=True))
     if scene.judged is not None:
         handles.append(legend_points(INK_COLOUR, "s", "hits of a track", 6.5, hollow=True))
     arrow = {"marker": ">", "markersize": 6, "linewidth": 2.0}

@@ -76,7 +76,8 @@ class PlanLayout:
         for target, axes in self.panels.items():
             limits = self.panel_limits[target]
             style_plan(axes, limits)
-            axes.set(xlabel="", ylabel="")
+            axes.set_xlabel("east, m", fontsize=8)
+            axes.set_ylabel("north, m", fontsize=8)
             axes.tick_params(labelsize=8)
             axes.locator_params(nbins=5)
             axes.set_title(titles[target], loc="left", fontsize=10)

@@ -123,6 +123,11 @@ def draw_truth(axes: Axes, path: FloatArray, name: str = "") -> None:
         write_beside(axes, name, path[0], direction(path[0] - path[-1]), TRUTH_COLOUR)
 
 
+def draw_true_place(axes: Axes, position: FloatArray) -> None:
+    """Draw where a target is at one time, (2,) m."""
+    axes.plot(*position, **_points(TRUTH_COLOUR, "D", 6.0, hollow=True))
+
+
 def draw_trail(axes: Axes, trail: FloatArray, colour: str = TRACK_COLOUR) -> None:
     """Draw the positions of a held track, (m, 2) m."""
     axes.plot(*trail.T, color=colour, linewidth=1.5, alpha=0.8, linestyle=(0, (3, 1.0)))

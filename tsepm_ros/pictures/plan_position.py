@@ -24,6 +24,7 @@ from tsepm_ros.pictures.plan_marks import (
     draw_rings,
     draw_track,
     draw_trail,
+    draw_true_place,
     draw_truth,
     legend_line,
     legend_points,
@@ -55,6 +56,9 @@ def draw(scene: RunScene) -> Figure:
     seconds = velocity_seconds(scene)
     for axes, enlarged in layout.axes():
         _draw_run(axes, scene, seconds, enlarged or not layout.panels)
+    for axes in layout.panels.values():
+        for place in scene.true_places:
+            draw_true_place(axes, place)
     layout.style({target: _panel_title(scene, target) for target in layout.panels})
     own_ship = scene.own_ship
     centre = own_ship[-1, :2] if len(own_ship) else np.zeros(2)
@@ -147,13 +151,16 @@ def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
         handles.append(
             legend_points(INK_COLOUR, "s", f"hits of a new track in order{numbered}", 6.5, True)
         )
-    kind = "true start" if scene.judged is not None else "new track"
-    label = f"{kind}: id, 95 % ellipse, arrow: {seconds:g} s of travel ({starts})"
+    if panels:
+        label = "true place when the track started"
+        handles.append(legend_points(TRUTH_COLOUR, "D", label, 6.0, hollow=True))
+    kind = "track on a target" if scene.judged is not None else "new track"
+    label = f"{kind} at its start: id, 95 % ellipse, arrow: {seconds:g} s of travel"
     handles.append(legend_line(TRACK_COLOUR, label, marker=">", markersize=6, linewidth=1.6))
     others = len(scene.starts_by(true=False))
     if others:
-        label = "false, misplaced or redundant start" if scene.judged else "start elsewhere"
-        handles.append(legend_line(FAINT_COLOUR, f"{label} ({others})", marker=">", markersize=4))
+        label = "false, misplaced or redundant track" if scene.judged else "track elsewhere"
+        handles.append(legend_line(FAINT_COLOUR, label, marker=">", markersize=4))
     if any(len(view.held) for view in scene.scans):
         trail = {"linestyle": (0, (3, 1.5)), "linewidth": 1.1}
         handles.append(legend_line(TRACK_COLOUR, "held to the end: its trail", **trail))

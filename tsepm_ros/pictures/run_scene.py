@@ -113,6 +113,15 @@ class RunScene:
         return {judgement.target: judgement for judgement in true}
 
     @property
+    def true_places(self) -> list[FloatArray]:
+        """Place of each target with a true start at the time of that start, (2,) m."""
+        places = [
+            position_at(self.truth[target], found.track.stamp)
+            for target, found in self.true_starts.items()
+        ]
+        return [place for place in places if place is not None]
+
+    @property
     def start_scans(self) -> dict[int, int]:
         """Number of the scan, from 1, that confirmed each start, by the track's id."""
         return {
