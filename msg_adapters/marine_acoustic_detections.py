@@ -168,10 +168,11 @@ def _detections(
     flags = _each("flags", [flag.flag for flag in message.flags], n)
     features, more = intensity_feature(message.intensities, n)
     up, starboard, ahead = direction.T
-    with np.errstate(invalid="ignore"):  # dropped as range_not_finite or direction_undefined
+    with np.errstate(invalid="ignore"):  # dropped as not finite or direction_undefined
         range = slant_range * np.hypot(starboard, ahead)
         azimuth = np.arctan2(-starboard, ahead)
         height = slant_range * up
+        echo = delay + half_travel_time
     return good_detections(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
@@ -179,7 +180,7 @@ def _detections(
         range=range,
         azimuth=azimuth,
         height=height,
-        time_offset=delay + half_travel_time,
+        time_offset=echo,
         transmit_offset=delay,
         features=features,
         axes="sonar",
