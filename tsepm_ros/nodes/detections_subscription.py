@@ -16,7 +16,11 @@ from tsepm_ros.nodes.qos_watch import QosWatch
 
 TOPIC = "detections"
 POLL_PERIOD = 0.1
-"""Period of the graph queries while no driver is known, s."""
+"""Period of the first graph queries while no driver is known, s."""
+PROMPT_QUERIES = 50
+"""Number of graph queries in that period."""
+WAITING_POLL_PERIOD = 0.5
+"""Period of the further queries, s: a node that waits for hours costs next to nothing."""
 CONNECTED_POLL_PERIOD = 2.0
 """Period of the graph queries once a driver is known, s."""
 
@@ -76,6 +80,7 @@ class DetectionsSubscription:
         self._type_name = type_name
         self._published_types: tuple[str, ...] = ()
         self._subscribed = ""
+        self._queries = 0
         if type_name != "auto":
             with refusing("detections_type"):
                 find_class(type_name)
@@ -123,8 +128,11 @@ class DetectionsSubscription:
             if name != self._subscribed and name not in self._refused_types:
                 self._refused_types.add(name)
                 self._log_unread(name)
+        self._queries += 1
         if readable:
             self._poll_timer.timer_period_ns = int(self._watch_period * 1e9)
+        elif self._queries == PROMPT_QUERIES:
+            self._poll_timer.timer_period_ns = int(WAITING_POLL_PERIOD * 1e9)
 
     def _log_unread(self, type_name: str) -> None:
         """Log why messages of a published type are not read."""
