@@ -613,3 +613,10 @@ def test_the_covariance_of_the_sensor_is_that_of_its_errors():
     found = whitened(mounting.sensor_poses(vessel), expected)
     np.testing.assert_allclose(found, np.eye(3), atol=0.02)
     assert not np.allclose(whitened(vessel[:, :3], expected), np.eye(3), atol=0.3)
+
+
+def test_a_span_that_begins_in_a_gap_and_ends_after_the_newest_sample_is_never_covered():
+    poses = history((0.0, 0.0, 0.0, 0.0), (130.0, 10.0, 0.0, 0.0), max_gap=60.0)
+    assert poses.coverage(120.0, 130.05) is NEVER
+    assert poses.coverage(130.0, 130.05) is NOT_YET
+    assert poses.coverage(131.0, 132.0) is NOT_YET

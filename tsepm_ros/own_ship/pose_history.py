@@ -123,14 +123,19 @@ class PoseHistory:
         if first < self._samples[0].stamp - self.max_extrapolation:
             return PoseCoverage.NEVER
         settled = _settled(self._samples)
-        if last > self._samples[settled - 1].stamp:
+        newest = self._samples[settled - 1].stamp
+        if self._has_gap(first, min(last, newest)):
+            return PoseCoverage.NEVER
+        if last > newest or (first < self._samples[0].stamp and settled < 2):
             return PoseCoverage.NOT_YET
-        if first < self._samples[0].stamp and settled < 2:
-            return PoseCoverage.NOT_YET
+        return PoseCoverage.YES
+
+    def _has_gap(self, first: float, last: float) -> bool:
+        """Whether samples between two times (s) are more than `max_gap` apart."""
         stamps = np.array([sample.stamp for sample in self._bracket(first, last)])
         begin = max(int(np.searchsorted(stamps, first, side="right")) - 1, 0)
         inside = stamps[begin : int(np.searchsorted(stamps, last)) + 1]
-        return PoseCoverage.NEVER if (np.diff(inside) > self.max_gap).any() else PoseCoverage.YES
+        return bool((np.diff(inside) > self.max_gap).any())
 
     def can_extrapolate(self, last: float) -> bool:
         """Whether `last` (s) is at most `max_extrapolation` after the newest sample."""
