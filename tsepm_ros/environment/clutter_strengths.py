@@ -10,22 +10,26 @@ their positions alone: weighed by their strength, clutter would lose its tail.
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros.environment.strength_law import MIN_REFERENCES, StrengthLaw
-from tsepm_ros.environment.strength_levels import PlaceLevels, ping_level
-from tsepm_ros.environment.strength_reference import ReferencePing, of_one_law, of_one_shape
+from tsepm_ros.environment.strength_levels import PING_WINDOWS, PlaceLevels, ping_level, window_level
+from tsepm_ros.environment.strength_reference import (
+    MAX_PER_PING,
+    MAX_PINGS,
+    REFERENCE,
+    References,
+    keys_of,
+    of_one_law,
+    of_one_shape,
+)
 from tsepm_ros.environment.strength_texture import Texture
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
-MAX_PINGS = 64
-"""Pings in the reference, at most ..."""
-MAX_PER_PING = 64
-"""... and detections of each."""
 TAIL_SAMPLES = 2.0
 """Samples of the tail for which each of its detections stands, in N; see `target_strength`."""
 MAX_SAME_SHARE = 0.9
@@ -34,8 +38,6 @@ RENEWAL = 0.05
 """Share of new references from which on the law is made anew."""
 WINSORISED = (0.05, 0.95)
 """Quantiles of strengths at which those of the levels of places end."""
-
-
 LEAST_CHANGE = 0.05
 """Sum of the changes of weights of a ping's references that is worth the while."""
 SATURATED = 4
@@ -87,7 +89,7 @@ class ClutterStrengths:
         self._forget()
 
     def _forget(self) -> None:
-        self._pings: deque[ReferencePing] = deque(maxlen=MAX_PINGS)
+        self._references = References()
         self._places = PlaceLevels(self.shape, self.wraps)
         self._law: StrengthLaw | None = None
         self._top = math.inf, 1.0
@@ -97,7 +99,7 @@ class ClutterStrengths:
         self._level = 0.0
         self._decibels = False
         self._texture = Texture()
-        self._next: ReferencePing | None = None
+        self._next: tuple[NDArray[np.void], IntArray, float] | None = None
         self._remembered: tuple[FloatArray, float] | None = None
 
     def judge(
@@ -137,44 +139,47 @@ class ClutterStrengths:
             self._forget()
             self._decibels = True
         raw = strength[row] if self._decibels else np.log(np.maximum(strength[row], 1e-30))
-        cells = cells[0][row], cells[1][row]
-        place = self._places.at(cells)
-        raw = raw - place
-        before = [ping.raw[ping.weight > 0.5] for ping in list(self._pings)[-15:]]
-        level = float(np.median(raw))
-        if self._pings:
-            level = ping_level(self._level, [*before, raw])
-        else:
-            self._level = level
+        one = np.empty(len(row), REFERENCE)
+        one["key"] = keys_of(scan, index[row])
+        one["cell"] = self._places.cells_of((cells[0][row], cells[1][row]))
+        place = self._places.at(one["cell"])
+        raw -= place
+        level = self._level_with(raw)
         value = raw - level
-        ones = np.ones(len(row))
-        self._next = ReferencePing(
-            scan,
-            row,
-            index[row],
-            cells,
-            raw,
-            value,
-            place,
-            ones,
-            position[row],
-            strength[row],
-            level,
-        )
+        one["raw"], one["value"], one["place"] = raw, value, place
+        one["position"] = position[row, 0] + 1j * position[row, 1]
+        one["strength"] = strength[row]
+        one["by_range"] = self._places.by_range[self._places.row_of(one["cell"])]
+        self._next = one, row, level
         law = self._law
         if law is None or law.count < MIN_REFERENCES:
             self.unsaid = "too few strengths so far"
             return None
-        if _largest_share(law) > MAX_SAME_SHARE:
+        if law.largest_share > MAX_SAME_SHARE:
             self.unsaid = "constant strengths"
             return None
         self.unsaid = ""
         exponent, extrapolated = np.full((2, len(strength)), np.nan)
-        exponent[row], extrapolated[row] = law.exponent(value), law.extrapolated(value)
+        exponent[row], extrapolated[row] = law.exponents(value)
         top, share = self._top
-        exponent[strength >= top] = np.minimum(exponent[strength >= top], -math.log(share))
+        if top < math.inf:
+            at_top = strength >= top
+            exponent[at_top] = np.minimum(exponent[at_top], -math.log(share))
         count = TAIL_SAMPLES * law.tail_count
         return Judged(exponent, extrapolated, 1.0 / (1.0 / count + self.texture))
+
+    def _level_with(self, raw: FloatArray) -> float:
+        """The level of a ping of logarithms (n,); the first has its median."""
+        references, before = self._references, PING_WINDOWS[0] - 1
+        if not len(references):
+            self._level = float(np.median(raw))
+            return self._level
+        rows, sizes = references.last(before), references.sizes(before)
+        likely = rows["weight"] > 0.5
+        until = np.append(0, np.cumsum(likely))[np.cumsum([0, *sizes])]
+        sizes = np.diff(until).tolist()
+        values = np.concatenate([rows["raw"][likely], raw])
+        return ping_level(self._level, values, [*sizes, len(raw)])
 
     @property
     def use(self) -> str:
@@ -202,23 +207,24 @@ class ClutterStrengths:
         reach : (TEXTURE_LAGS + 1,) ndarray
             Distance within which two detections may be one target's, in scans so far apart, m.
         """
-        ping, self._next = self._next, None
-        if ping is None:
+        judged, self._next = self._next, None
+        if judged is None:
             return
-        order = np.argsort(ping.index, kind="stable")
-        every = max(math.ceil(len(order) / MAX_PER_PING), 1)
-        ping = ping.rows(order[::every])
-        ping.weight = weight[ping.row]
-        law = self._law
-        if law is not None and law.count >= MIN_REFERENCES:
-            self._texture.update(law, ping, list(self._pings)[::-1], near, reach)
+        ping, row, level = judged
+        ping["weight"] = weight[row]
+        order = np.argsort(ping["key"], kind="stable")
+        ping = ping[order[:: max(math.ceil(len(order) / MAX_PER_PING), 1)]]
+        law = self._law if self._law and self._law.count >= MIN_REFERENCES else None
+        if law is not None:
             lowest, highest, spread = self._bounds
-            ping.place = np.clip(ping.value + ping.place, lowest, highest)
-            self._places.update(ping.cells, ping.place, ping.weight, highest, spread)
+            ping["place"] += np.minimum(np.maximum(ping["value"], lowest), highest)
+            self._places.update(ping["cell"], ping["place"], ping["weight"], highest, spread)
         else:
-            ping.place = np.zeros(0)
-        self._pings.append(ping)
-        self._new += float(ping.weight.sum())
+            ping["place"] = np.nan
+        self._references.append(ping, level)
+        if law is not None:
+            self._texture.update(law, self._references, near, reach)
+        self._new += float(ping["weight"].sum())
         if self._new > RENEWAL * self._learned_from:
             self._learn_law()
 
@@ -232,48 +238,55 @@ class ClutterStrengths:
         probability : (k,) ndarray
             That each is of a target.
         """
-        for ping in self._pings:
-            told = np.flatnonzero(scan == ping.scan)
-            if not len(told):
-                continue
-            place = np.minimum(np.searchsorted(ping.index, index[told]), len(ping.index) - 1)
-            known = ping.index[place] == index[told]
-            place, told = place[known], told[known]
-            left = np.minimum(ping.weight[place], 1.0 - probability[told])
-            gone = ping.weight[place] - left
-            if gone.sum() < LEAST_CHANGE:
-                continue
-            if len(ping.place):
-                cells = ping.cells[0][place], ping.cells[1][place]
-                self._places.withdraw(cells, ping.place[place], gone)
-            ping.weight[place] = left
-            self._new += float(gone.sum())
+        rows = self._references.rows
+        if not len(rows) or not len(scan):
+            return
+        key = keys_of(scan, index)
+        place = np.minimum(np.searchsorted(rows["key"], key), len(rows) - 1)
+        known = np.flatnonzero(rows["key"][place] == key)
+        place, before = place[known], rows["weight"][place[known]]
+        gone = before - np.minimum(before, 1.0 - probability[known])
+        _, ping = np.unique(scan[known], return_inverse=True)
+        changed = np.flatnonzero(np.bincount(ping, gone)[ping] >= LEAST_CHANGE)
+        if not len(changed):
+            return
+        place, gone = place[changed], gone[changed]
+        rows["weight"][place] -= gone
+        self._new += float(gone.sum())
+        levelled = np.flatnonzero(np.isfinite(rows["place"][place]))
+        place, gone = place[levelled], gone[levelled]
+        cells, values = rows["cell"][place], rows["place"][place]
+        self._places.withdraw(cells, values, gone, self._references.ages(place))
 
     def _learn_law(self) -> None:
         self._drop_other_laws()
+        rows = self._references.rows
+        by_range = self._places.by_range[self._places.row_of(rows["cell"])]
+        change = by_range - rows["by_range"]
+        if change.any():
+            rows["raw"] -= change
+            rows["value"] -= change
+            rows["by_range"] = by_range
         self._learn_level()
-        pings = self._pings
-        values = np.concatenate([ping.value for ping in pings])
-        weight = np.concatenate([ping.weight for ping in pings])
-        self._top = _top(np.concatenate([ping.strength for ping in pings]), weight)
-        if weight.sum() >= MIN_REFERENCES:
+        values, weight = rows["value"], rows["weight"].copy()
+        self._top = _top(rows["strength"], weight)
+        if self._remembered is not None and weight.sum() >= MIN_REFERENCES:
             remembered, of_remembered = self._before_restart()
             values, weight = np.append(values, remembered), np.append(weight, of_remembered)
-        self._law = StrengthLaw.of(values, weight)
-        self._learned_from, self._new = self._law.count, 0.0
-        lowest, highest = np.quantile(values, WINSORISED)
-        spread = np.clip(values, lowest, highest).std()
-        self._bounds = float(lowest), float(highest), float(spread)
+        law = self._law = StrengthLaw.of(values, weight)
+        self._learned_from, self._new = law.count, 0.0
+        lowest, highest = map(law.quantile, WINSORISED)
+        spread = np.minimum(np.maximum(law.values, lowest), highest).std()
+        self._bounds = lowest, highest, float(spread)
 
     def _learn_level(self) -> None:
         """Learn the level as a rule; the pings that have it go with it."""
-        before, pings = self._level, self._pings
-        likely = [ping.raw[ping.weight > 0.5] for ping in pings]
-        self._level = ping_level(before, likely, [len(pings)])
+        before, references = self._level, self._references
+        rows = references.rows
+        likely = rows["raw"][rows["weight"] > 0.5]
+        self._level = window_level(before, likely, len(references))
         if self._level != before:
-            for ping in pings:
-                if ping.level == before:
-                    ping.level, ping.value = self._level, ping.raw - self._level
+            references.relevel(before, self._level)
 
     def _before_restart(self) -> tuple[FloatArray, FloatArray]:
         """What was remembered and is of the same law as the pings, with its fading weight."""
@@ -281,9 +294,8 @@ class ClutterStrengths:
         if self._remembered is None:
             return none, none
         raw, total = self._remembered
-        new = np.concatenate([ping.raw for ping in self._pings])
-        left = 1.0 - len(self._pings) / MAX_PINGS
-        other = not of_one_law(raw, new)
+        left = 1.0 - len(self._references) / MAX_PINGS
+        other = not of_one_law(raw, self._references.rows["raw"])
         if other or left <= 0.0:
             self._remembered = None
             return none, none
@@ -295,7 +307,7 @@ class ClutterStrengths:
         if self._law is None:
             return *(self._remembered or (np.zeros(0), 0.0)), self._decibels
         shares = (np.arange(MEMORY_QUANTILES) + 0.5) / MEMORY_QUANTILES
-        raw = np.quantile(np.concatenate([ping.raw for ping in self._pings]), shares)
+        raw = np.quantile(self._references.rows["raw"], shares)
         return raw, self._law.count, self._decibels
 
     def remember(self, raw: FloatArray, weight: float, decibels: bool) -> None:
@@ -307,18 +319,18 @@ class ClutterStrengths:
         """Drop the pings before a change of level that has changed the law too, as of the unit."""
         if self._law is None:
             return
-        low, high = np.quantile(self._law.values, (0.25, 0.75))
-        pings = list(self._pings)
-        last = pings[-1].level
-        far = [abs(ping.level - last) > high - low for ping in pings]
-        since = len(far) - far[::-1].index(True) if True in far else 0
-        if not 0 < since < len(pings):
+        width = self._law.quantile(0.75) - self._law.quantile(0.25)
+        references = self._references
+        levels = np.array(references.levels)
+        far = np.flatnonzero(np.abs(levels - levels[-1]) > width)
+        since = int(far[-1]) + 1 if len(far) else 0
+        if not 0 < since < len(levels):
             return
-        old = np.concatenate([ping.value for ping in pings[:since]])
-        new = np.concatenate([ping.value for ping in pings[since:]])
+        new = references.last(len(levels) - since)["value"]
+        old = references.rows["value"][: len(references.rows) - len(new)]
         if min(len(old), len(new)) >= MIN_REFERENCES and not of_one_shape(old, new):
-            self._pings = deque(pings[since:], maxlen=MAX_PINGS)
-            self._level = last
+            self._level = float(levels[-1])
+            references.drop(since)
 
 
 def _top(strength: FloatArray, weight: FloatArray) -> tuple[float, float]:
@@ -328,10 +340,3 @@ def _top(strength: FloatArray, weight: FloatArray) -> tuple[float, float]:
         return math.inf, 1.0
     share = (1.0 + weight[at_top].sum()) / (1.0 + weight.sum())
     return float(strength.max()), float(share)
-
-
-def _largest_share(law: StrengthLaw) -> float:
-    """Share of the commonest value."""
-    first = np.flatnonzero(np.diff(law.values, prepend=-np.inf))
-    weights = -np.diff(law.at_least[np.append(first, len(law.values))])
-    return float(weights.max() / max(law.count, 1e-9))

@@ -20,6 +20,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +41,22 @@ REACH = 2.0
 """The exponent is at most ln(1 + n) and this."""
 RANK_DEVIATIONS = 2.0
 """The tail is no thinner than the ranks allow, with so many standard deviations of their count."""
+
+
+class Exponents(NamedTuple):
+    """Exponents of values, (m,) each.
+
+    Attributes
+    ----------
+    told : ndarray
+        ``u = -ln P(z)``, at least 0, up to the law's reach.
+    extrapolated : ndarray
+        Mean of u over the tails, without an end: for a figure in dB. It is not the exponent of the
+        mean exceedance, which evidence needs.
+    """
+
+    told: FloatArray
+    extrapolated: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +109,9 @@ class StrengthLaw:
             none = np.zeros(0)
             return cls(values, at_least, begin, none, none, none, float(tail))
         curvature = CURVATURES * tail / total
-        sums = _hazard_sums(curvature[:, None], excess) @ weight
+        # Strong ones of nearly no weight, as of targets, may be far beyond the others.
+        bounded = np.minimum(excess, MAX_GROWTH / curvature[-1])
+        sums = _hazard_sums(curvature[:, None], bounded) @ weight
         log_share = curvature * total - tail * np.log(sums)
         share = np.exp(log_share - log_share.max())
         return cls(values, at_least, begin, curvature, sums, share / share.sum(), float(tail))
@@ -101,38 +121,45 @@ class StrengthLaw:
         """Weight of the reference, n."""
         return float(self.at_least[0])
 
+    @cached_property
+    def largest_share(self) -> float:
+        """Share of the commonest value."""
+        first = np.flatnonzero(np.diff(self.values, prepend=-np.inf))
+        weights = -np.diff(self.at_least[np.append(first, len(self.values))])
+        return float(weights.max() / max(self.count, 1e-9))
+
+    def quantile(self, share: float) -> float:
+        """Value of the reference below which a share of it is, whatever the weights."""
+        place = share * (len(self.values) - 1)
+        left = min(int(place), len(self.values) - 2)
+        low, high = self.values[max(left, 0)], self.values[left + 1]
+        return float(low + (place - left) * (high - low))
+
     @property
     def reach(self) -> float:
         """The largest exponent that is told: all that is stronger counts as censored there."""
         return math.log1p(self.count) + REACH
 
-    def exponent(self, values: FloatArray) -> FloatArray:
-        """``u = -ln P(z)`` of values (m,), at least 0."""
+    def exponents(self, values: FloatArray) -> Exponents:
+        """Exponents of values (m,)."""
         rank = self.at_least[np.searchsorted(self.values, values)]
         share = (1.0 + rank) / (1.0 + self.count)
-        if len(self.curvature):
-            rows = np.flatnonzero(values > self.begin)
-            thinned = self.share @ np.exp(-self._tail_exponents(values[rows]))
+        rows = np.flatnonzero(values > self.begin) if len(self.curvature) else np.zeros(0, np.int64)
+        if len(rows):
+            tails = self._tail_exponents(values[rows])
             count = rank[rows]
             least = np.maximum(count - RANK_DEVIATIONS * np.sqrt(count), 0.0)
-            tail = np.maximum(thinned * (1.0 + self.tail_count), least) / (1.0 + self.count)
-            share[rows] = tail
+            thinned = (self.share @ np.exp(-tails)) * (1.0 + self.tail_count)
+            share[rows] = np.maximum(thinned, least) / (1.0 + self.count)
         with np.errstate(divide="ignore"):
-            exponent = -np.log(share)
-        return np.asarray(np.clip(exponent, 0.0, self.reach))
-
-    def extrapolated(self, values: FloatArray) -> FloatArray:
-        """Mean exponent of values (m,) over the tails, without an end: for a figure in dB.
-
-        It is not the exponent of the mean exceedance, which evidence needs.
-        """
-        exponent = self.exponent(values)
-        rows = np.flatnonzero(values > self.begin)
-        if len(self.curvature) and len(rows):
-            begin = -math.log((1.0 + self.tail_count) / (1.0 + self.count))
-            beyond = begin + self.share @ self._tail_exponents(values[rows])
-            exponent[rows] = np.maximum(exponent[rows], beyond)
-        return exponent
+            told = -np.log(share)
+        told = np.minimum(np.maximum(told, 0.0), self.reach)
+        if not len(rows):
+            return Exponents(told, told)
+        extrapolated = told.copy()
+        begin = -math.log((1.0 + self.tail_count) / (1.0 + self.count))
+        extrapolated[rows] = np.maximum(told[rows], begin + self.share @ tails)
+        return Exponents(told, extrapolated)
 
     def _tail_exponents(self, values: FloatArray) -> FloatArray:
         """Exponent over that of the tail's begin of values beyond it (m,), for each b, (b, m)."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,12 @@ PING_DEVIATIONS = 2.5
 """Standard deviations of the median's rank beyond which the level of pings changes."""
 PLACE_DEVIATIONS = 1.25
 """Standard deviations of a window's mean within which the level of a place stays unchanged."""
+RANGE_DEVIATIONS = 3.0
+"""Standard deviations of a change with range beyond which it counts."""
+RANGE_TARGET_COUNT = 4.0
+"""Detections at some range that may be of a target that is not known as likely."""
+MAX_RANGE_CHANGES = 4
+"""Changes with range that are looked for."""
 PLACE_MEMORY = 50
 """Time constant, in pings, with which the levels of places fade."""
 CELLS_TOGETHER = 2
@@ -33,7 +40,10 @@ MAX_TARGET_COUNT = 16.0
 
 
 def ping_level(
-    level: float, pings: Sequence[FloatArray], windows: Sequence[int] = PING_WINDOWS
+    level: float,
+    values: FloatArray,
+    sizes: Sequence[int],
+    windows: Sequence[int] = PING_WINDOWS,
 ) -> float:
     """The level of the last ping.
 
@@ -41,8 +51,10 @@ def ping_level(
     ----------
     level : float
         The level as a rule.
-    pings : sequence of (n,) ndarray
+    values : (n,) ndarray
         Logarithms of strengths of the last pings, in order.
+    sizes : sequence of int
+        Number of values of each ping.
     windows : sequence of int
         Pings, from long to short; longer ones than there are pings do not count.
 
@@ -52,18 +64,68 @@ def ping_level(
         The median of the shortest window that contradicts; `level` where none does.
     """
     for window in windows:
-        if window > len(pings):
-            continue
-        values = np.sort(np.concatenate(pings[-window:]))
-        n = len(values)
-        target = min(window + 2.0, MAX_TARGET_COUNT)
-        deviation = 0.5 * PING_DEVIATIONS * math.sqrt(n)
-        middle = 0.5 * (n - target)
-        low, high = math.floor(middle - deviation), math.ceil(0.5 * n + deviation)
-        if low >= 0 and values[low] > level:
-            level = float(values[math.floor(middle)])
-        elif high < n and values[high] < level:
-            level = float(values[n // 2])
+        if window <= len(sizes):
+            level = window_level(level, values[len(values) - sum(sizes[-window:]) :], window)
+    return level
+
+
+def window_level(level: float, values: FloatArray, pings: int) -> float:
+    """The level of a window of pings, of which values (n,) are: `level` if they do not contradict."""
+    n = len(values)
+    target = min(pings + 2.0, MAX_TARGET_COUNT)
+    deviation = 0.5 * PING_DEVIATIONS * math.sqrt(n)
+    middle = 0.5 * (n - target)
+    low, high = math.floor(middle - deviation), math.ceil(0.5 * n + deviation)
+    # Of n values in order, that at `low` is above the level if at most `low` are not.
+    if low >= 0 and np.count_nonzero(values <= level) <= low:
+        return float(np.sort(values)[math.floor(middle)])
+    if high < n and np.count_nonzero(values < level) > high:
+        return float(np.sort(values)[n // 2])
+    return level
+
+
+def level_by_range(
+    count: FloatArray, total: FloatArray, top: float, deviation: float
+) -> FloatArray:
+    """Level of each row, (r,): changes with range, each beyond doubt, the clearest first.
+
+    A change is a power of the range or a step at some range; rows are even in the range's
+    logarithm. Of all changes, that which explains the most of the squares is taken, and then of
+    what it leaves; none where none is beyond doubt.
+
+    Parameters
+    ----------
+    count, total : (r,) ndarray
+        Weight of the detections of each row, and the sum of their deviations from their mean.
+    top : float
+        Most that a detection deviates.
+    deviation : float
+        Standard deviation of a detection.
+    """
+    level, everything = np.zeros(len(count)), float(count.sum())
+    if len(count) < 2 or everything <= 0.0:
+        return level
+    rows = np.arange(len(count))
+    slope = rows - count @ rows / everything
+    square, farthest = max(float(count @ slope**2), 1e-9), float(np.abs(slope[count > 0.0]).max())
+    below = np.cumsum(count)[:-1]
+    above = np.maximum(everything - below, 0.0)
+    squares = np.append(below * above / everything, square)
+    reach = np.append(np.ones(len(below)), farthest)
+    doubt = RANGE_TARGET_COUNT * top * reach
+    doubt += RANGE_DEVIATIONS * deviation * np.sqrt(squares)
+    for _ in range(MAX_RANGE_CHANGES):
+        # Of a step, the sum below it; of the power, the sum over its rows.
+        sums = np.append(np.cumsum(total)[:-1], total @ slope)
+        clear = np.abs(sums) > doubt
+        if not clear.any():
+            break
+        best = int(np.argmax(np.where(clear, sums**2 / np.maximum(squares, 1e-9), 0.0)))
+        change = sums[best] / squares[best] * slope
+        if best < len(below):
+            change = np.where(rows <= best, 1.0 / below[best], -1.0 / above[best]) * sums[best]
+        level += change
+        total = total - count * change
     return level
 
 
@@ -85,15 +147,21 @@ class PlaceLevels:
     def __post_init__(self) -> None:
         rows, columns = self.shape
         self.shape = -(-rows // CELLS_TOGETHER), max(columns // CELLS_TOGETHER, 1)
-        self._weight = np.zeros(self.shape)
-        self._sum = np.zeros(self.shape)
+        # Weights, and sums of the weighted values, by cell.
+        self._learned = np.zeros((2, self.shape[0] * self.shape[1]))
         self._pings = 0.0
-        self._deviation = self._top = 0.0
-        self._sums: tuple[FloatArray, FloatArray] | None = None
+        self._deviation = self._top = self._centre = 0.0
+        self._by_range: FloatArray | None = np.zeros(self.shape[0])
+
+    def cells_of(self, cells: tuple[IntArray, IntArray]) -> IntArray:
+        """Cells here, (n,), of rows and columns of the clutter map."""
+        rows, columns = self.shape
+        column = np.minimum(cells[1] // CELLS_TOGETHER, columns - 1)
+        return np.asarray(cells[0] // CELLS_TOGETHER * columns + column)
 
     def update(
         self,
-        cells: tuple[IntArray, IntArray],
+        cells: IntArray,
         values: FloatArray,
         weight: FloatArray,
         top: float,
@@ -103,95 +171,111 @@ class PlaceLevels:
 
         Parameters
         ----------
-        cells : tuple of (n,) ndarray of int
-            Row and column of each detection.
+        cells : (n,) ndarray of int
+            Of each detection, see `cells_of`.
         values, weight : (n,) ndarray
-            Bounded deviation of each from the level of its ping, and its probability to be clutter.
+            Deviation of each from the level of its ping, bounded around the level of its place, and
+            its probability to be clutter.
         top, deviation : float
-            The largest value, and the standard deviation of the values.
+            The bound above the level of the place, and the standard deviation around that.
         """
         keep = 1.0 - 1.0 / PLACE_MEMORY
-        self._weight *= keep
-        self._sum *= keep
+        self._learned *= keep
         self._pings = keep * self._pings + 1.0
-        cells = self._coarse(cells)
-        np.add.at(self._weight, cells, weight)
-        np.add.at(self._sum, cells, weight * values)
+        np.add.at(self._learned[0], cells, weight)
+        np.add.at(self._learned[1], cells, weight * values)
         self._top, self._deviation = top, deviation
-        self._sums = None
+        self._by_range = None
 
     def withdraw(
-        self, cells: tuple[IntArray, IntArray], values: FloatArray, weight: FloatArray
+        self, cells: IntArray, values: FloatArray, weight: FloatArray, age: IntArray
     ) -> None:
-        """Remove weight of detections of the last pings."""
-        cells = self._coarse(cells)
-        np.subtract.at(self._weight, cells, weight)
-        np.subtract.at(self._sum, cells, weight * values)
-        np.maximum(self._weight, 0.0, out=self._weight)
-        self._sums = None
+        """Remove weight (n,) of detections of the last pings, learned so many pings ago.
 
-    def at(self, cells: tuple[IntArray, IntArray]) -> FloatArray:
-        """Level at cells (n,), 0 where no window contradicts."""
-        level = np.zeros(len(cells[0]))
-        if not self._pings or not self._deviation or not len(level):
-            return level
-        if self._sums is None:
-            self._sums = _summed(self._weight), _summed(self._sum)
-        weights, sums = self._sums
-        everything = max(float(weights[-1, -1]), 1e-9)
-        centre = float(sums[-1, -1]) / everything
+        What has faded since is gone already: without it, a cell would keep a sum without a weight,
+        and a level without bounds.
+        """
+        weight = weight * (1.0 - 1.0 / PLACE_MEMORY) ** age
+        np.subtract.at(self._learned[0], cells, weight)
+        np.subtract.at(self._learned[1], cells, weight * values)
+        np.maximum(self._learned[0], 0.0, out=self._learned[0])
+        self._by_range = None
+
+    def at(self, cells: IntArray) -> FloatArray:
+        """Level at cells (n,), 0 where no window contradicts: by range, and then by place."""
+        if not self._pings or not self._deviation or not len(cells):
+            return np.zeros(len(cells))
+        sums = np.zeros((2, self.shape[0] + 1, self.shape[1] + 1))
+        learned, by_range = self._learned.reshape(2, *self.shape), self.by_range
+        level = self._centre + by_range
+        left = np.stack([learned[0], learned[1] - learned[0] * level[:, None]])
+        np.cumsum(np.cumsum(left, axis=1), axis=2, out=sums[:, 1:, 1:])
+        # For each side of a window and each cell, (s, n).
+        around = sums.reshape(2, -1)[:, self._corners[:, :, cells]]
+        upper, bottom, upper_left, bottom_left, upper_again, bottom_again = np.moveaxis(around, 1, 0)
+        counts = upper - bottom - upper_left + bottom_left + (upper_again - bottom_again)
+        return by_range[self.row_of(cells)] + self._level(*counts)
+
+    def row_of(self, cells: IntArray) -> IntArray:
+        """Rows of cells, (n,)."""
+        return np.asarray(cells // self.shape[1])
+
+    @property
+    def by_range(self) -> FloatArray:
+        """Level of each row, (r,), see `level_by_range`."""
+        if self._by_range is None:
+            count, total = self._learned.reshape(2, *self.shape).sum(axis=2)
+            self._centre = float(total.sum() / max(count.sum(), 1e-9))
+            total -= self._centre * count
+            self._by_range = level_by_range(count, total, self._top, self._deviation)
+        return self._by_range
+
+    def _level(self, count: FloatArray, total: FloatArray) -> FloatArray:
+        """Level (n,) that windows of counts and sums (s, n), from wide to narrow, do not contradict.
+
+        As many detections as a target may have do not count in a rise.
+        """
         target = min(self._pings + 2.0, MAX_TARGET_COUNT)
-        cells = self._coarse(cells)
-        side = max(self.shape)
-        while side >= MIN_WINDOW_CELLS:
-            count = self._around(weights, cells, side)
-            total = self._around(sums, cells, side) - centre * count
-            without = np.maximum(count - target, 0.0)
-            spread = PLACE_DEVIATIONS * self._deviation
-            some = np.maximum(without, 1e-9)
-            low = (total - target * (self._top - centre)) / some - spread / np.sqrt(some)
-            low = np.where(without > 0.0, low, -np.inf)
-            some = np.maximum(count, 1e-9)
-            high = np.where(count > 0.0, total / some + spread / np.sqrt(some), np.inf)
-            level = np.clip(level, low, np.maximum(low, high))
-            side //= 2
+        spread = PLACE_DEVIATIONS * self._deviation
+        some, without = np.maximum(count, 1e-9), np.maximum(count - target, 1e-9)
+        mean = total / some
+        high = mean + spread / np.sqrt(some)
+        low = mean - target * self._top / without - spread / np.sqrt(without)
+        np.maximum(high, low, out=high)
+        level = np.zeros(count.shape[1])
+        for least, most in zip(low, high, strict=True):
+            level = np.minimum(np.maximum(level, least), most)
         return level
 
-    def _coarse(self, cells: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
-        """Row and column here of cells of the clutter map."""
-        column = np.minimum(cells[1] // CELLS_TOGETHER, self.shape[1] - 1)
-        return cells[0] // CELLS_TOGETHER, column
+    @cached_property
+    def _corners(self) -> IntArray:
+        """Corners of the windows around each cell, (6, s, c), from the widest window on.
 
-    def _around(self, sums: FloatArray, cells: tuple[IntArray, IntArray], side: int) -> FloatArray:
-        """Sum over the window of a side around each cell, (n,)."""
+        They are places in the sums over all rows and columns before each: the upper and the bottom
+        end of the right side, of the left side, and of the last column where the window goes on
+        behind the first.
+        """
         rows, columns = self.shape
-        bottom = np.clip(cells[0] - side // 2, 0, max(rows - side, 0))
-        upper = np.minimum(bottom + side, rows)
-        if side >= columns:
-            left, right = np.zeros_like(bottom), np.full_like(bottom, columns)
-        elif self.wraps:
-            left = (cells[1] - side // 2) % columns
-            right = left + side
-        else:
-            left = np.clip(cells[1] - side // 2, 0, columns - side)
-            right = left + side
-        inside = np.minimum(right, columns)
-        total = _box(sums, bottom, upper, left, inside)
-        return np.asarray(total + _box(sums, bottom, upper, 0 * left, right - inside))
-
-
-def _summed(values: FloatArray) -> FloatArray:
-    """Sums over all rows and columns before each, (r + 1, c + 1)."""
-    sums = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
-    np.cumsum(np.cumsum(values, axis=0), axis=1, out=sums[1:, 1:])
-    return sums
-
-
-def _box(
-    sums: FloatArray, bottom: IntArray, upper: IntArray, left: IntArray, right: IntArray
-) -> FloatArray:
-    """Sum over rows bottom <= row < upper and columns left <= column < right, (n,)."""
-    box: FloatArray = (
-        sums[upper, right] - sums[bottom, right] - sums[upper, left] + sums[bottom, left]
-    )
-    return box
+        row, column = np.divmod(np.arange(rows * columns), columns)
+        corners = []
+        side = max(self.shape)
+        while side >= MIN_WINDOW_CELLS:
+            bottom = np.clip(row - side // 2, 0, max(rows - side, 0))
+            upper = np.minimum(bottom + side, rows)
+            if side >= columns:
+                left, right = np.zeros_like(bottom), np.full_like(bottom, columns)
+            elif self.wraps:
+                left = (column - side // 2) % columns
+                right = left + side
+            else:
+                left = np.clip(column - side // 2, 0, columns - side)
+                right = left + side
+            inside = np.minimum(right, columns)
+            ends = [
+                end * (columns + 1) + edge
+                for edge in (inside, left, right - inside)
+                for end in (upper, bottom)
+            ]
+            corners.append(ends)
+            side //= 2
+        return np.array(corners, np.int64).reshape(-1, 6, rows * columns).swapaxes(0, 1)

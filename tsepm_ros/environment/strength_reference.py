@@ -1,70 +1,116 @@
-"""References of the strength of clutter: the detections of a ping, and whether two are alike."""
+"""References of the strength of clutter: detections of the last pings, and whether two are alike."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import kolmogorov
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 SMALLEST_P_VALUE = 0.001
 """Probability (Kolmogorov-Smirnov) below which two references are not of one law."""
+MAX_PINGS = 64
+"""Pings in the reference, at most ..."""
+MAX_PER_PING = 64
+"""... and detections of each."""
+INDEX_BITS = 32
+"""Bits of a reference's key below those of its scan."""
+
+REFERENCE = np.dtype(
+    [
+        ("key", np.int64),  # of its scan and index there, see `keys_of`
+        ("cell", np.int64),  # of the levels of places
+        ("raw", np.float64),  # logarithm less the level of the place
+        ("value", np.float64),  # less the level of the ping too
+        ("by_range", np.float64),  # level of the range, part of that of the place
+        ("place", np.float64),  # as the levels of places learned it, or nan
+        ("weight", np.float64),  # probability to be of clutter
+        ("position", np.complex128),  # x + i y, m
+        ("strength", np.float64),  # as measured
+    ]
+)
 
 
-@dataclass
-class ReferencePing:
-    """References of one ping.
+def keys_of(scan: IntArray | int, index: IntArray) -> IntArray:
+    """Keys of detections (n,), which ascend with the scan and with the index in it."""
+    return np.asarray((np.asarray(scan, np.int64) << INDEX_BITS) + index)
+
+
+class References:
+    """The detections of the last pings, at most `MAX_PINGS`, as rows in one array.
 
     Attributes
     ----------
-    scan : int
-    row, index : (n,) ndarray of int
-        Place in the scan's detections, and their index in the scan, ascending.
-    cells : tuple of (n,) ndarray of int
-    raw : (n,) ndarray
-        Logarithms less the level of the place.
-    value : (n,) ndarray
-        Less the level of the ping too.
-    place : (n,) ndarray
-        Bounded deviations, as the levels of places learned them.
-    weight : (n,) ndarray
-        Probability to be of clutter.
-    position : (n, 2) ndarray
-    strength : (n,) ndarray
-        As measured.
-    level : float
-        Of the ping.
+    levels : deque of float
+        Level of each ping.
     """
 
-    scan: int
-    row: IntArray
-    index: IntArray
-    cells: tuple[IntArray, IntArray]
-    raw: FloatArray
-    value: FloatArray
-    place: FloatArray
-    weight: FloatArray
-    position: FloatArray
-    strength: FloatArray
-    level: float
+    def __init__(self) -> None:
+        self._buffer = np.zeros(2 * MAX_PINGS * MAX_PER_PING, REFERENCE)
+        self._ends: deque[int] = deque([0])
+        self.levels: deque[float] = deque()
 
-    def rows(self, part: IntArray) -> ReferencePing:
-        """Some of the references."""
-        return ReferencePing(
-            self.scan,
-            self.row[part],
-            self.index[part],
-            (self.cells[0][part], self.cells[1][part]),
-            self.raw[part],
-            self.value[part],
-            self.place[part],
-            self.weight[part],
-            self.position[part],
-            self.strength[part],
-            self.level,
-        )
+    def __len__(self) -> int:
+        """Number of pings."""
+        return len(self.levels)
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """All references, by ping and index, (n,) of REFERENCE; changes of them are kept."""
+        return self._buffer[self._ends[0] : self._ends[-1]]
+
+    def last(self, pings: int) -> NDArray[np.void]:
+        """References of the last pings, as `rows`."""
+        return self._buffer[self._ends[-1 - min(pings, len(self))] : self._ends[-1]]
+
+    def sizes(self, pings: int) -> list[int]:
+        """Number of references of each of the last pings, in order."""
+        ends = list(self._ends)[-1 - min(pings, len(self)) :]
+        return [end - begin for begin, end in zip(ends, ends[1:], strict=False)]
+
+    def ages(self, places: IntArray) -> IntArray:
+        """Pings after that of references at places among `rows`, (n,)."""
+        ends = np.array(self._ends) - self._ends[0]
+        return np.asarray(len(self) - np.searchsorted(ends, places, side="right"))
+
+    def append(self, rows: NDArray[np.void], level: float) -> None:
+        """Add a ping's references, of ascending keys; the oldest ping goes if there are too many.
+
+        Parameters
+        ----------
+        rows : (n,) ndarray of REFERENCE
+            At most `MAX_PER_PING`.
+        level : float
+            Level of the ping.
+        """
+        if len(self) == MAX_PINGS:
+            self.drop(1)
+        if self._ends[-1] + len(rows) > len(self._buffer):
+            first, kept = self._ends[0], self.rows.copy()
+            self._buffer[: len(kept)] = kept
+            self._ends = deque(end - first for end in self._ends)
+        end = self._ends[-1] + len(rows)
+        self._buffer[self._ends[-1] : end] = rows
+        self._ends.append(end)
+        self.levels.append(level)
+
+    def drop(self, pings: int) -> None:
+        """Drop the oldest pings."""
+        for _ in range(pings):
+            self._ends.popleft()
+            self.levels.popleft()
+
+    def relevel(self, before: float, level: float) -> None:
+        """Give another level to the pings that have the level `before`."""
+        ends = list(self._ends)
+        for ping, (begin, end) in enumerate(zip(ends, ends[1:], strict=False)):
+            if self.levels[ping] == before:
+                self.levels[ping] = level
+                part = self._buffer[begin:end]
+                part["value"] = part["raw"] - level
 
 
 def of_one_law(one: FloatArray, other: FloatArray) -> bool:

@@ -9,12 +9,11 @@ far apart. A target has no part in it, however strong.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from tsepm_ros.environment.strength_law import StrengthLaw
-from tsepm_ros.environment.strength_reference import ReferencePing
+from tsepm_ros.environment.strength_reference import References
 from tsepm_ros.numerics.arrays import FloatArray
 
 LAGS = 3
@@ -51,39 +50,38 @@ class Texture:
     def update(
         self,
         law: StrengthLaw,
-        ping: ReferencePing,
-        before: Sequence[ReferencePing],
+        references: References,
         near: float,
         reach: FloatArray,
     ) -> None:
-        """Learn from a ping.
+        """Learn from the last ping.
 
         Parameters
         ----------
         law : StrengthLaw
-        ping : ReferencePing
-        before : sequence of ReferencePing
-            The pings before it, the last first.
+            Of the pings before it.
+        references : References
+            With the last ping.
         near : float
             Distance within which detections are neighbours, m.
         reach : (LAGS + 1,) ndarray
             Distance within which two detections may be one target's, in pings so far apart, m.
         """
         keep = 1.0 - 1.0 / MEMORY
-        parts = [ping, *before[:LAGS]]
-        lag = np.repeat(np.arange(len(parts)), [len(part.row) for part in parts])
-        position = np.concatenate([part.position for part in parts])
-        weight = np.concatenate([part.weight for part in parts])
-        rank = _uniform(law, np.concatenate([part.value for part in parts]))
+        rows, sizes = references.last(LAGS + 1), references.sizes(LAGS + 1)
+        n = sizes[-1]
+        position, weight = rows["position"], rows["weight"]
+        weighted = weight * _uniform(law, rows["value"])
+        least = np.repeat(np.append(reach[len(sizes) - 1 : 0 : -1], 0.0), sizes)
         # A ping has few references: all distances are cheaper than a tree.
-        distance = np.hypot(*(ping.position[:, None] - position).T).T
-        counted = (distance < near) & (distance > np.append(0.0, reach[1:])[lag])
-        n = len(ping.row)
-        counted[:, :n] = np.triu(counted[:, :n], 1)
+        apart = position[len(rows) - n :, None] - position
+        square = apart.real**2 + apart.imag**2
+        counted = (square < near**2) & (square > least**2)
+        counted[:, len(rows) - n :] &= np.tri(n, dtype=bool).T
         one, two = np.nonzero(counted)
-        pairs = weight[one] * weight[two]
-        self._products = keep * self._products + float(pairs @ (rank[one] * rank[two]))
-        self._count = keep * self._count + float(pairs.sum())
+        one += len(rows) - n
+        self._products = keep * self._products + float(weighted[one] @ weighted[two])
+        self._count = keep * self._count + float(weight[one] @ weight[two])
 
 
 def _uniform(law: StrengthLaw, value: FloatArray) -> FloatArray:

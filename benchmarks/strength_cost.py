@@ -1,0 +1,144 @@
+"""Time of a ping with strengths over that without, in one run.
+
+Two initiators of the method `score` process the same scans in turn, the order alternating; the one
+leaves intensities out. Processor time, of the scans after the first `WARM_UP`. The strengths of
+targets are those of clutter, so that both have the same hypotheses but for chance, or 10 dB more.
+The ratio is that of the mean times, with the 95 % interval over blocks of scans.
+
+    python benchmarks/strength_cost.py [--scans 600] [--repeats 3] [--result FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import fixed_threads  # noqa: F401  # before numpy
+import numpy as np
+
+from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros.analysis.intervals import Estimate, rms_ratio
+from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.simulation import Scenario, Simulator
+from tsepm_ros.simulation.scenario import TargetArea
+from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
+
+WARM_UP = 40
+"""First scans, whose times do not count."""
+BLOCK = 20
+"""Scans of a block: times of neighbouring scans are alike."""
+DISC = SensorModel(
+    range_std_fraction=0.015, azimuth_std=np.deg2rad(1.0), max_range=9000.0, min_range=500.0
+)
+RADAR = SensorModel(range_std=6.0, azimuth_std=np.deg2rad(1.5), max_range=600.0)
+LIKE_CLUTTER = -30.0
+"""Ratio of a target whose echoes are as strong as clutter's, dB."""
+
+
+@dataclass(frozen=True)
+class Sea:
+    """A scene: a sensor, its clutter and its targets.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+    period : float
+        Time between scans, s.
+    clutter : float
+        Mean number of false detections a scan.
+    targets : int
+        Targets, which are held for nearly the whole run.
+    """
+
+    sensor: SensorModel
+    period: float
+    clutter: float
+    targets: int
+
+    def scenario(self, scans: int, ratio_db: float) -> Scenario:
+        """The scene with strengths."""
+        density = self.clutter / self.sensor.coverage_area
+        far = 0.95 * self.sensor.max_range
+        area = TargetArea(
+            self.targets,
+            (max(0.1 * far, self.sensor.min_range), far),
+            (-np.pi, np.pi),
+            0.05 * far / (scans * self.period),
+            strength=TargetStrength(ratio_db),
+        )
+        return Scenario(
+            name="sea",
+            scans=scans,
+            period=self.period,
+            sensor=replace(self.sensor, clutter_density=density),
+            areas=(area,),
+            clutter_strength=ClutterStrength(),
+        )
+
+
+SEAS = {
+    "9 detections": Sea(DISC, 12.0, 8.0, 1),
+    "25 detections, ten of held targets": Sea(DISC, 12.0, 16.0, 10),
+    "254 detections": Sea(DISC, 12.0, 253.0, 1),
+    "4 detections, small radar": Sea(RADAR, 2.5, 3.0, 1),
+}
+
+
+def times_of(scenario: Scenario, seed: list[int]) -> FloatArray:
+    """Processor time of each scan without strengths and with them, (n, 2), s."""
+    both = [
+        make_initiator("score", sensor=scenario.sensor, intensity=intensity)
+        for intensity in ("off", "auto")
+    ]
+    times = np.zeros((scenario.scans, 2))
+    for index, simulated in enumerate(Simulator(scenario, seed)):
+        for column in (0, 1) if index % 2 else (1, 0):
+            begin = time.process_time()
+            both[column].process(simulated.scan)
+            times[index, column] = time.process_time() - begin
+    return times[WARM_UP:]
+
+
+def ratio_of(times: FloatArray) -> Estimate:
+    """Ratio of the mean times (n, 2), with its interval over blocks."""
+    blocks = times[: len(times) // BLOCK * BLOCK].reshape(-1, BLOCK, 2).sum(axis=1)
+    return rms_ratio(*np.sqrt(blocks.T[::-1])).mapped(lambda root: root**2)
+
+
+def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
+    """The rows of the table."""
+    yield "scene", "target", "ms without", "ms with", "ratio"
+    for name, sea in SEAS.items():
+        for ratio_db in (LIKE_CLUTTER, 10.0):
+            scenario = sea.scenario(options.scans, ratio_db)
+            times = np.concatenate(
+                [times_of(scenario, [options.seed, repeat]) for repeat in range(options.repeats)]
+            )
+            strength = "as clutter" if ratio_db == LIKE_CLUTTER else f"{ratio_db:g} dB"
+            without, with_ = 1e3 * times.mean(axis=0)
+            yield name, strength, f"{without:.2f}", f"{with_:.2f}", f"{ratio_of(times):.2f}"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scans", type=int, default=600)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--seed", type=int, default=1)
+    add_result(parser)
+    options = parser.parse_args(arguments)
+    header, rows = printed(table(options))
+    if options.result:
+        command = "python benchmarks/strength_cost.py " + " ".join(arguments or sys.argv[1:])
+        result = Result(
+            command=command, seed=options.seed, runs=options.repeats, header=header, rows=rows
+        )
+        write_result(options.result, result)
+
+
+if __name__ == "__main__":
+    main()
