@@ -128,6 +128,19 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
     assert (mean < 1.3).all()
 
 
+def test_strong_references_of_nearly_no_weight_leave_the_law_as_it_is():
+    """They are of targets, 100 dB above the clutter."""
+    rng = np.random.default_rng(6)
+    clutter = np.log(rng.exponential(size=300))
+    values = np.append(clutter, clutter[:20] + 10.0 * np.log(10.0))
+    law = law_of(values, np.append(np.ones(300), np.full(20, 1e-9)))
+    there = np.array([0.5, 1.5])
+    found = exponents_of(law, there)
+    np.testing.assert_allclose(found, exponents_of(law_of(clutter), there), rtol=0.02)
+    far = law.exponents(clutter[:20] + 1e3)
+    assert np.isfinite(far.told).all() and np.isfinite(far.extrapolated).all()
+
+
 def test_figure_in_db_goes_on_where_evidence_ends():
     law = law_of(np.log(np.random.default_rng(5).exponential(size=600)))
     found = law.exponents(np.log(np.array([0.5, 20.0, 60.0]))).extrapolated

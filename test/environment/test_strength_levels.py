@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.environment.strength_levels import PlaceLevels, ping_level
+from tsepm_ros.environment.strength_levels import PlaceLevels, level_by_range, ping_level
 
 GAIN = math.log(100.0)
 
@@ -60,6 +60,7 @@ def learned(levels, side: int = 40, pings: int = 40, size: int = 60, seed: int =
         cells = rng.integers(side, size=size), rng.integers(side, size=size)
         values = np.clip(rng.normal(size=size) + levels[cells[0]], -4.0, 4.0)
         places.update(places.cells_of(cells), values, np.ones(size), 4.0, float(values.std()))
+    places.renew()
     return places
 
 
@@ -87,6 +88,7 @@ def test_a_target_of_one_detection_a_ping_does_not_raise_its_place():
         values = rng.normal(size=31)
         values[-1] = 4.0
         places.update(places.cells_of(cells), values, np.ones(31), 4.0, 1.0)
+    places.renew()
     assert places.at(places.cells_of((np.array([20]), np.array([20]))))[0] < 0.3
 
 
@@ -96,6 +98,63 @@ def test_windows_wrap_around_and_end_at_the_borders():
         places = PlaceLevels((10, 12), wraps)
         cells = rng.integers(10, size=500), rng.integers(12, size=500)
         places.update(places.cells_of(cells), np.ones(500), np.ones(500), 1.0, 1e-9)
+        places.renew()
         everywhere = np.repeat(np.arange(10), 12), np.tile(np.arange(12), 10)
         found = places.at(places.cells_of(everywhere))
         np.testing.assert_allclose(found, 0.0, atol=1e-6)
+
+
+def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
+    """The weight of a target's detections has faded since they were learned."""
+    rng = np.random.default_rng(7)
+    places = PlaceLevels((40, 40), False)
+    for _ in range(12):
+        cells = rng.integers(40, size=31), rng.integers(40, size=31)
+        cells[0][-1] = cells[1][-1] = 20
+        values = rng.normal(size=31)
+        values[-1] = -4.0
+        places.update(places.cells_of(cells), values, np.ones(31), 4.0, 1.0)
+    places.renew()
+    cell = places.cells_of((np.full(12, 20), np.full(12, 20)))
+    assert places.at(cell[:1])[0] < -0.5
+    places.withdraw(cell, np.full(12, -4.0), np.ones(12), np.arange(12)[::-1])
+    places.renew()
+    assert abs(places.at(cell[:1])[0]) < 0.3
+
+
+ROWS = 20
+COUNT = np.full(ROWS, 30.0)
+"""Detections of each row."""
+
+
+@pytest.mark.parametrize(
+    "level",
+    [
+        np.linspace(2.5, -2.5, ROWS),
+        np.where(np.arange(ROWS) < 12, -1.0, 1.5),
+        np.select([np.arange(ROWS) < 5, np.arange(ROWS) < 12], [2.0, -1.0]),
+    ],
+    ids=["power", "step", "two steps"],
+)
+def test_changes_with_range_are_found(level):
+    rng = np.random.default_rng(8)
+    level = level - level.mean()
+    total = COUNT * level + np.sqrt(COUNT) * rng.normal(size=ROWS)
+    found = level_by_range(COUNT, total - total.mean(), 2.0, 1.0)
+    np.testing.assert_allclose(found, level, atol=0.5)
+    assert np.abs(found - level).mean() < 0.2
+
+
+def test_clutter_of_one_level_has_no_change_with_range():
+    rng = np.random.default_rng(9)
+    for _ in range(100):
+        total = np.sqrt(COUNT) * rng.normal(size=ROWS)
+        assert not level_by_range(COUNT, total - total.mean(), 2.0, 1.0).any()
+    assert not level_by_range(np.zeros(ROWS), np.zeros(ROWS), 2.0, 1.0).any()
+
+
+def test_an_unknown_target_is_no_change_with_range():
+    count, total = COUNT / 10.0, np.zeros(ROWS)
+    count[3] += 6.0
+    total[3] += 6.0 * 2.0
+    assert not level_by_range(count, total - count * total.sum() / count.sum(), 2.0, 1.0).any()

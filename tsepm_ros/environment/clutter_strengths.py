@@ -34,8 +34,10 @@ TAIL_SAMPLES = 2.0
 """Samples of the tail for which each of its detections stands, in N; see `target_strength`."""
 MAX_SAME_SHARE = 0.9
 """Share of one value from which on strengths say nothing: they are constant."""
-RENEWAL = 0.05
+RENEWAL = 0.1
 """Share of new references from which on the law is made anew."""
+TAIL_CHANGE = 4.0
+"""New references for which each whose weight changes counts: it may be in the tail."""
 WINSORISED = (0.05, 0.95)
 """Quantiles of strengths at which those of the levels of places end."""
 LEAST_CHANGE = 0.05
@@ -149,13 +151,13 @@ class ClutterStrengths:
         one["raw"], one["value"], one["place"] = raw, value, place
         one["position"] = position[row, 0] + 1j * position[row, 1]
         one["strength"] = strength[row]
-        one["by_range"] = self._places.by_range[self._places.row_of(one["cell"])]
+        one["by_range"] = self._places.by_range(one["cell"])
         self._next = one, row, level
         law = self._law
         if law is None or law.count < MIN_REFERENCES:
             self.unsaid = "too few strengths so far"
             return None
-        if law.largest_share > MAX_SAME_SHARE:
+        if law.constant_share > MAX_SAME_SHARE:
             self.unsaid = "constant strengths"
             return None
         self.unsaid = ""
@@ -174,10 +176,9 @@ class ClutterStrengths:
         if not len(references):
             self._level = float(np.median(raw))
             return self._level
-        rows, sizes = references.last(before), references.sizes(before)
+        rows = references.last(before)
         likely = rows["weight"] > 0.5
-        until = np.append(0, np.cumsum(likely))[np.cumsum([0, *sizes])]
-        sizes = np.diff(until).tolist()
+        sizes = np.add.reduceat(likely, references.begins(before), dtype=np.int64).tolist()
         values = np.concatenate([rows["raw"][likely], raw])
         return ping_level(self._level, values, [*sizes, len(raw)])
 
@@ -246,13 +247,15 @@ class ClutterStrengths:
         known = np.flatnonzero(rows["key"][place] == key)
         place, before = place[known], rows["weight"][place[known]]
         gone = before - np.minimum(before, 1.0 - probability[known])
+        if gone.sum() < LEAST_CHANGE:
+            return
         _, ping = np.unique(scan[known], return_inverse=True)
         changed = np.flatnonzero(np.bincount(ping, gone)[ping] >= LEAST_CHANGE)
         if not len(changed):
             return
         place, gone = place[changed], gone[changed]
         rows["weight"][place] -= gone
-        self._new += float(gone.sum())
+        self._new += TAIL_CHANGE * float(gone.sum())
         levelled = np.flatnonzero(np.isfinite(rows["place"][place]))
         place, gone = place[levelled], gone[levelled]
         cells, values = rows["cell"][place], rows["place"][place]
@@ -261,7 +264,8 @@ class ClutterStrengths:
     def _learn_law(self) -> None:
         self._drop_other_laws()
         rows = self._references.rows
-        by_range = self._places.by_range[self._places.row_of(rows["cell"])]
+        self._places.renew()
+        by_range = self._places.by_range(rows["cell"])
         change = by_range - rows["by_range"]
         if change.any():
             rows["raw"] -= change

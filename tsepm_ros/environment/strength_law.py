@@ -122,11 +122,14 @@ class StrengthLaw:
         return float(self.at_least[0])
 
     @cached_property
-    def largest_share(self) -> float:
-        """Share of the commonest value."""
-        first = np.flatnonzero(np.diff(self.values, prepend=-np.inf))
-        weights = -np.diff(self.at_least[np.append(first, len(self.values))])
-        return float(weights.max() / max(self.count, 1e-9))
+    def constant_share(self) -> float:
+        """Share of the median value: that of the commonest, if it is more than a half."""
+        half = np.searchsorted(-self.at_least[:-1], -0.5 * self.count, side="right") - 1
+        ends = [
+            np.searchsorted(self.values, self.values[max(half, 0)], side)
+            for side in ("left", "right")
+        ]
+        return float(np.subtract(*self.at_least[ends]) / max(self.count, 1e-9))
 
     def quantile(self, share: float) -> float:
         """Value of the reference below which a share of it is, whatever the weights."""
@@ -151,9 +154,7 @@ class StrengthLaw:
             least = np.maximum(count - RANK_DEVIATIONS * np.sqrt(count), 0.0)
             thinned = (self.share @ np.exp(-tails)) * (1.0 + self.tail_count)
             share[rows] = np.maximum(thinned, least) / (1.0 + self.count)
-        with np.errstate(divide="ignore"):
-            told = -np.log(share)
-        told = np.minimum(np.maximum(told, 0.0), self.reach)
+        told = np.minimum(np.maximum(-np.log(np.maximum(share, 1e-300)), 0.0), self.reach)
         if not len(rows):
             return Exponents(told, told)
         extrapolated = told.copy()

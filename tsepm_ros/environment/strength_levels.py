@@ -103,7 +103,7 @@ def level_by_range(
         Standard deviation of a detection.
     """
     level, everything = np.zeros(len(count)), float(count.sum())
-    if len(count) < 2 or everything <= 0.0:
+    if everything <= 0.0:
         return level
     rows = np.arange(len(count))
     slope = rows - count @ rows / everything
@@ -151,7 +151,9 @@ class PlaceLevels:
         self._learned = np.zeros((2, self.shape[0] * self.shape[1]))
         self._pings = 0.0
         self._deviation = self._top = self._centre = 0.0
-        self._by_range: FloatArray | None = np.zeros(self.shape[0])
+        self._by_range = np.zeros(self.shape[0])
+        # Of weights, and of what the levels by range leave, before each row and column.
+        self._sums = np.zeros((2, (self.shape[0] + 1) * (self.shape[1] + 1)))
 
     def cells_of(self, cells: tuple[IntArray, IntArray]) -> IntArray:
         """Cells here, (n,), of rows and columns of the clutter map."""
@@ -185,7 +187,6 @@ class PlaceLevels:
         np.add.at(self._learned[0], cells, weight)
         np.add.at(self._learned[1], cells, weight * values)
         self._top, self._deviation = top, deviation
-        self._by_range = None
 
     def withdraw(
         self, cells: IntArray, values: FloatArray, weight: FloatArray, age: IntArray
@@ -199,36 +200,33 @@ class PlaceLevels:
         np.subtract.at(self._learned[0], cells, weight)
         np.subtract.at(self._learned[1], cells, weight * values)
         np.maximum(self._learned[0], 0.0, out=self._learned[0])
-        self._by_range = None
 
     def at(self, cells: IntArray) -> FloatArray:
         """Level at cells (n,), 0 where no window contradicts: by range, and then by place."""
         if not self._pings or not self._deviation or not len(cells):
             return np.zeros(len(cells))
+        # Of weights and sums, for each side of a window and each cell, (2, s, n).
+        around = self._sums.take(self._corners.take(cells, axis=2), axis=1)
+        right, left = around[:, 0] - around[:, 1], around[:, 2] - around[:, 3]
+        behind = around[:, 4] - around[:, 5]
+        return self.by_range(cells) + self._level(*(right - left + behind))
+
+    def renew(self) -> None:
+        """Take the levels from what was learned so far; those by range first."""
+        learned = self._learned.reshape(2, *self.shape)
+        count, total = learned.sum(axis=2)
+        self._centre = float(total.sum() / max(count.sum(), 1e-9))
+        total -= self._centre * count
+        self._by_range = level_by_range(count, total, self._top, self._deviation)
+        left = learned.copy()
+        left[1] -= (self._centre + self._by_range)[:, None] * left[0]
         sums = np.zeros((2, self.shape[0] + 1, self.shape[1] + 1))
-        learned, by_range = self._learned.reshape(2, *self.shape), self.by_range
-        level = self._centre + by_range
-        left = np.stack([learned[0], learned[1] - learned[0] * level[:, None]])
         np.cumsum(np.cumsum(left, axis=1), axis=2, out=sums[:, 1:, 1:])
-        # For each side of a window and each cell, (s, n).
-        around = sums.reshape(2, -1)[:, self._corners[:, :, cells]]
-        upper, bottom, upper_left, bottom_left, upper_again, bottom_again = np.moveaxis(around, 1, 0)
-        counts = upper - bottom - upper_left + bottom_left + (upper_again - bottom_again)
-        return by_range[self.row_of(cells)] + self._level(*counts)
+        self._sums = sums.reshape(2, -1)
 
-    def row_of(self, cells: IntArray) -> IntArray:
-        """Rows of cells, (n,)."""
-        return np.asarray(cells // self.shape[1])
-
-    @property
-    def by_range(self) -> FloatArray:
-        """Level of each row, (r,), see `level_by_range`."""
-        if self._by_range is None:
-            count, total = self._learned.reshape(2, *self.shape).sum(axis=2)
-            self._centre = float(total.sum() / max(count.sum(), 1e-9))
-            total -= self._centre * count
-            self._by_range = level_by_range(count, total, self._top, self._deviation)
-        return self._by_range
+    def by_range(self, cells: IntArray) -> FloatArray:
+        """Level by range at cells (n,), as of the last `renew`."""
+        return np.asarray(self._by_range[cells // self.shape[1]])
 
     def _level(self, count: FloatArray, total: FloatArray) -> FloatArray:
         """Level (n,) that windows of counts and sums (s, n), from wide to narrow, do not contradict.

@@ -66,10 +66,11 @@ class References:
         """References of the last pings, as `rows`."""
         return self._buffer[self._ends[-1 - min(pings, len(self))] : self._ends[-1]]
 
-    def sizes(self, pings: int) -> list[int]:
-        """Number of references of each of the last pings, in order."""
-        ends = list(self._ends)[-1 - min(pings, len(self)) :]
-        return [end - begin for begin, end in zip(ends, ends[1:], strict=False)]
+    def begins(self, pings: int) -> list[int]:
+        """Places among `last` at which each of the last pings begins, in order."""
+        ends = self._ends
+        first = len(ends) - 1 - min(pings, len(self))
+        return [ends[ping] - ends[first] for ping in range(first, len(ends) - 1)]
 
     def ages(self, places: IntArray) -> IntArray:
         """Pings after that of references at places among `rows`, (n,)."""
@@ -82,7 +83,7 @@ class References:
         Parameters
         ----------
         rows : (n,) ndarray of REFERENCE
-            At most `MAX_PER_PING`.
+            From 1 to `MAX_PER_PING`.
         level : float
             Level of the ping.
         """

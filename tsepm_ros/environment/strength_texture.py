@@ -68,20 +68,21 @@ class Texture:
             Distance within which two detections may be one target's, in pings so far apart, m.
         """
         keep = 1.0 - 1.0 / MEMORY
-        rows, sizes = references.last(LAGS + 1), references.sizes(LAGS + 1)
-        n = sizes[-1]
-        position, weight = rows["position"], rows["weight"]
-        weighted = weight * _uniform(law, rows["value"])
-        least = np.repeat(np.append(reach[len(sizes) - 1 : 0 : -1], 0.0), sizes)
+        rows, begins = references.last(LAGS + 1), references.begins(LAGS + 1)
+        own, position = begins[-1], rows["position"]
+        least = np.zeros(len(rows))
+        for lag, begin in zip(range(len(begins) - 1, 0, -1), begins, strict=False):
+            least[begin:own] = reach[lag] ** 2
         # A ping has few references: all distances are cheaper than a tree.
-        apart = position[len(rows) - n :, None] - position
+        apart = position[own:, None] - position
         square = apart.real**2 + apart.imag**2
-        counted = (square < near**2) & (square > least**2)
-        counted[:, len(rows) - n :] &= np.tri(n, dtype=bool).T
-        one, two = np.nonzero(counted)
-        one += len(rows) - n
-        self._products = keep * self._products + float(weighted[one] @ weighted[two])
-        self._count = keep * self._count + float(weight[one] @ weight[two])
+        one, two = np.nonzero((square < near**2) & (square > least))
+        weight = rows["weight"]
+        pairs = weight[own:][one] * weight[two]
+        pairs[two >= own] *= 0.5  # each pair of the last ping is there twice
+        rank = _uniform(law, rows["value"])
+        self._products = keep * self._products + float(pairs @ (rank[own:][one] * rank[two]))
+        self._count = keep * self._count + float(pairs.sum())
 
 
 def _uniform(law: StrengthLaw, value: FloatArray) -> FloatArray:

@@ -40,6 +40,8 @@ COUNT_STEP = 0.1
 """N goes in steps of this part, so that similar scans share a table."""
 FIGURES_DB = np.arange(-5.0, 40.1, 1.0)
 """Ratios that may be published, dB."""
+_ONE_MORE = 1.0 + 10.0 ** (FIGURES_DB[:, None] / 10.0)
+_LOG_ONE_MORE, _OF_ONE_MORE = np.log(_ONE_MORE), 1.0 / _ONE_MORE
 LAW_KNOWN = 1e6
 """N with which the law of clutter is as good as known."""
 GRID_END, GRID_POINTS = 4000.0, 320
@@ -113,7 +115,7 @@ class PathRatio:
         total : (p,) ndarray
             V.
         """
-        place = np.log1p(total) * (GRID_POINTS - 1) / math.log1p(GRID_END)
+        place = np.log1p(total) * ((GRID_POINTS - 1) / math.log1p(GRID_END))
         left = np.minimum(place.astype(np.int64), GRID_POINTS - 2)
         flat = self.table.ravel()
         index = hits * GRID_POINTS + left
@@ -177,8 +179,7 @@ def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
     """
     if not (hits > 0.0).any():
         return np.full(len(hits), np.nan)
-    one_more = 1.0 + 10.0 ** (FIGURES_DB[:, None] / 10.0)
-    terms = -hits * np.log(one_more) - total / one_more
-    share = np.exp(terms - np.logaddexp.reduce(terms, axis=0))
-    mean = (FIGURES_DB[:, None] * share).sum(axis=0)
+    terms = -hits * _LOG_ONE_MORE - total * _OF_ONE_MORE
+    share = np.exp(terms - terms.max(axis=0))
+    mean = FIGURES_DB @ share / share.sum(axis=0)
     return np.asarray(np.where(hits > 0.0, mean, np.nan))

@@ -84,7 +84,8 @@ def learn_strengths(
     """
     if strengths is None:
         return
-    error = 3.0 * float(np.median(detections["major_sigma"])) if len(detections) else 0.0
+    sigma = np.sort(detections["major_sigma"])
+    error = 1.5 * float(sigma[(len(sigma) - 1) // 2] + sigma[len(sigma) // 2]) if len(sigma) else 0.0
     reach = moved * np.arange(strength_texture.LAGS + 1.0) + math.sqrt(2.0) * error
     strengths.update(weight, (strength_texture.LAGS + 1.0) * moved + error, reach)
 

@@ -58,15 +58,15 @@ def extended(paths: Hypotheses, parent: IntArray, observed: Observation, row: In
         Path and detection of each child.
     observed : Observation
     """
-    count, total = paths.strength_count[parent], paths.strength_total[parent]
-    strengths = observed.strengths
-    if strengths is None or not len(row):
-        return Extended(count, total, np.zeros(len(row)))
-    before = strengths.ratio.at(paths.strength_count, paths.strength_total)
-    count = count + strengths.told[row]
-    total = total + strengths.scaled[row]
-    increment = strengths.ratio.at(count, total) - before[parent]
-    return Extended(count, total, increment)
+    before, total_before = paths.strength_count[parent], paths.strength_total[parent]
+    strengths, n = observed.strengths, len(row)
+    if strengths is None or not n:
+        return Extended(before, total_before, np.zeros(n))
+    count, total = before + strengths.told[row], total_before + strengths.scaled[row]
+    both = strengths.ratio.at(
+        np.concatenate([before, count]), np.concatenate([total_before, total])
+    )
+    return Extended(count, total, both[n:] - both[:n])
 
 
 def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:

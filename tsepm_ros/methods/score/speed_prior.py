@@ -42,14 +42,21 @@ def ended_at(grown: Grown, threshold: float, max_speed: float) -> Grown:
     max_speed : float
         v_max, m/s.
     """
-    strong = grown.evidence + LOG_GAIN >= threshold
-    hits = grown.ended.hit_count.astype(float)
-    strong &= grouped.largest_of(hits, grown.newest, len(grown.ids)) >= MIN_HITS
+    return with_rivals(grown, decided(grown, threshold, max_speed), threshold, max_speed)
+
+
+def decided(grown: Grown, threshold: float, max_speed: float) -> Grown:
+    """As `ended_at`, for the evidence alone: rivals in other detections are as they were."""
+    strong = _strong(grown, threshold)
     if not strong.any():
         return grown
-    decided = replace(grown, ended=_ended_at(grown.ended, strong[grown.newest], max_speed))
-    passed = decided.evidence >= threshold
-    if not passed.any():
+    return replace(grown, ended=_ended_at(grown.ended, strong[grown.newest], max_speed))
+
+
+def with_rivals(grown: Grown, decided: Grown, threshold: float, max_speed: float) -> Grown:
+    """As `ended_at`, of the tree and what `decided` made of it."""
+    strong, passed = _strong(grown, threshold), decided.evidence >= threshold
+    if not strong.any() or not passed.any():
         return decided  # no start, and no rival of any
     # Of other detections, those that may be rivals of a start: they share a hit with it.
     hits = np.unique(grown.ended.hits[passed[grown.newest]])
@@ -66,6 +73,14 @@ def ended_at(grown: Grown, threshold: float, max_speed: float) -> Grown:
         ended=_ended_at(grown.ended, strong[grown.newest] | rival(grown.ended), max_speed),
         missed=_ended_at(grown.missed, rival(grown.missed), max_speed),
     )
+
+
+def _strong(grown: Grown, threshold: float) -> BoolArray:
+    """Which detections (d,) may reach the threshold."""
+    strong: BoolArray = grown.evidence + LOG_GAIN >= threshold
+    hits = grown.ended.hit_count.astype(float)
+    strong &= grouped.largest_of(hits, grown.newest, len(grown.ids)) >= MIN_HITS
+    return strong
 
 
 def _ended_at(hypotheses: Hypotheses, counts: BoolArray, max_speed: float) -> Hypotheses:

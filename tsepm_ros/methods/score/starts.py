@@ -171,17 +171,20 @@ class SummedEvidence:
         """
         if attainable(grown, window).max(initial=-math.inf) < threshold:
             return []
-        grown = speed_prior.ended_at(grown, threshold, max_speed)
-        group, n, sums = grown.newest, len(grown.ids), grown.evidence
+        decided = speed_prior.decided(grown, threshold, max_speed)
+        group, n, sums = grown.newest, len(grown.ids), decided.evidence
         strong = sums >= threshold
-        strong &= grouped.largest_of(grown.ended.hit_count.astype(float), group, n) >= MIN_HITS
+        strong &= grouped.largest_of(decided.ended.hit_count.astype(float), group, n) >= MIN_HITS
         rows = np.flatnonzero(strong[group])
-        ending, group = grown.ended[rows], group[rows]
+        ending, group = decided.ended[rows], group[rows]
         new = held_share(ending, group, n, window) <= MAX_HELD_SHARE
         new &= window.held_probability(grown.ids) <= MAX_HELD_PROBABILITY
         strong &= new | (
             grouped.summed(ending.score_given_held, group, n) >= threshold + SECOND_TARGET_MARGIN
         )
+        if not strong.any():
+            return []
+        grown = speed_prior.with_rivals(grown, decided, threshold, max_speed)
         starts: list[Start] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda detection: -sums[detection]):
             members = ending[group == newest]
