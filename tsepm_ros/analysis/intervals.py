@@ -16,6 +16,8 @@ from tsepm_ros.numerics.arrays import FloatArray
 Z_95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
 TAILS = (0.025, 0.975)
+Z_90, TAILS_90 = 1.6448536269514722, (0.05, 0.95)
+"""Of the two-sided 90 % interval, whose ends are one-sided 95 % bounds."""
 RESAMPLES = 1000
 """Resamples of a bootstrap; their seed is fixed, so that results repeat."""
 
@@ -64,18 +66,18 @@ def proportion(successes: int, trials: int) -> Estimate:
     return Estimate(successes / trials, float(interval.low), float(interval.high))
 
 
-def mean(values: ArrayLike) -> Estimate:
-    """Mean of independent values with the normal interval."""
+def mean(values: ArrayLike, z: float = Z_95) -> Estimate:
+    """Mean of independent values with the normal interval of z standard errors."""
     array = np.asarray(values, float)
     if len(array) == 0:
         return Estimate.unknown()
     centre = float(array.mean())
     deviation = float(array.std(ddof=1)) if len(array) > 1 else math.nan
-    half = Z_95 * deviation / math.sqrt(len(array))
+    half = z * deviation / math.sqrt(len(array))
     return Estimate(centre, centre - half, centre + half)
 
 
-def mean_count(counts: ArrayLike) -> Estimate:
+def mean_count(counts: ArrayLike, tails: tuple[float, float] = TAILS) -> Estimate:
     """Mean of independent counts with the exact Poisson interval, widened by their dispersion.
 
     Garwood's interval ("Fiducial limits for the Poisson distribution", Biometrika 28, 1936) of the
@@ -90,8 +92,8 @@ def mean_count(counts: ArrayLike) -> Estimate:
     if r > 1 and total > 0.0:
         dispersion = max(float(array.var(ddof=1)) * r / total, 1.0)
     events, scale = total / dispersion, dispersion / r
-    low = float(gammaincinv(events, TAILS[0])) if events > 0.0 else 0.0
-    return Estimate(total / r, scale * low, scale * float(gammaincinv(events + 1.0, TAILS[1])))
+    low = float(gammaincinv(events, tails[0])) if events > 0.0 else 0.0
+    return Estimate(total / r, scale * low, scale * float(gammaincinv(events + 1.0, tails[1])))
 
 
 def root(square: Estimate) -> Estimate:

@@ -17,7 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment.strength_law import MIN_REFERENCES, StrengthLaw
-from tsepm_ros.environment.strength_levels import PING_WINDOWS, PlaceLevels, ping_level, window_level
+from tsepm_ros.environment.strength_levels import (
+    PING_WINDOWS,
+    PlaceLevels,
+    ping_level,
+    window_level,
+)
 from tsepm_ros.environment.strength_reference import (
     MAX_PER_PING,
     MAX_PINGS,

@@ -125,11 +125,10 @@ class StrengthLaw:
     def constant_share(self) -> float:
         """Share of the median value: that of the commonest, if it is more than a half."""
         half = np.searchsorted(-self.at_least[:-1], -0.5 * self.count, side="right") - 1
-        ends = [
-            np.searchsorted(self.values, self.values[max(half, 0)], side)
-            for side in ("left", "right")
-        ]
-        return float(np.subtract(*self.at_least[ends]) / max(self.count, 1e-9))
+        median = self.values[max(int(half), 0)]
+        first = int(np.searchsorted(self.values, median))
+        beyond = int(np.searchsorted(self.values, median, side="right"))
+        return float(self.at_least[first] - self.at_least[beyond]) / max(self.count, 1e-9)
 
     def quantile(self, share: float) -> float:
         """Value of the reference below which a share of it is, whatever the weights."""

@@ -70,7 +70,7 @@ def ping_level(
 
 
 def window_level(level: float, values: FloatArray, pings: int) -> float:
-    """The level of a window of pings, of which values (n,) are: `level` if they do not contradict."""
+    """The level of a window of pings with values (n,): `level` if they do not contradict."""
     n = len(values)
     target = min(pings + 2.0, MAX_TARGET_COUNT)
     deviation = 0.5 * PING_DEVIATIONS * math.sqrt(n)
@@ -157,7 +157,7 @@ class PlaceLevels:
 
     def cells_of(self, cells: tuple[IntArray, IntArray]) -> IntArray:
         """Cells here, (n,), of rows and columns of the clutter map."""
-        rows, columns = self.shape
+        columns = self.shape[1]
         column = np.minimum(cells[1] // CELLS_TOGETHER, columns - 1)
         return np.asarray(cells[0] // CELLS_TOGETHER * columns + column)
 
@@ -229,9 +229,9 @@ class PlaceLevels:
         return np.asarray(self._by_range[cells // self.shape[1]])
 
     def _level(self, count: FloatArray, total: FloatArray) -> FloatArray:
-        """Level (n,) that windows of counts and sums (s, n), from wide to narrow, do not contradict.
+        """Level (n,) that windows do not contradict, by their counts and sums (s, n).
 
-        As many detections as a target may have do not count in a rise.
+        They go from wide to narrow. As many detections as a target may have do not count in a rise.
         """
         target = min(self._pings + 2.0, MAX_TARGET_COUNT)
         spread = PLACE_DEVIATIONS * self._deviation

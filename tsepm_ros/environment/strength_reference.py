@@ -1,8 +1,12 @@
-"""References of the strength of clutter: detections of the last pings, and whether two are alike."""
+"""References of the strength of clutter: detections of the last pings, and whether they are alike.
+
+They are rows of one array, so that a ping costs a few operations, whatever the number of pings.
+"""
 
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +110,7 @@ class References:
 
     def relevel(self, before: float, level: float) -> None:
         """Give another level to the pings that have the level `before`."""
-        ends = list(self._ends)
-        for ping, (begin, end) in enumerate(zip(ends, ends[1:], strict=False)):
+        for ping, (begin, end) in enumerate(pairwise(self._ends)):
             if self.levels[ping] == before:
                 self.levels[ping] = level
                 part = self._buffer[begin:end]

@@ -84,8 +84,9 @@ def learn_strengths(
     """
     if strengths is None:
         return
-    sigma = np.sort(detections["major_sigma"])
-    error = 1.5 * float(sigma[(len(sigma) - 1) // 2] + sigma[len(sigma) // 2]) if len(sigma) else 0.0
+    sigma, error = np.sort(detections["major_sigma"]), 0.0
+    if len(sigma):  # three times the median
+        error = 1.5 * float(sigma[(len(sigma) - 1) // 2] + sigma[len(sigma) // 2])
     reach = moved * np.arange(strength_texture.LAGS + 1.0) + math.sqrt(2.0) * error
     strengths.update(weight, (strength_texture.LAGS + 1.0) * moved + error, reach)
 
