@@ -205,11 +205,12 @@ class PlaceLevels:
         """Level at cells (n,), 0 where no window contradicts: by range, and then by place."""
         if not self._pings or not self._deviation or not len(cells):
             return np.zeros(len(cells))
-        # Of weights and sums, for each side of a window and each cell, (2, s, n).
-        around = self._sums.take(self._corners.take(cells, axis=2), axis=1)
-        right, left = around[:, 0] - around[:, 1], around[:, 2] - around[:, 3]
-        behind = around[:, 4] - around[:, 5]
-        return self.by_range(cells) + self._level(*(right - left + behind))
+        # Of weights and sums, for each cell and each side of a window, (2, n, s).
+        around = self._sums.take(self._corners[cells], axis=1)
+        right, left = around[:, :, 0] - around[:, :, 1], around[:, :, 2] - around[:, :, 3]
+        behind = around[:, :, 4] - around[:, :, 5]
+        count, total = right - left + behind
+        return self.by_range(cells) + self._level(count.T, total.T)
 
     def renew(self) -> None:
         """Take the levels from what was learned so far; those by range first."""
@@ -247,7 +248,7 @@ class PlaceLevels:
 
     @cached_property
     def _corners(self) -> IntArray:
-        """Corners of the windows around each cell, (6, s, c), from the widest window on.
+        """Corners of the windows around each cell, (c, 6, s), from the widest window on.
 
         They are places in the sums over all rows and columns before each: the upper and the bottom
         end of the right side, of the left side, and of the last column where the window goes on
@@ -276,4 +277,6 @@ class PlaceLevels:
             ]
             corners.append(ends)
             side //= 2
-        return np.array(corners, np.int64).reshape(-1, 6, rows * columns).swapaxes(0, 1)
+        by_side = np.array(corners, np.int64).reshape(-1, 6, rows * columns)
+        # By cell: the corners of a cell's windows are beside each other.
+        return np.ascontiguousarray(by_side.transpose(2, 1, 0))

@@ -74,9 +74,14 @@ def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
     log_odds = paths.score - paths.strength_score + math.log(PRIOR_TARGET_ODDS)
     likely = np.flatnonzero(log_odds > math.log(MIN_PROBABILITY / (1.0 - MIN_PROBABILITY)))
     hits = paths.hits[likely]
-    detection, place = np.unique(hits, return_inverse=True)
-    best = np.full(len(detection), -np.inf)
-    np.maximum.at(best, place.ravel(), np.repeat(log_odds[likely], hits.shape[1]))
-    hit = detection != NO_HIT
-    of = window[detection[hit]]
+    path, place = np.nonzero(hits != NO_HIT)
+    detection = hits[path, place]
+    if not len(detection):
+        none = np.zeros(0, np.int64)
+        return TargetHits(none, none, np.zeros(0))
+    first = detection.min()
+    best = np.full(detection.max() + 1 - first, -np.inf)
+    np.maximum.at(best, detection - first, log_odds[likely][path])
+    hit = np.flatnonzero(best > -np.inf)
+    of = window[hit + first]
     return TargetHits(of["scan"], of["index"], 1.0 / (1.0 + np.exp(-best[hit])))
