@@ -68,7 +68,25 @@ def test_equal_false_rates_are_linear_in_the_logarithm_of_false_starts(
 ):
     row = beside(found, false)
     assert row[:2] == ["box", "4"]
-    assert [cell.split(" (")[0] for cell in row[4:]] == [share, cost, verdict]
+    assert [cell.split(" (")[0] for cell in row[4:7]] == [share, cost, verdict]
+
+
+@pytest.mark.parametrize(
+    ("loss", "beyond", "found"),
+    [
+        ((-0.05, 0.01), False, "holds"),
+        ((-0.05, 0.02), False, "cannot tell"),
+        ((0.02, 0.05), False, "does not"),
+        ((0.02, 0.05), True, "cannot tell"),
+    ],
+)
+def test_loss_of_detection_is_decided_on_its_margin(loss, beyond, found):
+    assert promises.within_margin(Estimate(0.0, *loss), beyond=beyond) == found
+
+
+def test_loss_of_detection_has_bounds_within_its_interval():
+    row = beside(3, 2)
+    assert row[7].startswith("+0.000 (") and row[8] == "holds"
 
 
 def test_more_targets_than_the_sweep_finds_are_not_compared():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.analysis.intervals import RESAMPLES, TAILS, Estimate
+from tsepm_ros.analysis.intervals import RESAMPLES, TAILS, TAILS_90, Estimate
 from tsepm_ros.analysis.run_summary import RunSummary
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.numerics.arrays import FloatArray
@@ -68,6 +68,8 @@ class Comparison:
         The point's false starts per run and P_D.
     other_detection, detection_difference : Estimate
         P_D of the curve at the point's rate of false starts, and the point's P_D less that.
+    detection_bounds : Estimate
+        The same difference with one-sided 95 % bounds.
     other_false, false_ratio : Estimate
         False starts per run of the curve at the point's P_D, and their false_ratio to the point's.
     """
@@ -79,6 +81,7 @@ class Comparison:
     detection: float
     other_detection: Estimate
     detection_difference: Estimate
+    detection_bounds: Estimate
     other_false: Estimate
     false_ratio: Estimate
 
@@ -140,17 +143,18 @@ def _compared(
         float(detection[0]),
         other_detection=_interval(other_detection),
         detection_difference=_interval(detection - other_detection),
+        detection_bounds=_interval(detection - other_detection, TAILS_90),
         other_false=_interval(other_false),
         false_ratio=_interval(other_false / false),
     )
 
 
-def _interval(values: FloatArray) -> Estimate:
+def _interval(values: FloatArray, tails: tuple[float, float] = TAILS) -> Estimate:
     """The sample's value, (1 + b,) first, with the interval of its resamples."""
     resamples = values[1:][np.isfinite(values[1:])]
     if np.isnan(values[0]) or not len(resamples):
         return Estimate.unknown()
-    low, high = np.quantile(resamples, TAILS)
+    low, high = np.quantile(resamples, tails)
     return Estimate(float(values[0]), float(low), float(high))
 
 
