@@ -67,6 +67,7 @@ CLUTTER: dict[str, tuple[ClutterStrength | None, Change]] = {
     "K, texture of 500 m and 3 min": (ClutterStrength("k", 0.5, 500.0, 180.0), as_drawn),
     "log-normal": (ClutterStrength("log_normal", 1.0), as_drawn),
     "8 bits": (ClutterStrength(), of_8_bits),
+    "falling with range": (ClutterStrength(), falling),
     "step of 10 dB at 7 km": (ClutterStrength(), with_a_step),
     "gain of 20 dB in the middle": (ClutterStrength(), with_a_gain),
 }
