@@ -86,6 +86,12 @@ def test_without_intensities_the_member_nearest_to_the_centroid_counts():
     assert made.scan.range == pytest.approx([12.0])
 
 
+def test_a_plot_at_the_sensor_has_any_azimuth():
+    scan = Scan(0.0, [0.01, 0.02], [0.0, 1.0])
+    made = plots_of(scan, np.zeros(2, int), EchoErrors(1.0, 4.0), SENSOR)
+    assert made.scan.azimuth_std.tolist() == [math.pi]
+
+
 def test_detections_alone_stay_as_they_are():
     rng = np.random.default_rng(2)
     scan = Scan(0.0, rng.uniform(10.0, 20.0, 9), rng.uniform(-3.0, 3.0, 9))

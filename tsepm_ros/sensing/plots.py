@@ -32,7 +32,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_nearer
 from tsepm_ros.numerics.grouped import largest_of
 from tsepm_ros.numerics.linkage import complete_linkage
-from tsepm_ros.sensing.scan import MIN_MAGNITUDE, Scan, wrap
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 from tsepm_ros.sensing.sensor import SensorModel
 
 MAX_PAIRS = 2_000_000
@@ -289,10 +289,8 @@ def plots_of(
             scan,
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
-            range_std=_std(
-                np.where(changed, own * factor + spread, own), MIN_MAGNITUDE["range_std"]
-            ),
-            azimuth_std=_std(angle_error, MIN_MAGNITUDE["azimuth_std"]),
+            range_std=_std("range_std", np.where(changed, own * factor + spread, own)),
+            azimuth_std=_std("azimuth_std", angle_error),
             time_offset=None if scan.time_offset is None else scan.time_offset[best],
             features=width,
             group=None,
@@ -350,8 +348,9 @@ def _features(scan: Scan, rows: IntArray) -> dict[str, FloatArray]:
     return {name: values[rows] for name, values in scan.features.items()}
 
 
-def _std(variance: FloatArray, least: float) -> FloatArray:
-    return np.maximum(np.sqrt(variance), least)
+def _std(name: str, variance: FloatArray) -> FloatArray:
+    """Standard deviations within the bounds of a scan: an echo at the sensor has any azimuth."""
+    return np.clip(np.sqrt(variance), MIN_MAGNITUDE[name], MAX_MAGNITUDE[name])
 
 
 def _rows(values: FloatArray | tuple[float, ...], rows: IntArray) -> FloatArray:
