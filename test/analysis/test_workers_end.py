@@ -51,3 +51,32 @@ def test_workers_of_a_killed_parent_end(tmp_path):
             run.kill()
             for worker in filter(is_alive, workers):
                 os.kill(worker, signal.SIGKILL)
+
+
+WHILE_THEY_START = """
+import os, signal, time
+from tsepm_ros.analysis.workers import Workers
+
+def wait(job):
+    time.sleep(0.001)
+
+def end(number, frame):
+    raise SystemExit(40 + number)
+
+if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    ended = iter([signal.{name}])
+    os.register_at_fork(before=lambda: [os.kill(os.getpid(), number) for number in ended])
+    list(Workers(processes=2).mapped(wait, range(4)))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_workers_start_is_not_lost(tmp_path, number):
+    script = tmp_path / "run.py"
+    script.write_text(WHILE_THEY_START.format(name=number.name))
+    ended = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False, timeout=WAIT
+    )
+    assert (ended.returncode, ended.stderr) == (40 + number, "")
