@@ -39,6 +39,9 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 unexport ROS_STATIC_PEERS ROS_LOCALHOST_ONLY
 export ROS_LOG_DIR := $(CURDIR)/build/ros_log
 export MPLCONFIGDIR := $(CURDIR)/build/matplotlib
+# Processes are started by the hundred: without compiled modules each takes a second longer.
+unexport PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX := $(CURDIR)/build/pycache
 
 .PHONY: help demo test coverage campaigns lint docs env clean
 .DEFAULT_GOAL := help

@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 
@@ -142,6 +143,14 @@ def test_a_message_that_cannot_be_read_is_a_warning(world):
 def test_bad_parameters_are_refused(world, parameters, sentence):
     with pytest.raises(ParameterError, match=re.escape(sentence)):
         world.make(TrackViewer, {"port": 0, **parameters})
+
+
+def test_a_node_that_is_refused_serves_nothing(world):
+    """The fault is found after the server has started."""
+    override = {"qos_overrides./nowhere.publisher.depth": 5}
+    with pytest.raises(ParameterError, match="nowhere"):
+        world.make(TrackViewer, {"port": 0, **override})
+    assert "page server" not in [thread.name for thread in threading.enumerate()]
 
 
 def test_tsepm_watch_serves_the_live_topics_until_interrupted(domain, tmp_path):

@@ -95,6 +95,7 @@ class Watcher:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Watcher:
+        self._task = self._loop.create_task(self._read())  # here: the end needs it
         self._thread.start()
         return self
 
@@ -122,7 +123,6 @@ class Watcher:
         return found[-1] if found else None
 
     def _run(self) -> None:
-        self._task = self._loop.create_task(self._read())
         with contextlib.suppress(asyncio.CancelledError):
             self._loop.run_until_complete(self._task)
         self._loop.close()

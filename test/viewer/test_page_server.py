@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
+import threading
+import time
 from urllib.parse import urlsplit
 
 import pytest
@@ -278,6 +280,43 @@ def test_a_server_that_is_stopped_while_it_starts_ends():
             pass
         server.stop()
         assert server.loop.is_closed()
+
+
+@pytest.mark.parametrize("begun", [False, True], ids=["before_the_thread", "while_it_begins"])
+def test_a_server_whose_start_is_interrupted_ends(monkeypatch, begun):
+    failures = []
+    monkeypatch.setattr(threading, "excepthook", failures.append)
+    start_new_thread = threading._start_new_thread
+
+    def interrupted(*arguments):
+        if begun:
+            start_new_thread(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threading, "_start_new_thread", interrupted)
+    for _ in range(50):
+        server = PageServer(ViewerNodeOptions(port=0), "Tracks", live_state())
+        with pytest.raises(KeyboardInterrupt):
+            server.start()
+        server.stop()
+        end = time.monotonic() + WAIT
+        while begun and not server.loop.is_closed() and time.monotonic() < end:
+            time.sleep(0.001)
+        assert not begun or server.loop.is_closed()
+        with socket.create_server(("127.0.0.1", urlsplit(server.url).port)):
+            pass
+        server.loop.close()
+    assert failures == []
+
+
+def test_what_comes_after_the_end_is_left():
+    called = threading.Event()
+    state = live_state(1)
+    with served(state) as server:
+        server.call_later(0.0, called.set)
+        assert called.wait(WAIT)
+    server.call_later(0.0, lambda: pytest.fail("called after the end"))
+    put_moving(state, 2)
 
 
 @pytest.mark.parametrize(

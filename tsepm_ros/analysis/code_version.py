@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import hashlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -32,8 +33,12 @@ _NO_CODE = ("ctx", "kind", "type_comment", "type_params", "type_ignores")
 """Fields of a syntax tree that the code does not depend on, or that not every Python has."""
 
 
+@functools.cache
 def package_version() -> str:
-    """Version of the package, and a digest of the modules that determine its tracks."""
+    """Version of the package, and a digest of the modules that determine its tracks.
+
+    The digest takes about a second; it is computed once per process.
+    """
     return f"{tsepm_ros.__version__} {digest(track_modules())}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -139,20 +140,23 @@ def evaluate(
 
 def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int) -> RunFile:
     """The file of an operating point's runs on a scenario."""
-    here = Path(__file__).parent
-    code = [
-        *(here / f"{name}.py" for name in JUDGING_MODULES),
-        *(here.parent / "simulation").glob("*.py"),
-    ]
     header = {
         "version": point.version,
-        "simulated_and_judged_by": digest(code),
+        "simulated_and_judged_by": _judging_version(),
         "method": point.method,
         "options": dict(point.options),
         "scenario": dataclasses.asdict(scenario),
         "seed": seed,
     }
     return RunFile(folder, (scenario.name, point.method, point.label), header)
+
+
+@functools.cache
+def _judging_version() -> str:
+    """Digest of the modules that simulate and judge a run."""
+    here = Path(__file__).parent
+    judging = [here / f"{name}.py" for name in JUDGING_MODULES]
+    return digest([*judging, *(here.parent / "simulation").glob("*.py")])
 
 
 def _evaluated(

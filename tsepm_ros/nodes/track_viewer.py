@@ -52,6 +52,19 @@ class TrackViewer(ParameterisedNode):
                 lambda sentence: warnings.warn(sentence.partition(":")[0], sentence, 0),
                 partial(deserialize_message, message_type=Odometry),
             )
+        try:
+            self._subscribe()
+        except BaseException:
+            self._feed.stop()  # nobody gets the node, which could be destroyed
+            raise
+        self.get_logger().info(f"open {self._feed.server.url}")
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self._feed.server.url
+
+    def _subscribe(self) -> None:
         qos = QosWatch(self)
         self._clouds = [
             OfferedSubscription(
@@ -74,12 +87,6 @@ class TrackViewer(ParameterisedNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(CHECK_PERIOD, self._check_publisher, clock=steady)
         self.refuse_unused_overrides()
-        self.get_logger().info(f"open {self._feed.server.url}")
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return self._feed.server.url
 
     def destroy_node(self) -> None:
         """Destroy the node and end the server."""

@@ -12,6 +12,7 @@ import errno
 import gzip
 import socket
 import threading
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlencode
 
@@ -73,7 +74,7 @@ class PageServer:
     url : str
         Where the page is, with the token if one is demanded.
     loop : asyncio.AbstractEventLoop
-        For calls in its thread.
+        Of its thread; see `call_later`.
 
     Raises
     ------
@@ -102,6 +103,7 @@ class PageServer:
             "log_function": lambda handler: None,
         }
         self.loop = asyncio.new_event_loop()
+        self._started = False
         self._stopped = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="page server", daemon=True)
 
@@ -128,24 +130,37 @@ class PageServer:
             routes.append(("/updates", _Updates, source))
             self._state.changed = self._announce
         self._application = tornado.web.Application(routes, **self._settings)
+        self._started = True
         self._thread.start()
 
     def stop(self) -> None:
         """Close all connections and end the thread, if it was started; free the port."""
-        if self._thread.is_alive():
-            with contextlib.suppress(RuntimeError):  # ended since
-                self.loop.call_soon_threadsafe(self._stopped.set)
-            self._thread.join()
-        self.loop.close()
+        if self._started:
+            self._call(self._stopped.set)
+            # An interrupt may have ended `start` before the thread runs, which then ends at once
+            # and closes the loop.
+            if self._thread.is_alive():
+                self._thread.join()
+        else:
+            self.loop.close()
         for bound in self._sockets:
             bound.close()
+
+    def call_later(self, seconds: float, function: Callable[[], None]) -> None:
+        """Call a function in the server's thread after some time, unless it is stopped before."""
+        self._call(self.loop.call_later, seconds, function)
+
+    def _call(self, function: Callable[..., object], *arguments: object) -> None:
+        """Call a function in the loop, from any thread; nothing after the end."""
+        if not self.loop.is_closed():
+            with contextlib.suppress(RuntimeError):  # closed since
+                self.loop.call_soon_threadsafe(function, *arguments)
 
     def _announce(self) -> None:
         if threading.current_thread() is self._thread:
             self._wake()
-        elif not self.loop.is_closed():
-            with contextlib.suppress(RuntimeError):  # closed since
-                self.loop.call_soon_threadsafe(self._wake)
+        else:
+            self._call(self._wake)
 
     def _wake(self) -> None:
         for browser in self._browsers:
@@ -159,6 +174,8 @@ class PageServer:
             self.loop.close()
 
     async def _serve(self) -> None:
+        if self._stopped.is_set():
+            return  # the sockets may be closed
         self._server = HTTPServer(self._application, max_body_size=MAX_REQUEST)
         self._server.add_sockets(self._sockets)
         await self._stopped.wait()  # an event also counts when it is set before

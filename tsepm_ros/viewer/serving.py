@@ -92,8 +92,7 @@ class LiveFeed:
         self._waiting.append((topic, message))
         if not self._scheduled:
             self._scheduled = True
-            loop = self.server.loop
-            loop.call_soon_threadsafe(loop.call_later, GATHERING_TIME, self._show)
+            self.server.call_later(GATHERING_TIME, self._show)
 
     def published(self, known: bool) -> None:
         """Say whether anything publishes held tracks, for a page that waits for them."""
