@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 
+import pytest
 from support.patience import WAIT, patient
 
 from tsepm_ros.demo.two_processes import main
@@ -39,6 +41,38 @@ def test_a_target_that_is_not_started_fails_the_demo(tmp_path):
     done = demo(*arguments, "--picture", str(tmp_path / "demo.png"))
     assert done.returncode == 1
     assert "1 of 1 targets were not truly started" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "")],
+    ids=["SIGINT", "SIGTERM"],
+)
+@pytest.mark.parametrize("started", [1, 2])
+def test_a_signal_ends_the_demo_and_its_nodes(tmp_path, number, code, said, started):
+    """While its first or second node starts; nobody else tells the nodes to end."""
+    script = (
+        "import os, signal, subprocess, sys\n"
+        "from tsepm_ros.demo.two_processes import main\n"
+        "class Popen(subprocess.Popen):\n"
+        "    started = []\n"
+        "    def __init__(self, *arguments):\n"
+        "        super().__init__(*arguments)\n"
+        "        self.started.append(self)\n"
+        f"        if len(self.started) == {started}: os.kill(os.getpid(), signal.{number.name})\n"
+        "subprocess.Popen = Popen\n"
+        "code = 0\n"
+        "try:\n"
+        f"    code = main(['--picture', {str(tmp_path / 'a.png')!r}])\n"
+        "finally:\n"
+        "    print(*(process.poll() for process in Popen.started))\n"
+        "sys.exit(code)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=WAIT, check=False
+    )
+    assert (done.returncode, done.stderr) == (code, said)
+    assert len(done.stdout.split()) == started and "None" not in done.stdout
 
 
 def test_an_unknown_scenario_is_refused(capsys):

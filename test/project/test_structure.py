@@ -14,6 +14,7 @@ LAYERS = (
     "tsepm_ros.whole_files",
     "tsepm_ros.plain_yaml",
     "tsepm_ros.progress",
+    "tsepm_ros.ending_signals",
     "tsepm_ros.parameters",
     "tsepm_ros.numerics",
     "tsepm_ros.sensing",

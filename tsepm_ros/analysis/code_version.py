@@ -17,6 +17,7 @@ NO_TRACKS = (
     "demo",
     "design",
     "diagnostics",
+    "ending_signals.py",
     "nodes",
     "pictures",
     "plain_yaml.py",

@@ -9,41 +9,16 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
+
+from tsepm_ros.ending_signals import signals_held
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 WATCH_PERIOD = 0.5
 """Time between a worker's checks of its parent, s."""
-
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
-@contextmanager
-def _signals_held() -> Iterator[None]:
-    """Hold ending signals back until the end of the block.
-
-    The exception of a signal handler is lost if it is raised in the functions that Python calls
-    around a fork, and it would end the start of a pool half way. A new worker process inherits the
-    handler until it has its own.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield  # the main thread alone runs handlers
-        return
-    held: list[int] = []
-    before = [
-        signal.signal(number, lambda number, _: held.append(number)) for number in ENDING_SIGNALS
-    ]
-    try:
-        yield
-    finally:
-        for number, handler in zip(ENDING_SIGNALS, before, strict=True):
-            signal.signal(number, handler)
-        for number in held:
-            signal.raise_signal(number)
 
 
 def _attach_to_parent() -> None:
@@ -109,7 +84,7 @@ class Workers:
         else:
             pool = ProcessPoolExecutor(self.processes, initializer=_attach_to_parent)
             try:
-                with _signals_held():  # the first job starts the processes
+                with signals_held():  # the first job starts the processes
                     results = pool.map(function, jobs, chunksize=chunk)
                 yield from results
             finally:

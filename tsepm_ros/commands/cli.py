@@ -5,11 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 from tsepm_ros.commands.design_command import add_design_arguments, run_design
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
@@ -18,17 +15,13 @@ from tsepm_ros.commands.init_command import add_init_arguments, run_init
 from tsepm_ros.commands.reproduce_command import add_reproduction_arguments, run_reproduction
 from tsepm_ros.commands.run_command import add_recording_arguments, run_recording
 from tsepm_ros.commands.watch_command import add_watch_arguments, run_watch
+from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.settings.rendering import ANY_NODE, as_markdown, as_page, as_yaml
 from tsepm_ros.settings.tables import NODES
 
 AddArguments = Callable[[argparse.ArgumentParser], None]
 Command = Callable[[argparse.Namespace], None]
-
-INTERRUPTED = 130
-"""Exit code of a process that was ended by an interrupt."""
-TERMINATED = 143
-"""Exit code of a process that was ended by SIGTERM."""
 
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
@@ -43,25 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 2 with a message on stderr if an argument is not allowed; 1 if a file cannot be read or
         written, or every scan was dropped; 130 if interrupted, 143 if terminated.
     """
-    with _ending_on_termination():
+    with ending_on_termination():
         return _run(sys.argv[1:] if arguments is None else arguments)
-
-
-@contextmanager
-def _ending_on_termination() -> Iterator[None]:
-    """End by an exception at SIGTERM: temporary files are removed, and workers end."""
-
-    def end(number: int, _: object) -> None:
-        raise SystemExit(TERMINATED)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _run(arguments: Sequence[str]) -> int:

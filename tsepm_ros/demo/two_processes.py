@@ -20,9 +20,11 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # before rclpy.init
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from tsepm_ros.demo.review import Review, review_recording, review_simulation
 from tsepm_ros.demo.topic_collector import TopicCollector
+from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, signals_held
 from tsepm_ros.pictures.plan_position import save
 from tsepm_ros.pictures.run_scene import headline
 from tsepm_ros.progress import progress_bar
@@ -44,9 +46,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0 if both nodes ended without an error, every scan was processed, and every target has a
-        true start.
+        true start; 130 if interrupted, 143 if terminated.
     """
     options = _parse(arguments)
+    with ending_on_termination():
+        try:
+            return _demonstrate(options)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            return INTERRUPTED
+
+
+def _demonstrate(options: argparse.Namespace) -> int:
     try:
         scene = _scene(options)
     except ValueError as error:
@@ -112,7 +123,8 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, tuple
     initiator = ["track_initiator", "-p", "own_ship_source:=odometry"]
     for parameter in options.parameter:
         initiator += ["-p", parameter]
-    rclpy.init(domain_id=domain)
+    # No handlers of rclpy: a signal is an exception, as in the other commands.
+    rclpy.init(domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     collector = TopicCollector(namespace=NAMESPACE)
     executor = SingleThreadedExecutor()
     executor.add_node(collector)
@@ -133,11 +145,13 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, tuple
 def _process(name: str, *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
     command = [sys.executable, "-c", PROCESS.format(name), "--ros-args", *parameters]
     command += ["--log-level", "warn", "-r", f"__ns:={NAMESPACE}"]
-    process = subprocess.Popen(command)
+    process = None
     try:
+        with signals_held():
+            process = subprocess.Popen(command)
         yield process
     finally:
-        if process.poll() is None:
+        if process is not None and process.poll() is None:
             process.kill()
             process.wait()
 
