@@ -8,11 +8,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
 import yaml
 
+from tsepm_ros.analysis.result_files import read_result
 from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.commands.cli import main
 from tsepm_ros.methods.registry import available_methods
@@ -48,6 +50,40 @@ def test_the_parameters_of_all_nodes_are_one_file_and_one_page(capsys):
     assert list(yaml.safe_load(capsys.readouterr().out)) == [f"/**/{node}" for node in NODES]
     assert main(["parameters", "all", "--markdown"]) == 0
     assert capsys.readouterr().out == as_page(NODES)
+
+
+def test_the_parameters_of_a_node_are_tables(capsys):
+    assert main(["parameters", "track_viewer", "--markdown"]) == 0
+    assert "| `port` |" in capsys.readouterr().out
+
+
+def test_an_interrupt_ends_a_command_with_a_word(capsys, tmp_path, monkeypatch):
+    def interrupted(prompt):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("builtins.input", interrupted)
+    for stream in (sys.stdin, sys.stdout):
+        monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
+    assert main(["init", str(tmp_path / "sonar.yaml")]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_reader_that_closes_the_pipe_is_no_error(capsys, monkeypatch):
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open(writing, "w") as pipe:
+        monkeypatch.setattr(sys, "stdout", pipe)
+        assert main(["parameters", "all", "--markdown"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_command_runs_in_any_thread(capsys):
+    codes = []
+    thread = threading.Thread(target=lambda: codes.append(main(["methods"])))
+    thread.start()
+    thread.join()
+    assert codes == [0]
 
 
 def test_a_recording_gives_tracks_as_csv(capsys, recording):
@@ -320,6 +356,16 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
     assert captured.out == ""
 
 
+def test_without_matplotlib_a_folder_has_no_picture_and_a_sentence(
+    capsys, recording, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "tsepm_ros.pictures.plan_animation", None)
+    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
+    assert "no picture: it needs matplotlib" in capsys.readouterr().err
+    assert (tmp_path / "out" / "tracks.csv").exists()
+    assert not list((tmp_path / "out").glob("*.png"))
+
+
 def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
     bag_files = pytest.importorskip("support.bag_files")
     entries = bag_files.simulated(namespace="/a") + bag_files.simulated(namespace="/b", seed=9)
@@ -374,6 +420,8 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
         values |= {"track_id": [3.0], "state_x": [stamp], "state_y": [-stamp]}
         message = bag_files.cloud(stamp, "odom", **values)
         entries.append(bag_files.Entry(stamp, "/ground_truth", bag_files.POINTS, message))
+    other = bag_files.cloud(1005.0, "odom", colour=[1.0])  # no truth, and left out
+    entries.append(bag_files.Entry(1005.0, "/ground_truth", bag_files.POINTS, other))
     path = bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time))
     with Bag(path) as bag:
         (truth,) = bag_truth(bag, find_topics(bag.topics, {}))
@@ -431,7 +479,9 @@ def evaluated(tmp_path, *arguments):
 
 
 def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_path):
-    evaluated(tmp_path, "--horizon", "6", "--seed", "3", "-p", "false_tracks_per_hour:=300.0")
+    path = tmp_path / "deep" / "figures.json"
+    changed = ("--seed", "3", "-p", "false_tracks_per_hour:=300.0")
+    evaluated(tmp_path, "--horizon", "6", *changed, "--result", str(path))
     out = capsys.readouterr().out
     assert "scenario box, 6 scans, 3 runs, seed 3" in out
     assert "scenario box, 8 scans, 3 runs, seed 3" in out
@@ -439,6 +489,18 @@ def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_pat
     for part in ("tsepm evaluate --method score", "3 runs", "seed 3", "Scenario box", "95 %"):
         assert part in text
     assert "false_tracks_per_hour:=300.0" in text
+    result = read_result(path)
+    assert (result.seed, result.runs) == (3, 3)
+    assert result.parameters == {"false_tracks_per_hour": 300.0}
+    assert result.command.startswith("tsepm evaluate --method score --runs 3 --scans 8 --horizon 6")
+    assert not any(name in result.command for name in ("result", "out", "workers"))
+    assert [row[:2] for row in result.rows] == [["box", "6"], ["box", "8"]]
+    assert {len(row) for row in result.rows} == {len(result.header)}
+    assert [row["scans"] for row in result.measures] == [6, 8]
+    assert all(row["options"] == result.parameters for row in result.measures)
+    path.write_text('{"seed": 1}')
+    with pytest.raises(ValueError, match="not a result file"):
+        read_result(path)
 
 
 def test_an_evaluation_draws_three_pictures_of_each_scene(tmp_path):

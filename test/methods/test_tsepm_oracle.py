@@ -12,6 +12,8 @@ from tsepm_ros import SensorModel, make_initiator
 
 SCENES = 300
 BATCH = 25
+ALWAYS = 75
+"""Scenes without the marker; a fault of the method shows in nearly every scene."""
 TOLERANCE = 1e-9
 
 
@@ -56,7 +58,16 @@ def compare(scene: Scene) -> int:
     return compared
 
 
-@pytest.mark.parametrize("first", range(0, SCENES, BATCH))
+@pytest.mark.parametrize(
+    "first",
+    [
+        *range(0, ALWAYS, BATCH),
+        *(
+            pytest.param(first, marks=pytest.mark.statistical)
+            for first in range(ALWAYS, SCENES, BATCH)
+        ),
+    ],
+)
 def test_equals_the_plain_version(first: int) -> None:
     compared = sum(compare(random_scene(seed)) for seed in range(first, first + BATCH))
     assert compared > 0, "the scenes must confirm tracks, or nothing was compared"

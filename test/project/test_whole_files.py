@@ -38,6 +38,21 @@ def test_an_error_leaves_what_was_there(tmp_path, earlier):
     assert not earlier or path.read_text() == earlier
 
 
+def test_the_file_of_a_living_writer_is_left_to_it(tmp_path):
+    path = tmp_path / "a.csv"
+    with written_whole(path) as one, written_whole(path) as other:
+        one.write_text("one")
+        other.write_text("other")
+        for process in (os.getpid(), os.getppid(), 1):  # the first process is root's
+            beside = tmp_path / f".a.csv.{process}-01234567.part.csv"
+            beside.touch()
+            temporary_beside(path)
+            assert beside.exists()
+            beside.unlink()
+    assert path.read_text() == "one"
+    assert os.listdir(tmp_path) == ["a.csv"]
+
+
 def test_a_full_disk_leaves_what_was_there(tmp_path):
     """A limit on the size of files stands for the disk."""
     path = tmp_path / "a.txt"

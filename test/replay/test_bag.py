@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import sqlite3
 import sys
 from itertools import pairwise
@@ -223,9 +224,10 @@ def fingerprint(results):
     return stamps + b"|".join(track_points(part)[0].tobytes() for part in parts)
 
 
-def test_a_hundred_replays_of_a_bag_are_the_same_to_the_bit(tmp_path):
+@pytest.mark.parametrize("number", [10, pytest.param(100, marks=pytest.mark.statistical)])
+def test_replays_of_a_bag_are_the_same_to_the_bit(tmp_path, number):
     paths = [write_bag(tmp_path / storage, simulated(), storage) for storage in STORAGES]
-    replays = [fingerprint(run(paths[k % 2])[0]) for k in range(100)]
+    replays = [fingerprint(run(paths[k % 2])[0]) for k in range(number)]
     assert len(replays[0]) > 3000, "some tracks"
     assert set(replays) == {replays[0]}
     other = write_bag(tmp_path / "other", simulated(seed=6))
@@ -240,6 +242,26 @@ def test_corrupt_messages_are_left_out_and_counted(tmp_path):
     assert session.dropped == {"message_corrupt": 2}
     clean, _ = run(write_bag(tmp_path / "clean", good))
     assert fingerprint(results) == fingerprint(clean)
+
+
+def test_poses_and_charts_that_cannot_be_read_are_dropped_with_a_reason(tmp_path):
+    entries = simulated()
+    pose = next(entry for entry in entries if entry.type_name == ODOMETRY)
+    bad = copy.deepcopy(pose.message)
+    bad.pose.pose.position.x = float("nan")
+    grid = "nav_msgs/msg/OccupancyGrid"
+    chart = STORE.types[grid](
+        header=bad.header,
+        info=STORE.types["nav_msgs/msg/MapMetaData"](
+            map_load_time=bad.header.stamp, resolution=0.0, width=1, height=1, origin=bad.pose.pose
+        ),
+        data=np.zeros(1, np.int8),
+    )
+    entries += [Entry(pose.time, pose.topic, ODOMETRY, bad), Entry(pose.time, "/land", grid, chart)]
+    _, session = run(write_bag(tmp_path / "bag", sorted(entries, key=lambda entry: entry.time)))
+    assert session.dropped["own_ship_invalid"] == 1
+    assert sum(number for reason, number in session.dropped.items() if "land" in reason) == 1
+    assert sum(session.dropped.values()) == 2
 
 
 def test_detections_that_are_no_detections_are_dropped_with_the_nodes_reasons(tmp_path):

@@ -65,6 +65,7 @@ def test_a_held_target_has_no_potential_tracks():
     assert initiator.statistics.potential_tracks > 0, "they are kept, as rivals"
 
 
+@pytest.mark.statistical
 def test_few_targets_in_clutter_are_started_twice():
     # 0.003 a run are expected.
     scene = load_scenario("box")
