@@ -56,8 +56,7 @@ test: $(MADE)-test  ## the tests but the long statistical ones; TEST_ARGS="test/
 ifdef TEST_ARGS
 	$(VENV)/bin/python -m pytest $(TEST_ARGS)
 else
-	$(VENV)/bin/python -m pytest -n auto --dist worksteal --ignore test/nodes
-	$(VENV)/bin/python -m pytest -n auto --dist worksteal test/nodes
+	$(VENV)/bin/python -m pytest -n auto --dist worksteal
 endif
 
 # Branches too; processes that the tests start are measured as well, by coverage's own .pth file.
@@ -65,7 +64,8 @@ COVERAGE := $(CURDIR)/build/coverage
 coverage: $(MADE)-test  ## lines and branches that the tests run, with and without the nodes
 	rm -rf $(COVERAGE)
 	mkdir -p $(COVERAGE)
-	COVERAGE_FILE=$(COVERAGE)/data $(VENV)/bin/python -m coverage run -m pytest -q $(TEST_ARGS)
+	COVERAGE_FILE=$(COVERAGE)/data \
+	  $(VENV)/bin/python -m coverage run -m pytest -q -n auto --dist worksteal $(TEST_ARGS)
 	$(VENV)/bin/python -m coverage combine -q --data-file=$(COVERAGE)/data $(COVERAGE)
 	@for part in all core; do \
 	  omit=$$([ $$part = all ] || echo '--omit=tsepm_ros/nodes/*,tsepm_ros/demo/*'); \
