@@ -86,6 +86,35 @@ def test_auto_learns_a_sweep_and_says_so():
     assert len(results[-1].current) == 2
 
 
+def test_a_learned_sweep_is_given_up_where_the_beam_stands():
+    said = []
+    one = Session(settings("auto"), lambda reason, sentence: said.append(sentence))
+    turning = [read(message) for message in in_parts(turns(8), 6)]
+    played_open(one, turning)
+    assert one.figures().sweep.startswith("sweeps of 3.14 s")
+    last = turning[-1].scan.stamp
+    standing = [beam(last + 0.5 * (n + 1), -2.0, 500.0) for n in range(400)]
+    results = played_open(one, standing)
+    assert [sentence for sentence in said if "no longer turns" in sentence] == [said[-1]]
+    assert one.figures().sweep == "a message is a scan"
+    assert [result.stamp for result in results[-5:]] == [one.scan.stamp for one in standing[-5:]]
+    assert sum(len(result.scan) for result in results) >= len(standing), "no echo is lost"
+
+
+def test_changed_limits_count_for_the_open_sweep():
+    """Each limit of the configuration reaches the sweep in parts as it does the whole turn."""
+    ranges = turns(6)
+    before = settings(f"{TURN}")
+    common = dataclasses.replace(before.common, max_detections=4)
+    changed = dataclasses.replace(before, common=common)
+    one = Session(before)
+    results = played_open(one, [read(message) for message in in_parts(ranges[:3], 6)])
+    one.configure(changed)
+    results += played(one, in_parts(ranges, 6)[len(in_parts(ranges[:3], 6)) :])
+    assert max(len(result.scan) for result in results[:2]) > 4
+    assert max(len(result.scan) for result in results[3:]) <= 4
+
+
 @pytest.mark.parametrize("method", ["tsepm", "score"])
 def test_auto_changes_nothing_for_a_sonar_that_looks_everywhere(method):
     scenario = dataclasses.replace(load_scenario("box"), scans=12)
