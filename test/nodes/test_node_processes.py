@@ -255,14 +255,13 @@ def test_a_bad_command_line_ends_an_executable_with_2_and_a_sentence(start, argu
     assert arguments[-1] in process.said.splitlines()[-1]
 
 
-@pytest.mark.parametrize("flag", ["-h", "--help"])
-def test_help_is_usage_with_the_parameters_before_ros_starts(start, flag):
+def test_help_is_usage_with_the_parameters_before_ros_starts(start):
     """A log folder that cannot be made shows that ROS would have started."""
     script = (
         "import sys, rclpy; sys.argv = ['x', '{flag}']; rclpy.init = None\n"
         "from tsepm_ros.nodes.{name} import main; sys.exit(main())"
     )
-    for name in EXECUTABLES:
+    for name, flag in zip(EXECUTABLES, ("-h", "--help", "--help"), strict=True):
         process = start(name, script=script.format(flag=flag, name=name))
         assert process.exit_code() == 0, process.said
         text = process.said

@@ -68,7 +68,7 @@ def _demonstrate(options: argparse.Namespace) -> int:
     if any(codes) or collector.processed < scans:
         print(
             f"failed: {collector.processed} of {scans} pings were processed; exit codes of the "
-            f"nodes: {codes[0]} and {codes[1]}",
+            f"nodes: {' and '.join(map(str, codes))}",
             file=sys.stderr,
         )
         return 1
@@ -111,8 +111,8 @@ def _scene(options: argparse.Namespace) -> Scenario | Recording:
     return load_scenario(options.scenario)
 
 
-def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, tuple[int, int]]:
-    """Run both nodes; returns the collected messages and the exit codes."""
+def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[int]]:
+    """Run both nodes; returns the collected messages and the exit codes of those started."""
     domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     source = ["sonar_simulator", "-p", f"scenario:={options.scenario}", "-p"]
@@ -131,9 +131,12 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, tuple
     try:
         with _process(*initiator) as tracker:
             _wait_for_initiator(executor, collector, tracker)
+            if tracker.poll() is not None:
+                return collector, [tracker.returncode]
             with _process(*source) as player:
                 _watch(executor, collector, scans, tracker)
-                codes = (_end(player), _end(tracker, interrupt=True))
+                unfinished = collector.processed < scans  # the source would go on, or wait
+                codes = [_end(player, interrupt=unfinished), _end(tracker, interrupt=True)]
     finally:
         executor.shutdown()
         collector.destroy_node()
