@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import multiprocessing
 import os
 import signal
+import sys
 
 import pytest
 from support.run_summaries import as_json
@@ -57,3 +59,17 @@ def test_a_scheduler_that_nobody_runs_is_said(scenario):
     results = study(scenario, TSEPM, range(4), SEED, workers)
     with pytest.raises(ValueError, match=r"127\.0\.0\.1:1 cannot be reached"):
         next(results)
+
+
+def test_a_scheduler_without_its_package_is_said(scenario, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    results = study(scenario, TSEPM, range(4), SEED, Workers(scheduler="tcp://127.0.0.1:1"))
+    with pytest.raises(ValueError, match="needs the package distributed"):
+        next(results)
+
+
+def test_workers_end_with_the_study_that_is_closed_early(scenario, expected):
+    results = study(scenario, TSEPM, RUNS, SEED, Workers(processes=2))
+    assert as_json([next(results)]) == expected[:1]
+    results.close()
+    assert multiprocessing.active_children() == []

@@ -460,6 +460,8 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
         (["evaluate", "--scene", "name:="], "scenario.name must be a text"),
         (["evaluate", "--scene", "name:=../up"], "scenario.name must be a text"),
         (["run", "box", "-p", "max_speed:=" + "[" * 5000], "is not a value"),
+        (["run", "box", "-p", "sound_speed:=3.0"], "sound_speed must be 0 or at least"),
+        (["reproduce", "--seed", "-1"], "seed must be at least 0; got -1"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_a_sentence(
@@ -471,6 +473,13 @@ def test_what_is_not_allowed_is_refused_with_a_sentence(
     assert error.startswith("refused: ")
     assert named in error
     assert not list(tmp_path.iterdir())  # before anything was done
+
+
+def test_a_number_that_must_be_positive_is_refused(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["evaluate", "--runs", "0"])
+    assert ended.value.code == 2
+    assert "must be at least 1" in capsys.readouterr().err
 
 
 def evaluated(tmp_path, *arguments):

@@ -151,14 +151,15 @@ def test_a_case_that_makes_no_sense_is_refused(values):
 @pytest.fixture
 def _little_clutter(monkeypatch):
     """A bound on the work: rates of false tracks are told less exactly."""
-    monkeypatch.setattr(search, "MAX_CLUTTER_DETECTIONS", 4_000.0)
+    monkeypatch.setattr(search, "MAX_CLUTTER_DETECTIONS", 1_000.0)
 
 
 @pytest.mark.usefixtures("_little_clutter")
 def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path):
     file = tmp_path / "sonar.yaml"
     given = ["-p", "sensor.clutter_density:=1.0e-7", "-p", "sensor.max_range:=5000.0"]
-    assert main(["design", "--runs", "50", "--workers", "1", "--write", str(file), *given]) == 0
+    given += ["--runs", "10", "--wanted", "0.5"]
+    assert main(["design", "--workers", "1", "--write", str(file), *given]) == 0
     said = capsys.readouterr().out
     assert "78.54 km^2" in said and "\nfeasible: " in said
     text = file.read_text()
