@@ -51,5 +51,5 @@ def signals_held() -> Iterator[None]:
     finally:
         for number, handler in zip(ENDING_SIGNALS, before, strict=True):
             signal.signal(number, handler)
-        for number in held:
-            signal.raise_signal(number)
+        for arrived in held:
+            signal.raise_signal(arrived)

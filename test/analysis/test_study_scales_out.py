@@ -16,7 +16,7 @@ from tsepm_ros.analysis.study import study
 from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.simulation import load_scenario
 
-RUNS = range(48)
+RUNS = range(24)
 SEED = 7
 TSEPM = OperatingPoint("tsepm")
 

@@ -115,6 +115,7 @@ def test_the_wish_is_kept_about():
     assert ratio.low < ratio.value < ratio.high
 
 
+@pytest.mark.statistical
 def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path):
     header, *rows = promises.starts_table(options(tmp_path, runs=4), {1e-8: 2.5})
     assert [row[:4] for row in rows[:2]] == [

@@ -255,8 +255,12 @@ def clutter(seed: int, scans: int):
 
 @pytest.mark.parametrize(
     "given",
-    [{}, {"max_range": 3500.0}, {"max_range": 2800.0}, {"azimuth_min": -1.0, "azimuth_max": 1.0}],
-    ids=["right", "3500 m", "2800 m", "sector"],
+    [
+        pytest.param({}, marks=pytest.mark.statistical, id="right"),
+        pytest.param({"max_range": 3500.0}, marks=pytest.mark.statistical, id="3500 m"),
+        pytest.param({"max_range": 2800.0}, id="2800 m"),
+        pytest.param({"azimuth_min": -1.0, "azimuth_max": 1.0}, id="sector"),
+    ],
 )
 def test_a_coverage_given_too_small_does_not_flood_false_tracks(given):
     sensor = dataclasses.replace(DISC, **given)

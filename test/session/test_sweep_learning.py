@@ -88,7 +88,7 @@ def test_few_detections_here_and_there_are_none():
     for number in (0.5, 1.0, 3.0):
         pings = (
             echoes(float(n), rng.uniform(-np.pi, np.pi, m), rng.uniform(1.0, 900.0, m))
-            for n, m in enumerate(rng.poisson(number, 20_000))
+            for n, m in enumerate(rng.poisson(number, 8_000))
         )
         assert learned(pings) is None
 
