@@ -99,8 +99,9 @@ def test_a_signal_ends_the_demo_and_its_nodes(tmp_path, number, code, said, star
         "    print(*(process.poll() for process in Popen.started))\n"
         "sys.exit(code)\n"
     )
+    command = [sys.executable, "-c", script]
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=WAIT, check=False
+        command, capture_output=True, text=True, timeout=patient(10.0), check=False
     )
     assert (done.returncode, done.stderr) == (code, said)
     assert len(done.stdout.split()) == started and "None" not in done.stdout

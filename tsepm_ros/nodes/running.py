@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
@@ -66,8 +66,6 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage:
             print(f"refused: {error}", file=sys.stderr)
             return EXIT_BAD_PARAMETER
         return 0 if signals else _run(make_node)
-    except ExternalShutdownException:
-        return 0
     finally:
         rclpy.try_shutdown()
         for number in ENDING_SIGNALS:
