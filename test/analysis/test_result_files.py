@@ -1,0 +1,36 @@
+"""Result files, and the tables that are printed while they are made."""
+
+from __future__ import annotations
+
+import pytest
+
+from tsepm_ros.analysis.result_files import Result, printed, read_result, write_result
+
+
+def test_rows_are_printed_at_once_as_a_markdown_table(capsys):
+    seen = []
+
+    def rows():
+        for row in (("name", "value"), ("a", "1"), ("b", "2")):
+            yield row
+            seen.append(capsys.readouterr().out)
+
+    assert printed(rows()) == (["name", "value"], [["a", "1"], ["b", "2"]])
+    assert seen == ["| name | value |\n|---|---|\n", "| a | 1 |\n", "| b | 2 |\n"]
+
+
+def test_a_result_is_read_as_it_was_written(tmp_path):
+    path = tmp_path / "deep" / "a.json"
+    result = Result(
+        command="tsepm evaluate",
+        seed=1,
+        runs=2,
+        parameters={"window": 8},
+        header=["a"],
+        rows=[["±"]],
+    )
+    write_result(path, result)
+    assert read_result(path) == result
+    path.write_text("[1]")
+    with pytest.raises(ValueError, match="not a result file"):
+        read_result(path)
