@@ -12,10 +12,11 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 from support.scenes import random_scene
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.initiation.path_counts import PathCounts
+from tsepm_ros.maintenance.holding_limit import best, room
 from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
@@ -240,6 +241,44 @@ def test_many_detections_in_one_place_in_two_scans_are_processed_in_time():
             initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
     assert initiator.statistics.potential_tracks <= 250_000
     assert initiator.statistics.cut_potential_tracks > 0
+
+
+@pytest.mark.parametrize("method", [name for name in available_methods() if name != "hough"])
+def test_where_the_time_is_over_only_part_of_the_pairs_in_one_place_is_looked_at(method):
+    # A thousand detections twice: a million pairs, of which none may be left out in silence.
+    n = 1000
+    initiator = make_initiator(method, sensor=SensorModel(), plots="off")
+    initiator.max_scan_time = 1e-9
+    for k in range(2):
+        initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
+    assert initiator.statistics.cut_potential_tracks >= n * n - 500_000
+    assert initiator.statistics.potential_tracks <= 500_000
+
+
+def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
+    made = make_initiator("clutter_test", sensor=SensorModel(), plots="off", clutter_test_size=0.9)
+    made.max_scan_time = 1e-9
+    rng = np.random.default_rng(1)
+    for k in range(5):
+        made.process(Scan(12.0 * k, 5000 + rng.uniform(-100, 100, 5), rng.uniform(-0.02, 0.02, 5)))
+    assert len(made.current) == made.statistics.confirmed == 10
+    assert made.statistics.raw_confirmations == sum(
+        getattr(made.statistics, name)
+        for name in ("cut_confirmations", "pruned", "merged", "confirmed")
+    )
+    assert made.statistics.cut_confirmations > 100
+
+
+def test_the_room_for_new_tracks_falls_with_those_held_and_is_endless_without_a_limit():
+    assert room(TimeLimit(), 10**6) > 10**9
+    few, many = room(TimeLimit(1.0), 0), room(TimeLimit(1.0), 5000)
+    assert few > many == few - 5000
+    assert room(TimeLimit(1.0), 10**6) == 10
+
+
+def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
+    existence = np.array([0.5, 0.9, 0.9, 0.9])
+    assert best(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
 
 
 class Uncut(Tsepm):

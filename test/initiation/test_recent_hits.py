@@ -30,17 +30,29 @@ def track(hits: int = 5) -> TrackArrays:
 
 def test_hits_that_fit_leave_the_covariance_as_it_is():
     limit = 2.0 * np.sqrt(chi2.ppf(0.99, 6))  # of a single error, in metres
-    assert scans(0.0).misfits(track()).tolist() == [1.0]
-    assert scans(0.99 * limit).misfits(track()).tolist() == [1.0]
+    assert scans(0.0).of(track())[0].tolist() == [1.0]
+    assert scans(0.99 * limit).of(track())[0].tolist() == [1.0]
 
 
 def test_a_hit_far_off_makes_it_larger_by_the_mean_square():
-    np.testing.assert_allclose(scans(30.0).misfits(track()), (30.0 / 2.0) ** 2 / 6.0)
+    np.testing.assert_allclose(scans(30.0).of(track())[0], (30.0 / 2.0) ** 2 / 6.0)
 
 
 def test_two_hits_fit_every_line_and_forgotten_hits_do_not_count():
-    assert scans(30.0, 2).misfits(track(2)).tolist() == [1.0]
+    assert scans(30.0, 2).of(track(2))[0].tolist() == [1.0]
     recent = scans(30.0)
     recent.append(20, detections(np.zeros((0, 2)), 20.0), 16)
-    assert recent.misfits(track()).tolist() == [1.0]
-    assert recent.misfits(TrackArrays.of([])).shape == (0,)
+    assert recent.of(track())[0].tolist() == [1.0]
+    assert recent.of(TrackArrays.of([]))[0].shape == (0,)
+
+
+def test_strengths_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
+    recent = RecentHits()
+    for scan, strength in enumerate((1.5, np.nan, 4.0)):
+        found = detections([[0.0, 0.0], [500.0, 500.0]], float(scan), 4.0)
+        found["index"], found["strength"] = [7, 3], [strength, 100.0]
+        recent.append(scan, found, 16)
+    both = track(3).joined(track(1))
+    _, (number, total) = recent.of(both)
+    assert number.tolist() == [2.0, 1.0]
+    assert total.tolist() == [5.5, 1.5]

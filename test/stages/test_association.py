@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from tsepm_ros.stages import association
-from tsepm_ros.stages.association import Pairs, best_of_each, disjoint, nearest_first, oldest_first
+from tsepm_ros.stages.association import (
+    BLOCK,
+    Pairs,
+    best_of_each,
+    disjoint,
+    nearest_first,
+    oldest_first,
+    within,
+)
 from tsepm_ros.stages.paths import NO_HIT
 
 
@@ -62,3 +70,15 @@ def test_the_best_of_each_track_may_be_another_s_too():
     chosen = best_of_each(PAIRS)
     assert chosen.parent.tolist() == [0, 1, 2]
     assert chosen.row.tolist() == [0, 0, 1]
+
+
+def test_no_further_block_of_pairs_is_looked_at_where_the_time_is_over():
+    rows = np.arange(2 * BLOCK + 10)
+
+    def far(parent, row):
+        return np.asarray(parent % 2, float)
+
+    every, cut = within(rows, rows, far, 0.5, lambda: False)
+    assert (len(every), cut) == (BLOCK + 5, 0)
+    some, cut = within(rows, rows, far, 0.5, lambda: True)
+    assert (len(some), cut) == (BLOCK // 2, BLOCK + 10)

@@ -15,7 +15,7 @@ from support.builders import FIXED_RANGE_ERROR, fit_matrix, scan_at
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.numerics.grouped import members_of_groups
 from tsepm_ros.stages import merging
-from tsepm_ros.stages.merging import close, groups, merging_threshold, moments
+from tsepm_ros.stages.merging import best_of_alike, close, groups, merging_threshold, moments
 
 P_TM = 0.9
 
@@ -26,7 +26,7 @@ def together(hits, states=None, covariances=None) -> list[list[int]]:
     states = np.zeros((len(hits), 4)) if states is None else np.asarray(states, float)
     if covariances is None:
         covariances = np.broadcast_to(np.eye(4), (len(hits), 4, 4)).copy()
-    labels = groups(hits, states, covariances, P_TM)
+    labels, _ = groups(hits, states, covariances, P_TM)
     return [rows.tolist() for rows in members_of_groups(labels) if len(rows) > 1]
 
 
@@ -128,22 +128,22 @@ def partition(labels: np.ndarray) -> set[frozenset[int]]:
 @pytest.mark.parametrize("spread", [0.5, 3.0, 8.0], ids=["close", "mixed", "apart"])
 def test_groups_are_those_of_a_look_at_every_pair(m, spread):
     scene = crowd(m, spread)
-    assert partition(groups(*scene, P_TM)) == partition(every_pair(*scene))
+    assert partition(groups(*scene, P_TM)[0]) == partition(every_pair(*scene))
 
 
 @pytest.mark.parametrize("block", [1, 13, 1000])
 @pytest.mark.parametrize("spread", [0.5, 3.0], ids=["close", "mixed"])
 def test_the_block_size_does_not_change_the_groups(monkeypatch, block, spread):
     scene = crowd(5, spread, seed=1)
-    expected = partition(groups(*scene, P_TM))
+    expected = partition(groups(*scene, P_TM)[0])
     monkeypatch.setattr(merging, "PAIR_BLOCK", block)
-    assert partition(groups(*scene, P_TM)) == expected
+    assert partition(groups(*scene, P_TM)[0]) == expected
     assert 1 < len(expected) < len(scene[0]) or spread < 1
 
 
 @pytest.mark.parametrize("n", [0, 1])
 def test_none_and_one_track_need_no_partner(n):
-    labels = groups(np.zeros((n, 5), int), np.zeros((n, 4)), np.zeros((n, 4, 4)), P_TM)
+    labels, _ = groups(np.zeros((n, 5), int), np.zeros((n, 4)), np.zeros((n, 4, 4)), P_TM)
     assert len(members_of_groups(labels)) == n
 
 
@@ -296,3 +296,21 @@ def test_only_tracks_confirmed_in_the_same_scan_merge(last_scans, confirmed):
     ]
     assert [len(new) for new in tracks] == [0, 0, 0, 0, *confirmed]
     assert initiator.totals.raw_confirmations == 2
+
+
+def test_where_the_time_is_over_the_groups_not_compared_are_told_by_their_label():
+    # The first and the second agree, and so do the second and the fourth; which is not compared.
+    hits = np.array([[1, 2, 3, 4], [1, 2, 3, 5], [1, 2, 3, 6], [1, 2, 3, 7], [8, 9, 10, 11]])
+    states = np.zeros((5, 4))
+    states[:, 0] = [0.0, 1.0, 1e4, 0.5, 0.0]
+    covariances = np.broadcast_to(np.eye(4), (5, 4, 4))
+    every, same = groups(hits, states, covariances, P_TM)
+    assert partition(every) == partition(np.array([0, 0, 1, 0, 2]))
+    assert same is every
+    some, alike = groups(hits, states, covariances, P_TM, lambda: True)
+    assert partition(some) == partition(np.array([0, 0, 1, 2, 3]))
+    assert partition(alike) == partition(np.array([0, 0, 0, 0, 1]))
+    evaluation = np.array([3.0, 1.0, 2.0, 4.0, 9.0])
+    best = best_of_alike(some, alike, evaluation)
+    assert [rows.tolist() for rows in best] == [[0, 1], [4]]
+    assert len(best_of_alike(every, same, evaluation)) == 3

@@ -322,8 +322,7 @@ class FrontEnd:
         if step.target_hits is not None:
             self.learned.strengths.discount(*step.target_hits)
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
-        of_hits = self._hits.misfits(tracks), self._hits.strengths(tracks)
-        return self.maintenance.add(tracks, existence, histories, *of_hits)
+        return self.maintenance.add(tracks, existence, histories, *self._hits.of(tracks))
 
     def _check(self, scan: Scan) -> None:
         if not isinstance(scan, Scan):

@@ -22,6 +22,9 @@ from tsepm_ros.stages.association import disjoint
 from tsepm_ros.stages.estimation import Fit, fit
 from tsepm_ros.stages.paths import Paths
 
+GATING_SHARE = 0.1
+"""Share of a time limit after which only the nearest detections are sought in the gates."""
+
 
 @dataclass(frozen=True)
 class Estimates(Rows):

@@ -19,6 +19,7 @@ from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics import speed_limit
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.maintenance import holding_limit
 from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import IntArray
@@ -119,6 +120,7 @@ class Initiator:
     def _read(self, scan: Scan, limit: TimeLimit) -> tuple[TrackArrays, ScanStatistics]:
         """Observe a scan, let the method step on it, and hold the new tracks, with their ids."""
         observed = self.front_end.observe(scan, limit)
+        room = holding_limit.room(limit, len(self.maintenance.held))
         step = self.method.step(observed)
         revised = self._within_max_speed(step.revised.proper()).proper()
         self.revised = self.maintenance.revise(revised, step.replaced)
@@ -133,6 +135,13 @@ class Initiator:
         if waiting.any():
             step = dataclasses.replace(step, tracks=step.tracks.where(~waiting))
             existence = existence[~waiting]
+        cut = max(len(step.tracks) - room, 0)
+        if cut:
+            best = holding_limit.best(existence, step.tracks.evaluation, room)
+            step, existence = (
+                dataclasses.replace(step, tracks=step.tracks.where(best)),
+                existence[best],
+            )
         ids = self._take_track_ids(len(step.tracks))
         new = self.front_end.finish(step, existence, ids)
         if len(self.maintenance.released):
@@ -140,7 +149,9 @@ class Initiator:
         self._observed = observed
         withheld = confirmed - len(new)
         return new, dataclasses.replace(
-            step.statistics, confirmed=step.statistics.confirmed - withheld
+            step.statistics,
+            confirmed=step.statistics.confirmed - withheld,
+            cut_confirmations=step.statistics.cut_confirmations + cut,
         )
 
     def _within_max_speed(self, tracks: TrackArrays) -> TrackArrays:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.displacements import Displacements
-from tsepm_ros.initiation.hit_counting import HitCounter
+from tsepm_ros.initiation.hit_counting import GATING_SHARE, HitCounter
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
@@ -25,6 +25,8 @@ from tsepm_ros.stages.paths import NO_HIT, Paths, starting
 
 MAX_PAIRS = 1_000_000
 """Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
+TIMED_PAIRS = 250_000
+"""The same where the time is limited."""
 PAIRING_SHARE = 0.25
 """Share of a time limit after which no further pairs are sought."""
 
@@ -193,15 +195,22 @@ class PathFollower(HitCounter):
             self.potential.last_hit, return_index=True, return_inverse=True
         )
         hits = self.detections[last_hits]
-        gated = splitting.gate_within(hits, detections, self.common.max_speed, margin[first])
+        gated = splitting.gate_within(
+            hits,
+            detections,
+            self.common.max_speed,
+            margin[first],
+            late=self.late_after(GATING_SHARE),
+        )
         owner = np.ascontiguousarray(hits["position"])
 
         def length(parent: IntArray, row: IntArray) -> FloatArray:
             displacement = detections["position"][row] - owner[gate[parent]]
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
+        most = TIMED_PAIRS if self.time_limit.finite else MAX_PAIRS
         parent, row, cut = splitting.split_within(
-            gate, gated, MAX_PAIRS, length, self.late_after(PAIRING_SHARE)
+            gate, gated, most, length, self.late_after(PAIRING_SHARE)
         )
         return parent, row, cut + gated.cut
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -30,7 +31,9 @@ class _Hits(NamedTuple):
 
 @cache
 def _largest_good(freedom: int) -> float:
-    """Quantile of chi-square at `GOOD_FIT`."""
+    """Quantile of chi-square at `GOOD_FIT`; infinite without a degree of freedom."""
+    if not freedom:
+        return np.inf
     return float(chdtri(freedom, 1.0 - GOOD_FIT))
 
 
@@ -47,41 +50,62 @@ class RecentHits:
         while self._scans[0][0] <= scan_index - window:
             self._scans.popleft()
 
-    def strengths(self, tracks: TrackArrays) -> tuple[FloatArray, FloatArray]:
-        """Number of hits of tracks with a strength, and the sum of their exponents, (n,) each."""
-        sums = np.zeros((2, len(tracks)))
-        for row in range(len(tracks)):
-            for *_, strength in self._seen(tracks, row):
-                known = strength[np.isfinite(strength)]
-                sums[:, row] += [len(known), known.sum()]
-        return sums[0], sums[1]
+    def of(self, tracks: TrackArrays) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+        """What the recent hits of new tracks say: their misfits, and their strengths.
 
-    def misfits(self, tracks: TrackArrays) -> FloatArray:
-        """Factors by which the covariances of new tracks are too small for their hits, (n,).
-
-        The squared distance of h hits from their track has 2 h - 4 degrees of freedom. Where it is
-        beyond their `GOOD_FIT`, it is divided by them (Birge's ratio); else the factor is 1. Hits
-        in scans that are forgotten do not count.
+        Returns
+        -------
+        misfit : (n,) ndarray
+            Factors by which the covariances of the tracks are too small for their hits. The squared
+            distance of h hits from their track has 2 h - 4 degrees of freedom. Where it is beyond
+            their `GOOD_FIT`, it is divided by them (Birge's ratio); else the factor is 1. Hits in
+            scans that are forgotten do not count.
+        strengths : tuple of (n,) ndarray
+            Number of hits with a strength, and the sum of their exponents.
         """
-        return np.array([self._misfit(tracks, row) for row in range(len(tracks))])
+        n = len(tracks)
+        if not n:
+            return np.ones(0), (np.zeros(0), np.zeros(0))
+        track, hits = self._seen(tracks)
+        return self._misfits(tracks, track, hits), _strengths(n, track, hits.strength)
 
-    def _misfit(self, tracks: TrackArrays, row: int) -> float:
-        hits = self._seen(tracks, row)
-        freedom = 2 * len(hits) - 4
-        if freedom <= 0:
-            return 1.0
-        state = tracks.state[row]
-        time, position, covariance, _ = map(np.concatenate, zip(*hits, strict=True))
-        elapsed = time - tracks.stamp[row]
-        expected = state[0::2] + elapsed[:, None] * state[1::2]
-        square = squared_distance(position - expected, covariance).sum()
-        return float(square / freedom) if square > _largest_good(freedom) else 1.0
+    @staticmethod
+    def _misfits(tracks: TrackArrays, track: IntArray, hits: _Hits) -> FloatArray:
+        freedom = np.maximum(2 * np.bincount(track, minlength=len(tracks)) - 4, 0)
+        state, elapsed = tracks.state[track], hits.time - tracks.stamp[track]
+        expected = state[:, 0::2] + elapsed[:, None] * state[:, 1::2]
+        squares = squared_distance(hits.position - expected, hits.covariance)
+        square = np.bincount(track, squares, minlength=len(tracks))
+        freedoms, place = np.unique(freedom, return_inverse=True)
+        good = np.array([_largest_good(int(number)) for number in freedoms])[place]
+        return np.where(square > good, square / np.maximum(freedom, 1), 1.0)
 
-    def _seen(self, tracks: TrackArrays, row: int) -> list[list[FloatArray]]:
-        """Time, position, covariance and strength of a track's hits in the recent scans."""
-        scans = dict(self._scans)
-        return [
-            [part[scans[scan].detection == index] for part in scans[scan][1:]]
-            for scan, index in tracks.hits[row]
-            if scan in scans
-        ]
+    def _seen(self, tracks: TrackArrays) -> tuple[IntArray, _Hits]:
+        """The tracks' hits in the recent scans, track by track, and the track of each."""
+        numbers = [len(hits) for hits in tracks.hits]
+        track = np.repeat(np.arange(len(tracks)), numbers)
+        pairs = np.array([pair for hits in tracks.hits for pair in hits], np.int64).reshape(-1, 2)
+        scans = np.array([scan for scan, _ in self._scans], np.int64)
+        known = np.concatenate([hits.detection for _, hits in self._scans])
+        width = max(int(known.max(initial=0)), int(pairs[:, 1].max(initial=0))) + 1
+        keys = np.repeat(scans, [len(hits.detection) for _, hits in self._scans]) * width + known
+        order = np.argsort(keys, kind="stable")
+        wanted = pairs[:, 0] * width + pairs[:, 1]
+        place = np.searchsorted(keys, wanted, sorter=order)
+        inside = np.flatnonzero(place < len(keys))
+        row = order[place[inside]]
+        same = keys[row] == wanted[inside]
+        parts = (np.concatenate(part)[row[same]] for part in self._columns())
+        return track[inside[same]], _Hits(*parts)
+
+    def _columns(self) -> Iterator[tuple[FloatArray, ...]]:
+        """Each field of the scans."""
+        return zip(*(hits for _, hits in self._scans), strict=True)
+
+
+def _strengths(number: int, track: IntArray, strength: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Number of the strengths that are known, and their sum, (n,) each, by the track of each."""
+    known = np.isfinite(strength)
+    counts = np.bincount(track[known], minlength=number).astype(np.float64)
+    total = np.asarray(np.bincount(track[known], strength[known], minlength=number), float)
+    return counts, total

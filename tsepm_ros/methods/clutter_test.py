@@ -68,6 +68,6 @@ class ClutterTest(Tsepm):
         }
     )
 
-    def merge(self, candidates: Candidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> tuple[TrackArrays, int]:
         """Every candidate is a track of its own."""
-        return self.tracks(candidates)
+        return self.tracks(candidates), 0

@@ -35,6 +35,7 @@ Readings
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -43,7 +44,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.mn_options import MnOptions, hits_option, window_option
-from tsepm_ros.initiation.path_following import PathFollower
+from tsepm_ros.initiation.path_following import PAIRING_SHARE, PathFollower
 from tsepm_ros.kinematics.polynomials import Polynomials
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
@@ -51,6 +52,11 @@ from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.stages import splitting
 from tsepm_ros.stages.association import Pairs, within
+
+TIMED_TRACKS = 4096
+"""Potential tracks extended together where the time is limited."""
+TIMED_PAIRS = 100_000
+"""Pairs of these and detections, at most: the nearest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,19 +107,31 @@ class Logic(PathFollower):
         """The detections in the acceptance region of each potential track, by D."""
         if not len(detections):
             return Pairs.none(), 0
-        counts = self.potential.hit_count
         middle = float(detections["time"].min() + 0.5 * np.ptp(detections["time"]))
-        parts, cuts = [Pairs.none()], 0
-        for count in np.unique(counts):
-            rows = np.flatnonzero(counts == count)
-            hits = self.detections[self.potential.hits[rows, :count]]
-            predicted = Polynomials.fitted(hits, middle, min(int(count) - 1, self.options.degree))
+        late, parts, cuts = self.late_after(PAIRING_SHARE), [Pairs.none()], 0
+        # The longest first: where the time is limited, those are extended for certain.
+        for rows, ids in reversed(list(self._blocks())):
+            if late is not None and len(parts) > 1 and late():
+                cuts += len(rows)
+                continue
+            hits = self.detections[ids]
+            predicted = Polynomials.fitted(hits, middle, min(ids.shape[1] - 1, self.options.degree))
             owner, row, cut = self._near(predicted, detections)
             distance = partial(self._distance, predicted, detections)
-            inside = within(owner, row, distance, self._threshold)
+            inside, beyond = within(owner, row, distance, self._threshold, late)
             parts.append(Pairs(rows[inside.parent], inside.row, inside.cost))
-            cuts += cut
-        return Pairs.joined(*parts), cuts
+            cuts += cut + beyond
+        return Pairs.joined(*reversed(parts)), cuts
+
+    def _blocks(self) -> Iterator[tuple[IntArray, IntArray]]:
+        """Rows of potential tracks of equal hit counts, and the ids of their hits.
+
+        Of few tracks each where the time is limited.
+        """
+        for rows, ids in self.potential.of_equal_count():
+            size = TIMED_TRACKS if self.time_limit.finite else max(len(rows), 1)
+            for first in range(0, len(rows), size):
+                yield rows[first : first + size], ids[first : first + size]
 
     @property
     def _threshold(self) -> float:
@@ -134,7 +152,8 @@ class Logic(PathFollower):
             )
             radius += np.sqrt(2.0) * self.common.max_speed * elapsed.max(axis=0)
         positions = np.ascontiguousarray(detections["position"])
-        return splitting.neighbours(positions, predicted.position, radius * (1.0 + 1e-9))
+        most = TIMED_PAIRS if self.time_limit.finite else None
+        return splitting.neighbours(positions, predicted.position, radius * (1.0 + 1e-9), most=most)
 
     def _distance(
         self,

@@ -37,10 +37,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.hit_counting import Estimates
+from tsepm_ros.initiation.hit_counting import GATING_SHARE, Estimates
 from tsepm_ros.initiation.mn_options import MnOptions
 from tsepm_ros.initiation.observation import Observation
-from tsepm_ros.initiation.path_following import PathFollower
+from tsepm_ros.initiation.path_following import PAIRING_SHARE, PathFollower
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
@@ -188,7 +188,8 @@ class MultipleModel(PathFollower):
         radius += longest * np.hypot(state[:, 1], state[:, 3])
         positions = np.ascontiguousarray(detections["position"])
         centres = np.ascontiguousarray(state[:, 0::2])
-        parent, row, cut = splitting.neighbours(positions, centres, radius)
+        late = self.late_after(GATING_SHARE)
+        parent, row, cut = splitting.neighbours(positions, centres, radius, late)
 
         def distance(parent: IntArray, row: IntArray) -> FloatArray:
             hits = detections[row]
@@ -197,7 +198,9 @@ class MultipleModel(PathFollower):
             predicted = kalman.position_covariance_after(covariance[parent], elapsed)
             return squared_distance(hits["position"] - expected, predicted + hits["covariance"])
 
-        return within(parent, row, distance, factor**2), cut
+        late = self.late_after(PAIRING_SHARE)
+        pairs, beyond = within(parent, row, distance, factor**2, late)
+        return pairs, cut + beyond
 
     def choose(self, pairs: Pairs) -> Pairs:
         """Each track and each detection is matched once, the nearest first."""

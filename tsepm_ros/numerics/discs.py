@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,7 +21,11 @@ STRIPS_PER_ROOT = 4.0
 
 
 def pairs_within(
-    positions: FloatArray, centres: FloatArray, radius: FloatArray, most: int
+    positions: FloatArray,
+    centres: FloatArray,
+    radius: FloatArray,
+    most: int,
+    late: Callable[[], bool] | None = None,
 ) -> tuple[IntArray, IntArray] | None:
     """Pairs of centres and positions within their radius, ``|z - c|^2 <= r^2``.
 
@@ -34,11 +39,13 @@ def pairs_within(
     radius : (g,) ndarray
     most : int
         Pairs beyond which the search ends.
+    late : callable, optional
+        Whether the time is over; the search ends then. Of few pairs it is not asked.
 
     Returns
     -------
     centre, position : (p,) ndarray of int
-        Rows of each pair, ascending; or None where there are more than `most`.
+        Rows of each pair, ascending; or None where there are more than `most`, or it was too late.
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
@@ -52,7 +59,7 @@ def pairs_within(
         part = slice(first, first + CENTRES_TOGETHER)
         for centre, position in strips.pairs(centres[part], radius[part]):
             number += len(centre)
-            if number > most:
+            if number > most or (late is not None and late()):
                 return None
             found.append(np.sort((centre + first) * n + position))
     pairs = np.concatenate(found) if found else np.zeros(0, np.int64)
@@ -100,7 +107,7 @@ class _Strips:
         # Beyond rounding errors of the keys.
         self._margin = 1e-9 * (self._stride + float(np.abs(positions).max()))
 
-    def pairs(self, centres: FloatArray, radius: FloatArray) -> list[tuple[IntArray, IntArray]]:
+    def pairs(self, centres: FloatArray, radius: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
         """Parts of the pairs of these centres; no centre is in two parts."""
         x, y = (centres - self._low).T
         reach = radius + self._margin
@@ -118,15 +125,14 @@ class _Strips:
         begin = np.searchsorted(self._keys, left, side="left")
         number = np.maximum(np.searchsorted(self._keys, right, side="right") - begin, 0)
         ends = np.cumsum(np.bincount(owner, number, minlength=len(centres)))
-        parts, first = [], 0
+        first = 0
         while first < len(centres):
             before = ends[first - 1] if first else 0.0
             last = int(np.searchsorted(ends, before + CANDIDATES_TOGETHER, side="right"))
             last = max(last, first + 1)
             rows = slice(*np.searchsorted(owner, [first, last]))
-            parts.append(self._inside(centres, radius, owner[rows], begin[rows], number[rows]))
+            yield self._inside(centres, radius, owner[rows], begin[rows], number[rows])
             first = last
-        return parts
 
     def _inside(
         self,

@@ -255,9 +255,9 @@ def run_comparison(point: Point, seed: list[int]) -> Result:
 class SplitOnly(SplitMerge):
     """Split-merge 2016 without merging: every confirmed track is an output."""
 
-    def merge(self, candidates: Candidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> tuple[TrackArrays, int]:
         """One track per candidate."""
-        return self.tracks(candidates)
+        return self.tracks(candidates), 0
 
 
 def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:

@@ -61,7 +61,7 @@ def table_i_groups() -> list[tuple[int, ...]]:
     for scan in np.unique(scans):
         rows = np.flatnonzero(scans == scan)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
-        labels = merging.groups(ids[rows], states, covariances, 0.9)
+        labels, _ = merging.groups(ids[rows], states, covariances, 0.9)
         for members in grouped.members_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups

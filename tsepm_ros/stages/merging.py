@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.covariances import solve
 from tsepm_ros.numerics.gaussian import gate_factor
@@ -34,8 +35,12 @@ def merging_threshold(probability: float) -> float:
 
 
 def groups(
-    hits: IntArray, states: FloatArray, covariances: FloatArray, probability: float
-) -> IntArray:
+    hits: IntArray,
+    states: FloatArray,
+    covariances: FloatArray,
+    probability: float,
+    late: Callable[[], bool] | None = None,
+) -> tuple[IntArray, IntArray]:
     """Group the tracks of one scan that meet the merging conditions.
 
     Two tracks merge where more than half of their hits are shared (condition b) and their states
@@ -54,16 +59,21 @@ def groups(
         Their covariances.
     probability : float
         P_TM.
+    late : callable, optional
+        Whether the time is over: no further pairs are compared then.
 
     Returns
     -------
-    (n,) ndarray of int
-        Group label of each track.
+    label : (n,) ndarray of int
+        Group of each track.
+    alike : (n,) ndarray of int
+        Label of the groups that may belong together, the same for all of these: as `label` where
+        all pairs were compared.
     """
     n = len(hits)
     labels = np.arange(n)
     if n < 2:
-        return labels
+        return labels, labels
     threshold = merging_threshold(probability)
     sharing = tracks_by_shared_hits(hits)
 
@@ -77,9 +87,33 @@ def groups(
 
     for first, second in sharing.consecutive_pairs(PAIR_BLOCK):
         labels = connect(first, second)
-    for first, second in sharing.where_labels_differ(labels).pairs(PAIR_BLOCK):
+    rest = sharing.where_labels_differ(labels)
+    for first, second in rest.pairs(PAIR_BLOCK):
+        if late is not None and late():
+            alike = labels
+            for one, other in rest.consecutive_pairs(PAIR_BLOCK):
+                alike = _connected(alike, one, other)
+            return labels, alike
         labels = connect(first, second)
-    return labels
+    return labels, labels
+
+
+def best_of_alike(labels: IntArray, alike: IntArray, evaluation: FloatArray) -> list[IntArray]:
+    """Rows of each group; of groups that may belong together, of the one of the best evaluation.
+
+    Parameters
+    ----------
+    labels, alike : (n,) ndarray of int
+        See `groups`.
+    evaluation : (n,) ndarray
+        Smaller is better.
+    """
+    if alike is labels:
+        return grouped.members_of_groups(labels)
+    best = np.lexsort((evaluation, alike))
+    best = best[np.diff(alike[best], prepend=-1) != 0]
+    members = grouped.members_of_groups(labels)
+    return [members[place] for place in np.searchsorted(np.unique(labels), labels[best])]
 
 
 def _connected(labels: IntArray, first: IntArray, second: IntArray) -> IntArray:

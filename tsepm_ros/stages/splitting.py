@@ -23,6 +23,10 @@ SPLIT_BLOCK = 1_000_000
 """Children processed together where a limit applies: bounds memory, not the result."""
 TIMED_BLOCK = 50_000
 """The same where the time is limited."""
+ROUNDING = 1e-9
+"""Relative margin of a radius beyond rounding errors."""
+TIMED_GATED = 500_000
+"""Detections in all gates where the time for finding them was over, about: the nearest."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,7 @@ def gate(
     detections: NDArray[np.void],
     max_speed: float,
     probability: float,
+    late: Callable[[], bool] | None = None,
 ) -> Gated:
     """Find the detections inside the gate of each last hit (Eq. 4).
 
@@ -76,6 +81,8 @@ def gate(
         v_max, m/s.
     probability : float
         Gate probability P of Eq. 5.
+    late : callable, optional
+        Whether the time is over: only the nearest detections are used then.
 
     Returns
     -------
@@ -83,7 +90,8 @@ def gate(
         A row per last hit.
     """
     margin = gate_factor(probability) * last_hits["major_sigma"]
-    return gate_within(last_hits, detections, max_speed, margin, gate_factor(probability) ** 2)
+    squared = gate_factor(probability) ** 2
+    return gate_within(last_hits, detections, max_speed, margin, squared, late)
 
 
 def gate_within(
@@ -92,6 +100,7 @@ def gate_within(
     max_speed: float,
     margin: FloatArray,
     range_rate_gate: float = math.inf,
+    late: Callable[[], bool] | None = None,
 ) -> Gated:
     """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
 
@@ -105,10 +114,10 @@ def gate_within(
     first, last = times.min(), times.max()
     longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
     # Slightly larger radii for the k-d tree's candidates; the exact test follows.
-    radius = (margin + max_speed * longest) * (1.0 + 1e-9)
+    radius = (margin + max_speed * longest) * (1.0 + ROUNDING)
     positions = np.ascontiguousarray(detections["position"])
     centres = np.ascontiguousarray(last_hits["position"])
-    owner, candidate, cut = neighbours(positions, centres, radius)
+    owner, candidate, cut = neighbours(positions, centres, radius, late)
     displacement = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
@@ -127,12 +136,16 @@ def gate_within(
 
 
 def neighbours(
-    positions: FloatArray, centres: FloatArray, radius: FloatArray
+    positions: FloatArray,
+    centres: FloatArray,
+    radius: FloatArray,
+    late: Callable[[], bool] | None = None,
+    most: int | None = None,
 ) -> tuple[IntArray, IntArray, int]:
     """Pairs of centres and positions within their radius.
 
-    Beyond `MAX_GATED` pairs only the nearest positions of each centre are kept: the displacement is
-    the first feature that separates targets from clutter.
+    Beyond a number of pairs, and where it is `late`, only the nearest positions of each centre are
+    kept: the displacement is the first feature that separates targets from clutter.
 
     Parameters
     ----------
@@ -142,6 +155,10 @@ def neighbours(
         m.
     radius : (g,) ndarray
         m.
+    late : callable, optional
+        Whether the time is over: then about `TIMED_GATED` pairs are kept.
+    most : int, optional
+        Pairs; by default `MAX_GATED`.
 
     Returns
     -------
@@ -150,17 +167,21 @@ def neighbours(
     cut : int
         Pairs left out.
     """
-    found = pairs_within(positions, centres, radius, MAX_GATED)
+    most = MAX_GATED if most is None else most
+    found = pairs_within(positions, centres, radius, most, late)
     if found is not None:
         return *found, 0
     tree = cKDTree(positions)
     counts = tree.query_ball_point(centres, radius, return_length=True)
-    nearest = min(max(MAX_GATED // len(centres), 1), len(positions))
-    kept = tree.query(centres, k=nearest)[1].reshape(len(centres), nearest)
-    kept = np.sort(kept, axis=1)
-    centre = np.repeat(np.arange(len(centres)), nearest)
+    if late is not None and late():
+        most = min(most, TIMED_GATED)
+    nearest = min(max(most // len(centres), 1), len(positions))
+    distance, kept = tree.query(centres, k=range(1, nearest + 1))
+    near = np.where(distance <= radius[:, None] * (1.0 + ROUNDING), kept, len(positions))
+    near = np.sort(near, axis=1)
+    centre, place = np.nonzero(near < len(positions))
     cut = int(counts.sum()) - int(np.minimum(counts, nearest).sum())
-    return centre, kept.ravel().astype(np.int64), cut
+    return centre, near[centre, place].astype(np.int64), cut
 
 
 def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray) -> BoolArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,15 +73,19 @@ class ExpectedDetections:
         rated = bool(range_rates.measured(detections).any())
         return cls(hypotheses, stamp, detections, sensor, common, rated)
 
-    def near(self, gate_probability: float) -> tuple[IntArray, IntArray, int]:
+    def near(
+        self, gate_probability: float, late: Callable[[], bool] | None = None
+    ) -> tuple[IntArray, IntArray, int]:
         """Pairs of hypotheses and detections, no fewer than lie in the gates.
+
+        Where it is `late`, only the nearest detections of each hypothesis.
 
         Returns
         -------
         hypothesis, detection : (p,) ndarray of int
             Rows of each pair, ascending.
         cut : int
-            Pairs left out by `splitting.MAX_GATED`.
+            Pairs left out by a limit, see `splitting.neighbours`.
         """
         detections = self.detections
         if not len(self.hypotheses) or not len(detections):
@@ -91,7 +96,8 @@ class ExpectedDetections:
             radius = reach * major_sigma(spread) * (1.0 + ROUNDING)
         else:
             centres, radius = self._widest(reach)
-        return splitting.neighbours(np.ascontiguousarray(detections["position"]), centres, radius)
+        positions = np.ascontiguousarray(detections["position"])
+        return splitting.neighbours(positions, centres, radius, late)
 
     def _widest(self, reach: float) -> tuple[FloatArray, FloatArray]:
         """Positions of the hypotheses (n, 2), and radii that hold the gate of any detection."""

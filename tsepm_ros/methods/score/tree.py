@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -38,6 +38,8 @@ MAX_PAIRS_TOGETHER = 50_000
 """Pairs of hypotheses and detections that are scored together: bounds memory."""
 RELATIVE_PRUNING = math.log(1e-4)
 """Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
+NEARING_SHARE = 0.2
+"""Share of a time limit after which only the nearest detections of a hypothesis are sought."""
 PRIOR_TARGET_ODDS = 0.001
 """Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
 
@@ -215,7 +217,8 @@ def split(
     """
     limit = observed.time_limit
     expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, sensor)
-    parent, row, cut = expected.near(options.gate_probability)
+    late = partial(limit.used, NEARING_SHARE) if limit.finite else None
+    parent, row, cut = expected.near(options.gate_probability, late)
     order = np.arange(len(parent))
     if limit.finite and len(parent) > block:
         order = np.argsort(-predicted.score[parent], kind="stable")

@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.hit_counting import WindowedMethod
+from tsepm_ros.initiation.hit_counting import GATING_SHARE, WindowedMethod
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.initiation.statistics import ScanStatistics
@@ -53,7 +53,6 @@ from tsepm_ros.methods.tsepm import path_cost
 from tsepm_ros.methods.tsepm.candidates import Candidates
 from tsepm_ros.methods.tsepm.gates import Gates
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
 from tsepm_ros.sensing.sensor import SensorModel
@@ -63,6 +62,8 @@ from tsepm_ros.stages.paths import Paths, starting
 
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
+MERGING_SHARE = 0.7
+"""Share of a time limit after which no further tracks are compared to be merged."""
 COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
 """Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
 BLOCK = 16_384
@@ -134,7 +135,7 @@ class Tsepm(WindowedMethod):
         candidates = self._estimate(raw, observed.time_limit)  # Steps 4 and 5
         kept = self._prune(candidates)  # Step 6
         merging = self._in_time(kept, observed.time_limit)
-        tracks = self.merge(merging)  # Step 7
+        tracks, cut = self.merge(merging)  # Step 7
         started = self._start(gates)  # Step 8
         self._potential, beyond = self._limit(Paths.joined(potential, started))
         self._hopeless, hopeless_raw, hopeless_ended = self._follow(self._hopeless, gates, hopeless)
@@ -153,12 +154,11 @@ class Tsepm(WindowedMethod):
                 terminated=terminated + hopeless_ended,
                 raw_confirmations=len(raw) + hopeless_raw,
                 pruned=len(candidates) - len(kept) + hopeless_raw,
-                merged=len(merging) - len(tracks),
+                merged=len(merging) - len(tracks) - cut,
                 confirmed=len(tracks),
                 cut_potential_tracks=gates.gated.cut + self._waiting(surplus).total + beyond.total,
                 cut_confirmations=surplus_raw
-                + (len(raw) - len(candidates))
-                + (len(kept) - len(merging)),
+                + (len(raw) - len(candidates) + len(kept) - len(merging) + cut),
             ),
         )
 
@@ -197,9 +197,8 @@ class Tsepm(WindowedMethod):
 
     def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> splitting.Gated:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
-        return splitting.gate(
-            last_hits, detections, self.common.max_speed, self.options.gate_probability
-        )
+        late, probability = self.late_after(GATING_SHARE), self.options.gate_probability
+        return splitting.gate(last_hits, detections, self.common.max_speed, probability, late)
 
     def _split(self, gates: Gates) -> tuple[Paths, Paths, PathCounts]:
         """Extend every track by each of its gated detections (Step 2).
@@ -346,21 +345,25 @@ class Tsepm(WindowedMethod):
             return pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
         return pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
 
-    def merge(self, candidates: Candidates) -> TrackArrays:
-        """Merge the tracks that seem to be one target's (Step 7)."""
-        labels = merging.groups(
+    def merge(self, candidates: Candidates) -> tuple[TrackArrays, int]:
+        """Merge the tracks that seem to be one target's (Step 7).
+
+        Returns them, and how many were left out where the time did not suffice to compare all.
+        """
+        labels, alike = merging.groups(
             candidates.hits,
             candidates.state,
             candidates.covariance,
             self.options.merging_probability,
+            self.late_after(MERGING_SHARE),
         )
-        groups = grouped.members_of_groups(labels)
+        groups = merging.best_of_alike(labels, alike, candidates.evaluation)
         best = [members[np.argmin(candidates.evaluation[members])] for members in groups]
         tracks = self.tracks(candidates[np.array(best, np.int64)])
         for row, members in enumerate(groups):
             if len(members) > 1:
                 tracks.state[row], tracks.covariance[row] = self.merged(candidates[members])
-        return tracks
+        return tracks, len(candidates) - sum(map(len, groups))
 
     def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group."""
