@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import log_ndtr
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import inverse
 from tsepm_ros.sensing.conversion import major_sigma
 
@@ -176,7 +176,7 @@ def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> Vel
     low, high = np.full(len(mean), -0.5 * np.pi), np.full(len(mean), 0.5 * np.pi)
     for _ in range(PASSES):
         angle = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * GRID
-        density, _, _ = _across(np.sin(angle), centre, deviation)
+        density = _chords(np.sin(angle), centre, deviation).density
         counts = density >= density.max(axis=1, keepdims=True) - LOG_DROP
         first = np.maximum(counts.argmax(axis=1) - 1, 0)
         last = np.minimum(len(GRID) - counts[:, ::-1].argmax(axis=1), len(GRID) - 1)
@@ -185,7 +185,8 @@ def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> Vel
     half = 0.5 * (high - low)
     angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
     place = np.sin(angle)
-    density, minor, spread = _across(place, centre, deviation)
+    chords = _chords(place, centre, deviation)
+    density, (minor, spread) = chords.density, _moments(chords, centre, deviation)
     peak = density.max(axis=1)
     weight = np.exp(density - peak[:, None]) * WEIGHTS * np.cos(angle)
     total = weight.sum(axis=1)
@@ -202,13 +203,32 @@ def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> Vel
     return VelocityInDisc(np.minimum(inside, 0.0), average, second)
 
 
-def _across(
-    place: FloatArray, centre: FloatArray, deviation: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Density along the chords of the unit disc across places (n, k) on the major axis.
+class _Chords(NamedTuple):
+    """Chords of the unit disc across places (n, k) on the major axis.
 
-    Returns its integral's logarithm, and mean and variance on each chord, (n, k) each.
+    Attributes
+    ----------
+    half : ndarray
+        Half of the length.
+    low, high : ndarray
+        Ends in standard deviations, mirrored to the left of the mean.
+    mirrored : ndarray of bool
+    mass : ndarray
+        Logarithm of the probability between the ends.
+    density : ndarray
+        Logarithm of the integral of the density along the chord.
     """
+
+    half: FloatArray
+    low: FloatArray
+    high: FloatArray
+    mirrored: BoolArray
+    mass: FloatArray
+    density: FloatArray
+
+
+def _chords(place: FloatArray, centre: FloatArray, deviation: FloatArray) -> _Chords:
+    """The chords across places (n, k) on the major axis."""
     chord = np.sqrt(np.maximum(1.0 - place**2, 1e-24))
     sigma, middle = deviation[:, :1], centre[:, :1]
     low, high = (-chord - middle) / sigma, (chord - middle) / sigma
@@ -217,12 +237,21 @@ def _across(
     low, high = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
     upper = log_ndtr(high)
     mass = upper + np.log(-np.expm1(np.minimum(log_ndtr(low) - upper, -1e-300)))
+    along = (place - centre[:, 1:]) / deviation[:, 1:]
+    density = mass - 0.5 * along**2 - np.log(np.sqrt(2.0 * np.pi) * deviation[:, 1:])
+    return _Chords(chord, low, high, mirrored, mass, density)
+
+
+def _moments(
+    chords: _Chords, centre: FloatArray, deviation: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance on each chord, (n, k) each."""
+    chord, low, high, mirrored, mass, _ = chords
+    sigma, middle = deviation[:, :1], centre[:, :1]
     at_low = np.exp(-0.5 * low**2 - mass) / np.sqrt(2.0 * np.pi)
     at_high = np.exp(-0.5 * high**2 - mass) / np.sqrt(2.0 * np.pi)
     shift = np.clip(at_low - at_high, low, high)
     variance = 1.0 + low * at_low - high * at_high - shift**2
     variance = np.clip(variance, 0.0, np.minimum(1.0, 0.25 * (high - low) ** 2))
     mean = np.where(mirrored, -shift, shift) * sigma + middle
-    along = (place - centre[:, 1:]) / deviation[:, 1:]
-    density = mass - 0.5 * along**2 - np.log(np.sqrt(2.0 * np.pi) * deviation[:, 1:])
-    return density, np.clip(mean, -chord, chord), variance * sigma**2
+    return np.clip(mean, -chord, chord), variance * sigma**2

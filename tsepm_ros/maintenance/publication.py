@@ -12,6 +12,7 @@ from tsepm_ros.maintenance import stationary
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.stationary import SpeedPrior
 
+NO_TRACKS = TrackArrays.of([])
 EXISTS = 0.5
 """Probability of existence from which a track that was held back is published: a choice."""
 STANDS_STILL = 0.5
@@ -19,15 +20,28 @@ STANDS_STILL = 0.5
 
 
 def judged(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
-    """The rows after an update, with the probability to stand still and the strength of each.
+    """The rows after an update, with the strength of each, and the probability to stand still.
 
-    A fit begins again with the filter's state where the motion has changed.
+    A fit begins again with the filter's state where the motion has changed. Where the probability
+    decides nothing, it is left to `stated`.
     """
     fits = stationary.begun_again(held.fits, held.tracks.state, held.tracks.covariance)
-    probability = fits.stationary_probability(prior)
+    probability = np.full(len(held), np.nan)
+    if prior.min_speed:
+        probability = fits.stationary_probability(prior)
     ratio = ratio_db(held.strength_hits, held.strength_total)
     tracks = replace(held.tracks, stationary_probability=probability, signal_to_clutter_db=ratio)
     return replace(held, fits=fits, tracks=tracks)
+
+
+def stated(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
+    """The rows with the probability to stand still of all."""
+    rows = np.flatnonzero(np.isnan(held.tracks.stationary_probability))
+    if not len(rows):
+        return held
+    probability = held.tracks.stationary_probability.copy()
+    probability[rows] = held.fits[rows].stationary_probability(prior)
+    return replace(held, tracks=replace(held.tracks, stationary_probability=probability))
 
 
 def released(held: HeldTracks, prior: SpeedPrior) -> tuple[HeldTracks, TrackArrays]:
@@ -39,6 +53,9 @@ def released(held: HeldTracks, prior: SpeedPrior) -> tuple[HeldTracks, TrackArra
     tracks : TrackArrays
         The tracks that are published now. A downstream tracker has known them from now on only.
     """
+    if held.published.all():
+        return held, NO_TRACKS
+    held = stated(held, prior)
     sure = ~held.published & prior.sure_to_move(held.tracks.stationary_probability)
     sure &= held.existence >= EXISTS
     return replace(

@@ -53,7 +53,6 @@ PROBABLE = 0.5
 
 
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
-NO_TRACKS = TrackArrays.of([])
 
 
 class TrackMaintenance:
@@ -105,7 +104,7 @@ class TrackMaintenance:
         self._tracker = DownstreamTracker()
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
-        self.released = NO_TRACKS
+        self.released = publication.NO_TRACKS
 
     @property
     def held(self) -> HeldTracks:
@@ -115,13 +114,18 @@ class TrackMaintenance:
     @property
     def current(self) -> TrackArrays:
         """Published tracks, at the last scan's stamp; between `follow` and `step` at their own."""
-        published = self._held.published
-        return self._held.tracks if published.all() else self._held.tracks.where(published)
+        held = self._state()
+        return held.tracks if held.published.all() else held.tracks.where(held.published)
+
+    def _state(self) -> HeldTracks:
+        """Every track held, with its probability to stand still."""
+        self._held = publication.stated(self._held, self.speed_prior)
+        return self._held
 
     @property
     def fixed_echoes(self) -> TrackArrays:
         """Held tracks, not published, that exist and stand still with more than 0.5."""
-        return publication.fixed_echoes(self._held)
+        return publication.fixed_echoes(self._state())
 
     @property
     def ended(self) -> list[int]:
@@ -241,7 +245,7 @@ class TrackMaintenance:
         if not len(tracks):
             return tracks
         new = HeldTracks.of(tracks, existence, histories, misfit, strengths)
-        new = publication.judged(new, self.speed_prior)
+        new = publication.stated(publication.judged(new, self.speed_prior), self.speed_prior)
         sure = self.speed_prior.sure_to_move(new.tracks.stationary_probability)
         self._held = self._held.joined(replace(new, published=sure))
         return new.tracks.where(sure)
@@ -281,7 +285,7 @@ class TrackMaintenance:
             With stamps of their own, finite numbers and an id each, see
             `tsepm_ros.maintenance.downstream_tracker.usable`.
         """
-        tracker, held = self._tracker.at(stamp, self.tracked_timeout), self._held
+        tracker, held = self._tracker.at(stamp, self.tracked_timeout), self._state()
         since = tracker.unlisted_since(held.unlisted_since, stamp)
         self._tracker = tracker.heard(stamp)
         ids = held.tracks.track_id
@@ -294,7 +298,7 @@ class TrackMaintenance:
 
     def clear(self) -> None:
         """End every track and forget what a downstream tracker said."""
-        self._cleared += self.current.track_id.tolist()
+        self._cleared += self._held.tracks.track_id[self._held.published].tolist()
         self._forget()
 
     def take_cleared(self) -> list[int]:
@@ -322,7 +326,7 @@ class TrackMaintenance:
         self._ended, self._cleared = self._cleared, []
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
-        self.released = NO_TRACKS
+        self.released = publication.NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)
 

@@ -63,16 +63,19 @@ class DetectionWindow:
         Parameters
         ----------
         hits : sequence of (int, int)
-            As in `ConfirmedTrack.hits`.
+            As in `ConfirmedTrack.hits`, oldest first.
 
         Returns
         -------
         (h,) ndarray of int
             In the order of the hits; hits that are forgotten are left out.
         """
-        ids = []
+        ids: list[int] = []
+        if not hits or not len(self) or hits[-1][0] < self._detections["scan"][0]:
+            return np.array(ids, np.int64)
+        scans = np.ascontiguousarray(self._detections["scan"])
         for scan, index in hits:
-            first, last = np.searchsorted(self._detections["scan"], [scan, scan + 1])
+            first, last = np.searchsorted(scans, [scan, scan + 1])
             row = first + np.flatnonzero(self._detections["index"][first:last] == index)
             ids += (self._first_id + row).tolist()
         return np.array(ids, np.int64)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import softmax
@@ -38,6 +39,26 @@ from tsepm_ros.sensing.detection_window import DetectionWindow
 
 ALL = 1.0
 """A held track's hits are all due to a held track."""
+
+
+class Doubtful(NamedTuple):
+    """A held track whose start may be wrong.
+
+    Attributes
+    ----------
+    track_id : int
+    row : int
+        Its detection in the scan.
+    hits : (h,) ndarray of int
+        Its published hits in the window.
+    published : int
+        Number of all its published hits.
+    """
+
+    track_id: int
+    row: int
+    hits: IntArray
+    published: int
 
 
 @dataclass(frozen=True)
@@ -62,6 +83,7 @@ class Revisions:
 def revisions(
     grown: Grown,
     observed: Observation,
+    wrong: Sequence[Doubtful],
     window: DetectionWindow,
     threshold: float,
     starts: Sequence[Start],
@@ -78,6 +100,8 @@ def revisions(
         The tree after the scan.
     observed : Observation
         With the held tracks and their detections.
+    wrong : sequence of Doubtful
+        See `doubtful`, before the starts.
     window : DetectionWindow
     threshold : float
         Of the evidence.
@@ -89,7 +113,7 @@ def revisions(
     new, corrected = _claimed(starts, observed.held, window)
     replaced: list[tuple[int, Start]] = []
     tested: Grown | None = None
-    for track_id, row, hits, published in doubtful(grown, observed, window, max_speed):
+    for track_id, row, hits, published in wrong:
         if grown.evidence[row] + speed_prior.LOG_GAIN < threshold:
             continue
         if any(grown.ids[row] in start.detections for start in starts):
@@ -105,29 +129,26 @@ def revisions(
 
 def doubtful(
     grown: Grown, observed: Observation, window: DetectionWindow, max_speed: float
-) -> list[tuple[int, int, IntArray, int]]:
+) -> list[Doubtful]:
     """Held tracks whose best hypothesis lacks half of their published hits or more.
 
-    Returns
-    -------
-    list of (int, int, (h,) ndarray of int, int)
-        Id of each track, its detection in the scan, its published hits, and their number; only
-        tracks of which most hits are in the window, and with no other held track in reach.
+    Only tracks of which most hits are in the window, and with no other held track in reach.
     """
-    found = []
+    found: list[Doubtful] = []
     held = observed.held
-    position = held.state[:, 0::2]
-    for track_id, row in zip(*observed.probable_detections, strict=True):
-        place = np.flatnonzero(held.track_id == track_id)
-        if not len(place):  # it has ended in this scan
-            continue
-        apart = np.hypot(*(position - position[place[0]]).T)
-        if np.count_nonzero(apart <= max_speed * held.age[place[0]]) > 1:
-            continue
-        published = held.hits[place[0]]
+    ids, rows = observed.probable_detections
+    if not len(ids):
+        return found
+    # A track that has ended in this scan is in no row.
+    which, place = np.nonzero(ids[:, None] == held.track_id)
+    apart = held.state[place, None, 0::2] - held.state[:, 0::2]
+    near = np.hypot(apart[..., 0], apart[..., 1]) <= max_speed * held.age[place, None]
+    alone = np.count_nonzero(near, axis=1) <= 1
+    for track_id, row, of in zip(ids[which[alone]], rows[which[alone]], place[alone], strict=True):
+        published = held.hits[of]
         hits = window.find(published)
         if 2 * len(hits) > len(published) and not _best_has_most_of(hits, grown, row):
-            found.append((int(track_id), int(row), hits, len(published)))
+            found.append(Doubtful(int(track_id), int(row), hits, len(published)))
     return found
 
 

@@ -66,6 +66,7 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages.estimation import fit_paths
 from tsepm_ros.stages.paths import NO_HIT
 
+NO_TRACKS = TrackArrays.of([])
 MIN_TIME_SPAN = 0.1
 """Time from the first hit to the last that a velocity needs, in scan intervals."""
 
@@ -142,7 +143,8 @@ class Score(Method):
         missed = tree.miss(predicted, detection_probability, options.gate_probability)
         grown = Grown(Hypotheses.joined(children, started), missed, ids)
         attainable = starts.attainable(grown, self.detections)
-        for _, row, *_ in doubtful(grown, observed, self.detections, self.common.max_speed):
+        wrong = doubtful(grown, observed, self.detections, self.common.max_speed)
+        for _, row, *_ in wrong:
             attainable[row] = max(attainable[row], grown.evidence[row] + speed_prior.LOG_GAIN)
         threshold = self._threshold.value_if_near(
             attainable.max(initial=-np.inf),
@@ -162,6 +164,7 @@ class Score(Method):
         revised = revisions(
             grown,
             observed,
+            wrong,
             self.detections,
             threshold,
             confirmed,
@@ -195,7 +198,9 @@ class Score(Method):
             statistics,
             existence,
             grown.target_probability,
-            self._confirmed(observed, corrected, threshold).numbered(ids),
+            self._confirmed(observed, corrected, threshold).numbered(ids)
+            if corrected
+            else NO_TRACKS,
             tuple(track_id for track_id, _ in revised.replaced),
             target_hits,
         )
@@ -259,6 +264,8 @@ class Score(Method):
 
     def _confirmed(self, observed: Observation, new: list[Start], threshold: float) -> TrackArrays:
         """The tracks of the starts."""
+        if not new:
+            return NO_TRACKS
         most_hits = max((len(start.hits) for start in new), default=1)
         hits = np.full((len(new), most_hits), NO_HIT)
         for row, start in enumerate(new):
