@@ -9,6 +9,7 @@ medians are taken, which a manoeuvre, or a detection of another origin, moves li
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -52,7 +53,7 @@ class MeasurementErrors:
     """Collects the innovations of held tracks' detections."""
 
     def __init__(self) -> None:
-        self._last: dict[int, deque[tuple[float, FloatArray]]] = {}
+        self._last: dict[int, deque[tuple[float, complex]]] = {}
         self._samples: deque[tuple[float, float, float, float, float]] = deque(maxlen=MAX_SAMPLES)
 
     def update(
@@ -75,32 +76,38 @@ class MeasurementErrors:
         """
         known = set(held.tolist())
         self._last = {track: last for track, last in self._last.items() if track in known}
-        for track, detection, variance in zip(track_id, detections, range_variance, strict=True):
-            last = self._last.setdefault(int(track), deque(maxlen=3))
-            last.append((float(detection["time"]), detection["position"].copy()))
+        names = "time", "position", "sensor_pose", "azimuth_std"
+        columns = (detections[name].tolist() for name in names)
+        given = zip(track_id.tolist(), *columns, range_variance.tolist(), strict=True)
+        for track, time, (x, y), pose, azimuth_std, variance in given:
+            last = self._last.setdefault(track, deque(maxlen=3))
+            last.append((time, complex(x, y)))
             if len(last) == 3:
-                self._add(list(last), detection, float(variance))
+                self._add(list(last), complex(*pose[:2]), azimuth_std, variance)
 
     def _add(
-        self, last: list[tuple[float, FloatArray]], newest: np.void, range_variance: float
+        self,
+        last: list[tuple[float, complex]],
+        sensor: complex,
+        azimuth_std: float,
+        range_variance: float,
     ) -> None:
+        """Add the innovation of the last three positions, ``x + iy``, from a sensor's."""
         (t1, z1), (t2, z2), (t3, z3) = last
         before, after = t2 - t1, t3 - t2
         if min(before, after) <= 0.0 or max(before, after) > MAX_SPACING * min(before, after):
             return
         share = after / (t3 - t1)
-        innovation = (z2 - share * z1 - (1.0 - share) * z3) / np.sqrt(
+        innovation = (z2 - share * z1 - (1.0 - share) * z3) / math.sqrt(
             1.0 + share**2 + (1.0 - share) ** 2
         )
-        sight = z2 - newest["sensor_pose"][:2]
-        distance = float(np.hypot(*sight))
+        sight = z2 - sensor
+        distance = abs(sight)
         if distance <= 0.0:
             return
-        along, across = sight @ innovation / distance, _cross(sight, innovation) / distance
-        turn = across / distance
-        self._samples.append(
-            (distance, along**2, turn**2, range_variance, float(newest["azimuth_std"]) ** 2)
-        )
+        turned = innovation * sight.conjugate() / distance
+        turn = turned.imag / distance
+        self._samples.append((distance, turned.real**2, turn**2, range_variance, azimuth_std**2))
 
     @property
     def fitted(self) -> FittedErrors | None:
@@ -119,10 +126,6 @@ class MeasurementErrors:
             azimuth_factor=float(np.sqrt(_variance(turn / azimuth_variance))),
             median_range=float(np.median(distance)),
         )
-
-
-def _cross(a: FloatArray, b: FloatArray) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])
 
 
 def _variance(square: FloatArray) -> float:

@@ -117,6 +117,11 @@ class BlockSums:
         self._sums = np.cumsum(sums, axis=1, out=sums)
         self._before = before
 
+    @property
+    def rows(self) -> int:
+        """Rows of cells."""
+        return len(self._sums) - 1
+
     def windows(self, height: int, width: int, number: int) -> FloatArray:
         """Sums of the windows of a size that begin in each row, and in the first columns.
 

@@ -35,6 +35,8 @@ from tsepm_ros.numerics.rows import Rows
 HALF_WIDTHS = 1, 2, 4, 8
 """Cells on either side of the middle of a strip."""
 _WIDTHS = np.array(HALF_WIDTHS)[:, None]
+FEW = 48
+"""Detections up to which they are counted one by one, not on the grid."""
 BEHIND = 3
 """Cells in range between a target and a strip behind it."""
 TARGET_MEMORY = 20
@@ -128,6 +130,16 @@ class _Strips(NamedTuple):
         return np.maximum(to_end - values.nearer(self.start, self.middle, _WIDTHS), 0.0)
 
 
+def _counted_before(grid: PolarGrid, cells: Cells, weight: FloatArray) -> FloatArray:
+    """Weight (w, n) in front of each cell, in the strips of each width around its bearing."""
+    away = np.abs(cells.column[:, None] - cells.column)
+    if grid.wraps:
+        away = np.minimum(away, grid.shape[1] - away)
+    in_front = np.where(cells.row < cells.row[:, None], weight, 0.0)
+    near = away <= _WIDTHS[..., None]
+    return np.asarray((near * in_front).sum(axis=-1))
+
+
 class SecondaryEchoes:
     """Learns how much denser clutter is behind echoes.
 
@@ -188,16 +200,20 @@ class SecondaryEchoes:
             self._behind, self._track_id = _Behind.nothing(0), targets.track_id
             return np.ones(0)
         grid = clutter_map.grid
-        counts = np.zeros(grid.shape)
-        np.add.at(counts, cells, weight)
         reach = min(max(HALF_WIDTHS), grid.shape[1]) if grid.wraps else 0
-        count, expected = (
-            BlockSums(values, grid.wraps, reach, reach) for values in (counts, clutter_map.expected)
-        )
-        self._learn_behind(grid, targets, count, expected)
-        before, expected_before = (
-            sums.nearer(cells.row, cells.column, _WIDTHS) for sums in (count, expected)
-        )
+        expected = BlockSums(clutter_map.expected, grid.wraps, reach, reach)
+        expected_before = expected.nearer(cells.row, cells.column, _WIDTHS)
+        if len(weight) <= FEW:
+            strips = _Strips.of(grid, targets)
+            self._learn_behind(targets, strips, strips.hold(grid, cells) @ weight, expected)
+            before = _counted_before(grid, cells, weight)
+        else:
+            counts = np.zeros(grid.shape)
+            np.add.at(counts, cells, weight)
+            count = BlockSums(counts, grid.wraps, reach, reach)
+            strips = _Strips.of(grid, targets)
+            self._learn_behind(targets, strips, strips.sums(count, grid.shape[0]), expected)
+            before = count.nearer(cells.row, cells.column, _WIDTHS)
         self._pairs += before @ weight
         self._expected_pairs += expected_before @ weight
         factor = self._of_pairs(before, expected_before).max(axis=0)
@@ -223,18 +239,17 @@ class SecondaryEchoes:
         return found
 
     def _learn_behind(
-        self, grid: PolarGrid, targets: HeldTargets, count: BlockSums, expected: BlockSums
+        self, targets: HeldTargets, strips: _Strips, count: FloatArray, expected: BlockSums
     ) -> None:
-        """Learn how many detections are behind each target."""
+        """Learn how many detections are behind each target: `count` in each strip."""
         old = self._of_targets(targets)
         self._track_id = targets.track_id
         if not len(targets.track_id):
             self._behind = old
             return
         keep = 1.0 - 1.0 / TARGET_MEMORY
-        strips = _Strips.of(grid, targets)
         self._behind = _Behind(
             keep * old.scans + 1.0,
-            keep * old.count + strips.sums(count, grid.shape[0]),
-            keep * old.expected + strips.sums(expected, grid.shape[0]),
+            keep * old.count + count,
+            keep * old.expected + strips.sums(expected, expected.rows),
         )

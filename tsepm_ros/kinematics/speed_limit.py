@@ -92,7 +92,9 @@ def log_probability(
     result = np.zeros(len(state))
     rows = reaching_outside(state, covariance, max_speed, NEGLIGIBLE)
     if len(rows):
-        result[rows] = _in_disc_of(rows, state, covariance, max_speed).log_probability
+        radius = np.broadcast_to(max_speed, len(state))[rows]
+        quadrature, _, _, _ = _quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
+        result[rows] = np.minimum(quadrature.log_integral, 0.0)
     return result
 
 
@@ -168,6 +170,45 @@ def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> Vel
     mean, covariance : (n, 2), (n, 2, 2) ndarray
     radius : (n,) ndarray
     """
+    quadrature, axes, centre, deviation = _quadrature(mean, covariance, radius)
+    chords, weight, scale = quadrature.chords, quadrature.weight, radius[:, None]
+    minor, spread = _moments(chords, centre, deviation)
+    weight = weight / weight.sum(axis=1)[:, None]
+    points = np.stack([minor, quadrature.place], axis=-1)
+    average = (weight[..., None] * points).sum(axis=1)
+    apart = points - average[:, None]
+    second = np.einsum("nk,nki,nkj->nij", weight, apart, apart)
+    second[:, 0, 0] += (weight * spread).sum(axis=1)
+    second[:, [0, 1], [0, 1]] += MIN_RELATIVE_VARIANCE * deviation**2  # positive definite
+    average = np.einsum("nij,nj->ni", axes, average) * scale
+    second = np.einsum("nij,njk,nlk->nil", axes, second, axes) * scale[..., None] ** 2
+    return VelocityInDisc(np.minimum(quadrature.log_integral, 0.0), average, second)
+
+
+class _Quadrature(NamedTuple):
+    """Integral over the unit disc along the major axis.
+
+    Attributes
+    ----------
+    log_integral : (n,) ndarray
+    place : (n, k) ndarray
+        On the major axis.
+    chords : _Chords
+        At these places.
+    weight : (n, k) ndarray
+        Of each chord, up to a factor.
+    """
+
+    log_integral: FloatArray
+    place: FloatArray
+    chords: _Chords
+    weight: FloatArray
+
+
+def _quadrature(
+    mean: FloatArray, covariance: FloatArray, radius: FloatArray
+) -> tuple[_Quadrature, FloatArray, FloatArray, FloatArray]:
+    """The integral, and axes, centre and deviations of the Gaussian; see `in_disc`."""
     variance, axes = np.linalg.eigh(covariance)
     scale = radius[:, None]
     deviation = np.sqrt(np.maximum(variance / scale**2, MIN_VARIANCE))
@@ -186,21 +227,10 @@ def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> Vel
     angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
     place = np.sin(angle)
     chords = _chords(place, centre, deviation)
-    density, (minor, spread) = chords.density, _moments(chords, centre, deviation)
-    peak = density.max(axis=1)
-    weight = np.exp(density - peak[:, None]) * WEIGHTS * np.cos(angle)
-    total = weight.sum(axis=1)
-    weight /= total[:, None]
-    inside = peak + np.log(total * half)
-    points = np.stack([minor, place], axis=-1)
-    average = (weight[..., None] * points).sum(axis=1)
-    apart = points - average[:, None]
-    second = np.einsum("nk,nki,nkj->nij", weight, apart, apart)
-    second[:, 0, 0] += (weight * spread).sum(axis=1)
-    second[:, [0, 1], [0, 1]] += MIN_RELATIVE_VARIANCE * deviation**2  # positive definite
-    average = np.einsum("nij,nj->ni", axes, average) * scale
-    second = np.einsum("nij,njk,nlk->nil", axes, second, axes) * scale[..., None] ** 2
-    return VelocityInDisc(np.minimum(inside, 0.0), average, second)
+    peak = chords.density.max(axis=1)
+    weight = np.exp(chords.density - peak[:, None]) * WEIGHTS * np.cos(angle)
+    inside = peak + np.log(weight.sum(axis=1) * half)
+    return _Quadrature(inside, place, chords, weight), axes, centre, deviation
 
 
 class _Chords(NamedTuple):

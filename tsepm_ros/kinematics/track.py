@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from typing import Any, overload
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.kalman import predict
 from tsepm_ros.numerics.covariances import proper
+from tsepm_ros.numerics.rows import changed
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -202,7 +203,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     def proper(self) -> TrackArrays:
         """The tracks with covariances that are positive definite, see `covariances.proper`."""
         covariance = proper(self.covariance) if len(self) else self.covariance
-        return self if covariance is self.covariance else replace(self, covariance=covariance)
+        return self if covariance is self.covariance else changed(self, covariance=covariance)
 
     def __repr__(self) -> str:
         return f"TrackArrays({list(self[:3])}{f', {len(self)} in all' if len(self) > 3 else ''})"
@@ -242,7 +243,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
         """The same tracks with other ids, (n,)."""
-        return replace(self, track_id=track_id)
+        return changed(self, track_id=track_id)
 
     def joined(self, *others: TrackArrays) -> TrackArrays:
         """These tracks, followed by those of `others`."""
@@ -268,7 +269,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         """
         elapsed = stamp - self.stamp
         state, covariance = predict(self.state, self.covariance, elapsed)
-        return replace(
+        return changed(
             self,
             stamp=np.full(len(self), stamp),
             state=state,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, Neighbours
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.sensing.plot_features import MAX_PLOT_COUNT
 from tsepm_ros.stages.association import Pairs
 from tsepm_ros.stages.paths import NO_HIT
@@ -74,7 +73,7 @@ def with_strengths(
     hits = np.bincount(track, share, minlength=n)
     total = np.bincount(track, share * strength[near.row[known]], minlength=n)
     keep = 1.0 - np.minimum(hits, 1.0) / MAX_PLOT_COUNT
-    return replace(
+    return changed(
         held,
         strength_hits=keep * held.strength_hits + hits,
         strength_total=keep * held.strength_total + total,
@@ -116,4 +115,4 @@ def with_plots(
     own = np.flatnonzero(plots != NO_HIT)
     histories = held.histories.with_plots(own, detections["features"][plots[own]])
     plots[own[environment.in_zone[plots[own]]]] = NO_HIT
-    return replace(held, histories=histories), plots
+    return changed(held, histories=histories), plots

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from tsepm_ros.maintenance import ipda
 from tsepm_ros.maintenance.downstream_tracker import LISTED
 from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.sensing.plot_features import Histories
 
 UNPROVEN = 0.005
@@ -153,9 +154,9 @@ class HeldTracks:
         time_step = stamp - self.tracks.stamp
         models = self.models.predicted(time_step, max_speed)
         state, covariance = models.combined()
-        return replace(
+        return changed(
             self,
-            tracks=replace(
+            tracks=changed(
                 self.tracks,
                 stamp=np.full(len(self), stamp),
                 state=state,
@@ -185,9 +186,9 @@ class HeldTracks:
             name: _put(getattr(tracks, name), row, getattr(new, name)) for name in names
         }
         revision = _put(tracks.revision, row, tracks.revision[row] + 1)
-        return replace(
+        return changed(
             self,
-            tracks=replace(tracks, hits=hits, revision=revision, **figures),
+            tracks=changed(tracks, hits=hits, revision=revision, **figures),
             models=self.models.with_rows(row, InteractingModels.of(new.state, new.covariance)),
             fits=self.fits.with_rows(row, StraightFits.of(new.state, new.covariance)),
         )
@@ -200,9 +201,9 @@ class HeldTracks:
         tracks = self.tracks
         _, row, place = np.intersect1d(tracks.track_id, reported.track_id, return_indices=True)
         reported = reported.where(place)
-        return replace(
+        return changed(
             self,
-            tracks=replace(
+            tracks=changed(
                 tracks,
                 stamp=_put(tracks.stamp, row, reported.stamp),
                 state=_put(tracks.state, row, reported.state),

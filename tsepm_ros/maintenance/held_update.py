@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from tsepm_ros.maintenance.gated_detections import (
 )
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.rows import changed
 
 PROVING = 0.5
 """P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
@@ -90,9 +90,9 @@ def updated(
     detected = of_target * existence
     scans = held.covered_scans + covered
     state, covariance = models.combined()
-    held = replace(
+    held = changed(
         held,
-        tracks=replace(held.tracks, state=state, covariance=covariance),
+        tracks=changed(held.tracks, state=state, covariance=covariance),
         models=models,
         existence=existence,
         proven=proven,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from tsepm_ros.environment.target_strength import ratio_db
@@ -11,6 +9,7 @@ from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance import stationary
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.stationary import SpeedPrior
+from tsepm_ros.numerics.rows import changed
 
 NO_TRACKS = TrackArrays.of([])
 EXISTS = 0.5
@@ -30,8 +29,8 @@ def judged(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
     if prior.min_speed:
         probability = fits.stationary_probability(prior)
     ratio = ratio_db(held.strength_hits, held.strength_total)
-    tracks = replace(held.tracks, stationary_probability=probability, signal_to_clutter_db=ratio)
-    return replace(held, fits=fits, tracks=tracks)
+    tracks = changed(held.tracks, stationary_probability=probability, signal_to_clutter_db=ratio)
+    return changed(held, fits=fits, tracks=tracks)
 
 
 def stated(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
@@ -41,7 +40,7 @@ def stated(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
         return held
     probability = held.tracks.stationary_probability.copy()
     probability[rows] = held.fits[rows].stationary_probability(prior)
-    return replace(held, tracks=replace(held.tracks, stationary_probability=probability))
+    return changed(held, tracks=changed(held.tracks, stationary_probability=probability))
 
 
 def released(held: HeldTracks, prior: SpeedPrior) -> tuple[HeldTracks, TrackArrays]:
@@ -58,7 +57,7 @@ def released(held: HeldTracks, prior: SpeedPrior) -> tuple[HeldTracks, TrackArra
     held = stated(held, prior)
     sure = ~held.published & prior.sure_to_move(held.tracks.stationary_probability)
     sure &= held.existence >= EXISTS
-    return replace(
+    return changed(
         held,
         published=held.published | sure,
         unlisted_since=np.where(sure, held.tracks.stamp, held.unlisted_since),
@@ -70,4 +69,4 @@ def fixed_echoes(held: HeldTracks) -> TrackArrays:
     still = held.existence * held.tracks.stationary_probability > STANDS_STILL
     rows = np.flatnonzero(still & ~held.published)
     state, covariance = held.fits[rows].places()
-    return replace(held.tracks.where(rows), state=state, covariance=covariance)
+    return changed(held.tracks.where(rows), state=state, covariance=covariance)

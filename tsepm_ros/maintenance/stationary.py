@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ from tsepm_ros.maintenance.gated_detections import GatedDetections, Neighbours
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.disc import disc_probability
 from tsepm_ros.numerics.gaussian import log_density
-from tsepm_ros.numerics.rows import Rows
+from tsepm_ros.numerics.rows import Rows, changed
 from tsepm_ros.sensing.sensor import SensorModel
 
 STATIONARY_SHARE = 0.9
@@ -171,7 +171,7 @@ class StraightFits(Rows):
         """The fits after times (n,), s, of either sign."""
         state, covariance = kalman.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
         begun = -np.expm1(-np.abs(elapsed) / TIME_TO_CHANGE)
-        return replace(
+        return changed(
             self, state=state, covariance=covariance, change_odds=self.change_odds + begun
         )
 
@@ -263,7 +263,7 @@ def updated(
         models.state, models.covariance, gated, near.track, association.probability[None]
     )
     odds = fits.change_odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter)
-    return replace(fits, state=state[0], covariance=covariance[0], change_odds=odds)
+    return changed(fits, state=state[0], covariance=covariance[0], change_odds=odds)
 
 
 def scan_ratios(

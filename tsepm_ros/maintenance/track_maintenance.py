@@ -7,7 +7,6 @@ tracks here apply only to tracks that it has not listed yet.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -38,6 +37,7 @@ from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.held_update import CoveredTracks
 from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
@@ -212,7 +212,7 @@ class TrackMaintenance:
         )
         of_target = association.probability * held.existence[near.track]
         held = held_features.with_strengths(held, near, of_target, detections["strength"])
-        held = publication.judged(replace(held, fits=fits), self.speed_prior)
+        held = publication.judged(changed(held, fits=fits), self.speed_prior)
         self.held_association = HeldAssociation(near.row, of_target)
         self.own_detections, self.probable_detections = (
             OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
@@ -247,7 +247,7 @@ class TrackMaintenance:
         new = HeldTracks.of(tracks, existence, histories, misfit, strengths)
         new = publication.stated(publication.judged(new, self.speed_prior), self.speed_prior)
         sure = self.speed_prior.sure_to_move(new.tracks.stationary_probability)
-        self._held = self._held.joined(replace(new, published=sure))
+        self._held = self._held.joined(changed(new, published=sure))
         return new.tracks.where(sure)
 
     def revise(self, corrected: TrackArrays, replaced: Sequence[int] = ()) -> TrackArrays:
@@ -292,7 +292,7 @@ class TrackMaintenance:
         over = declined(since, ids, tracks.track_id, stamp, self.tracked_timeout)
         over &= held.published
         self._cleared += ids[over].tolist()
-        self._held = replace(held, unlisted_since=since).where(~over)
+        self._held = changed(held, unlisted_since=since).where(~over)
         self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
         self._held = self._held.listed(tracks, TRACKED_EXISTENCE)
 
@@ -336,7 +336,7 @@ class TrackMaintenance:
         known = repetition.located(tracks.covariance, detection_sigma)
         agrees = repetition.agrees_with_older(tracks.state, tracks.covariance, plots, known)
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
-        self._held = replace(self._held, agreeing_scans=scans)
+        self._held = changed(self._held, agreeing_scans=scans)
         return scans >= repetition.SAME_SCANS
 
     def _end(self, kept: BoolArray) -> BoolArray:
@@ -384,5 +384,5 @@ def _ratios_under(
     gated: GatedDetections,
 ) -> FloatArray:
     """L_ijm of pairs as they are under other models of the held tracks' motion, (m, p)."""
-    held = replace(held, models=models)
+    held = changed(held, models=models)
     return _likelihood_ratios(held, near, gated, detections, clutter, sensor, environment)

@@ -3,10 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+T = TypeVar("T")
+
+
+def changed(table: T, **columns: Any) -> T:
+    """A table (a dataclass without slots) with other columns, or parts.
+
+    As `dataclasses.replace`, without a constructor: a tenth of the time.
+    """
+    if not columns.keys() <= table.__dict__.keys():
+        raise TypeError(f"{type(table).__name__} has no {set(columns) - set(table.__dict__)}")
+    new = object.__new__(type(table))
+    new.__dict__.update(table.__dict__, **columns)
+    return new
 
 
 @dataclass(frozen=True)

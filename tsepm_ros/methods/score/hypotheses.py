@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.grouped import sums_over_hits
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.stages.paths import Paths
 
 
@@ -44,7 +45,7 @@ class Hypotheses(Paths):
 
     def scored_given_held(self) -> Hypotheses:
         """The hypotheses with their scores given the held tracks."""
-        return replace(self, score=self.score_given_held)
+        return changed(self, score=self.score_given_held)
 
     def given_track(self, ids: IntArray, probability: FloatArray) -> Hypotheses:
         """The hypotheses given a new held track.
@@ -64,7 +65,7 @@ class Hypotheses(Paths):
         """
         share = sums_over_hits(self.hits, ids, probability) / self.hit_count
         score = self.score_given_held
-        return replace(self, score_given_held=score - share * np.maximum(score, 0.0))
+        return changed(self, score_given_held=score - share * np.maximum(score, 0.0))
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:

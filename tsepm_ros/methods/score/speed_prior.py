@@ -23,6 +23,7 @@ from tsepm_ros.methods.score.score_options import MIN_HITS
 from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.stages.paths import NO_HIT
 
 LOG_GAIN = -math.log(-math.expm1(-2.0))
@@ -93,7 +94,7 @@ def _ended_at(hypotheses: Hypotheses, counts: BoolArray, max_speed: float) -> Hy
     gain[rows] = LOG_GAIN + speed_limit.log_probability(
         hypotheses.state[rows], hypotheses.covariance[rows], max_speed
     )
-    return replace(
+    return changed(
         hypotheses,
         score=hypotheses.score + gain,
         score_given_held=hypotheses.score_given_held + gain,

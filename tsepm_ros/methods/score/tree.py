@@ -15,7 +15,7 @@ the gate's probability and s_i the score of the hypothesis::
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -29,6 +29,7 @@ from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.stages import pruning
@@ -90,7 +91,7 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
         hypotheses.state, hypotheses.covariance, interval, process_noise
     )
     faded = fading.predicted(hypotheses.faded, interval)
-    return replace(hypotheses, state=state, covariance=covariance, faded=faded)
+    return changed(hypotheses, state=state, covariance=covariance, faded=faded)
 
 
 def held_penalty(observed: Observation, row: IntArray, strength: FloatArray) -> FloatArray:
@@ -166,7 +167,7 @@ def miss(
         P_G.
     """
     increment = likelihood_ratio.miss_increment(detection_probability, gate_probability)
-    return replace(
+    return changed(
         predicted,
         score=predicted.score + increment,
         score_given_held=predicted.score_given_held + increment,
