@@ -138,7 +138,8 @@ class BlockSums:
         """
         begin = self._before
         strips = self._sums[:, begin + width :][:, :number] - self._sums[:, begin:][:, :number]
-        return np.maximum(strips[height:] - strips[:-height], 0.0)  # rounding errors
+        sums = strips[height:] - strips[:-height]
+        return np.maximum(sums, 0.0, out=sums)  # rounding errors
 
     def nearer(self, row: IntArray, middle: IntArray, half_width: IntArray) -> FloatArray:
         """Sums of the cells in rows below `row`, in the columns around a middle.
