@@ -92,6 +92,16 @@ class ClutterMap:
         return self._level * float((self._densities * area).sum()) / total
 
     @property
+    def count(self) -> float:
+        """Number of detections behind the mean density, the data sheet's included."""
+        return DATA_SHEET_COUNT + float(self._counts.sum())
+
+    @property
+    def counted_area(self) -> FloatArray:
+        """Area in each cell in which clutter is expected, (r, c), m^2."""
+        return np.broadcast_to(self._counted_area, self.grid.shape)
+
+    @property
     def expected(self) -> FloatArray:
         """Number of clutter detections expected in each cell in a scan, (r, c)."""
         return np.asarray(self._level * self._densities * self._counted_area)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from tsepm_ros.environment.clutter_clumps import ClutterClumps
 from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.clutter_range_rates import ClutterRangeRates
 from tsepm_ros.environment.clutter_strengths import ClutterStrengths
@@ -23,6 +24,8 @@ class Learned:
     Attributes
     ----------
     clutter_map : ClutterMap
+    clumps : ClutterClumps
+        How much lumpier clutter is than the map.
     seen_extent : SeenExtent
         Where clutter is seen, in the coverage.
     strengths : ClutterStrengths
@@ -43,6 +46,7 @@ class Learned:
     """
 
     clutter_map: ClutterMap
+    clumps: ClutterClumps
     seen_extent: SeenExtent
     strengths: ClutterStrengths
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
@@ -57,8 +61,10 @@ class Learned:
     def initial(cls, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor."""
         clutter_map = ClutterMap(sensor)
-        strengths = ClutterStrengths(clutter_map.grid.shape, clutter_map.grid.wraps)
-        return cls(clutter_map, SeenExtent(Extent.of(sensor)), strengths)
+        shape, wraps = clutter_map.grid.shape, clutter_map.grid.wraps
+        strengths = ClutterStrengths(shape, wraps)
+        clumps = ClutterClumps(shape, wraps)
+        return cls(clutter_map, clumps, SeenExtent(Extent.of(sensor)), strengths)
 
     def under(self, sensor: SensorModel) -> Learned:
         """The models for a sensor; the clutter map is kept only for the same coverage."""
@@ -68,6 +74,7 @@ class Learned:
         return replace(
             self,
             clutter_map=fresh.clutter_map,
+            clumps=fresh.clumps,
             seen_extent=fresh.seen_extent,
             strengths=fresh.strengths,
             secondary_echoes=SecondaryEchoes(),

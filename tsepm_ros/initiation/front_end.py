@@ -231,6 +231,7 @@ class FrontEnd:
             detection_probability_in_use=self.detection_probability,
             time_limit=time_limit,
             strengths=strengths,
+            predictive=self._clutter.predictive,
         )
 
     def _count_in(self, scan: Scan) -> float:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.environment.clutter_clumps import PredictiveDensity
 from tsepm_ros.environment.seen_extent import Extent
 from tsepm_ros.environment.target_strength import ScanStrengths
 from tsepm_ros.initiation.statistics import ScanStatistics
@@ -62,6 +63,8 @@ class Observation:
         Time that the scan may take.
     strengths : ScanStrengths or None
         What the strengths of the detections say; None where they do not count.
+    predictive : PredictiveDensity or None
+        What makes the clutter density uncertain; None where it is given.
     """
 
     stamp: float
@@ -83,6 +86,7 @@ class Observation:
     detection_probability_in_use: float
     time_limit: TimeLimit
     strengths: ScanStrengths | None = None
+    predictive: PredictiveDensity | None = None
 
 
 class TargetHits(NamedTuple):

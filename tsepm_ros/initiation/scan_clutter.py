@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tsepm_ros.environment.clutter_clumps import PredictiveDensity
 from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.environment.secondary_echoes import HeldTargets
@@ -28,6 +29,8 @@ class ScanClutter:
 
     Attributes
     ----------
+    predictive : PredictiveDensity or None
+        What makes the density uncertain; None where it is given, and until `learn`.
     strengths : ClutterStrengths or None
         The law of strengths, where the method learns it.
     cells : Cells
@@ -52,6 +55,7 @@ class ScanClutter:
         self._polar = range, azimuth
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
+        self.predictive: PredictiveDensity | None = None
         self.strengths: ClutterStrengths | None = None
         if common.intensity == "auto" and counts_echoes:
             self.strengths = learned.strengths
@@ -90,11 +94,16 @@ class ScanClutter:
             density *= learned.secondary_echoes.update(
                 learned.clutter_map, targets, self.cells, weight
             )
+            self.predictive = learned.clumps.update(
+                learned.clutter_map, self.cells, weight, density
+            )
         return density
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each detection (d,): that of a target after all."""
         self._learned.clutter_map.withdraw(self.cells, self.weight * share)
+        if self._echoes:
+            self._learned.clumps.withdraw(share)
 
     def density(self) -> FloatArray:
         """Density of the map, (d,), 1/m^2."""

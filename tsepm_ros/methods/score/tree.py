@@ -281,6 +281,8 @@ def child_score(
     )
     hypotheses = expected.hypotheses
     score: FloatArray = hypotheses.score[parent] + increment
+    if observed.predictive is not None:
+        score += observed.predictive.increment(hypotheses.hit_count, parent, row)
     if observed.strengths is not None:
         score += path_strength.extended(hypotheses, parent, observed, row).increment
     return score
