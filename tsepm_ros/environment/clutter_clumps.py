@@ -5,18 +5,20 @@ true density in the neighbourhood of a path be the estimate times a factor of ga
 with mean 1 and shape a. With N detections of the last scans around the j-th hit, of M that the map
 expects, and with the path's own hits at least, the predictive density of the hit is ::
 
-    lambda_hat (a + max(N, j - 1)) / (a + M),    at least lambda_hat
+    lambda_hat (a + max(N, j - 1)) / (a + M)
 
 so that the mean of a path's likelihood ratio in clutter stays at most 1, over the randomness of the
 density too (the product over a path is that of the negative binomial law,
 ``Gamma(a + k) / (Gamma(a) b^k)``). The mean density itself is known from L detections: hits count
 ``1 + (j - 1) / L`` times as dense.
 
-The variance ``v = 1 / a`` of the factor is learned. Detections of clutter follow others of the last
-scans in the same place more often than the map expects, ``m (1 + v)`` times as often (the pair
-correlation: Moller, Waagepetersen, "Statistical inference and simulation for spatial point
-processes", 2003), with m times as many detections in all as the map expects. Only what the pairs
-show beyond their bound counts; in even clutter v is 0, and a is infinite.
+The variance ``v = 1 / a`` of the factor is learned from N and M at the detections of clutter, where
+the factor has the shape a + 1, so that its squared coefficient of variation is v / (1 + v)::
+
+    v / (1 + v) = (sum (N - c M)^2 / M - rho sum N / M) / (c sum N),    c = sum N / sum M
+
+less its standard error in even clutter, with rho M the variance of N there. In even clutter v is 0,
+and a is infinite.
 """
 
 from __future__ import annotations
@@ -26,15 +28,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS
 from tsepm_ros.environment.clutter_map import MEMORY, ClutterMap
 from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 RECENT = 16.0
 """Time constant, in scans, of the detections that others follow: about the length of a path."""
-TARGET_PAIRS = 10.0
-"""Pairs attributed to targets that are not recognised yet: those of five hits."""
+MAX_VARIANCE = 1.0
+"""v is at most this: what is more are rather targets that are not recognised yet."""
+MIN_EXPECTED = 0.05
+"""M with which a detection counts, at least."""
 REACH = 1
 """Cells on each side of a detection in which others are its neighbours."""
 _ROW_OFFSETS, _COLUMN_OFFSETS = np.indices((2 * REACH + 1, 2 * REACH + 1)).reshape(2, -1) - REACH
@@ -61,7 +65,7 @@ class PredictiveDensity(NamedTuple):
     expected: FloatArray
 
     def increment(self, hits: IntArray, parent: IntArray, row: IntArray) -> FloatArray:
-        """Score increment, at most 0, of each child (p,) of a path and a detection.
+        """Score increment of each child (p,) of a path and a detection.
 
         Parameters
         ----------
@@ -73,8 +77,7 @@ class PredictiveDensity(NamedTuple):
         increment: FloatArray = -np.log1p(hits / self.detections)[parent]
         if math.isfinite(self.shape):
             beyond = np.maximum(self.around[row], hits[parent]) - self.expected[row]
-            share = np.maximum(beyond, 0.0) / (self.shape + self.expected[row])
-            increment -= np.log1p(share)
+            increment -= np.log1p(beyond / (self.shape + self.expected[row]))
         return increment
 
 
@@ -107,26 +110,27 @@ class ClutterClumps:
     def __init__(self, shape: tuple[int, int], wraps: bool) -> None:
         self._wraps = wraps and shape[1] > 2 * REACH
         self._around = np.zeros(shape)
-        self._scans = 0.0
+        # Number of scans in N, fading; the same with squared weights; none before the first scan.
+        self._scans = self._squares = 0.0
+        self._begun = False
         none = np.zeros(0, np.int64)
         self._neighbours = self._neighbours_of(Cells(none, none))
-        self._weight, self._near, self._inverse = np.zeros((3, 0))
-        self._area, self._number = 0.0, 0.0
-        # Pairs, the same over the density, the sum of squares of these, and of both the expected.
+        self._weight, self._near, self._expected = np.zeros((3, 0))
+        # Of the detections: their number, N, M, N^2 / M, N / M, and the variance of N over M.
         self._sums = np.zeros(6)
 
     @property
     def variance(self) -> float:
         """Variance v of the true density over the estimate, at least 0."""
-        pairs, followed, squares, area, detections, expected = self._sums
-        if pairs <= TARGET_PAIRS or not followed or not expected:
+        number, around, expected, squares, ratios, noise = self._sums
+        if not around or not expected:
             return 0.0
-        followed *= 1.0 - TARGET_PAIRS / pairs
-        # Pairs that share a detection are not independent: fewer, of a larger weight.
-        weight = squares / followed
-        low = weight * float(poisson_bound(np.array(followed / weight), -MAX_DEVIATIONS))
-        mean = min(detections / expected, 1.0)
-        return max(low / (area * mean) - 1.0, 0.0)
+        explained = around**2 / expected
+        mean = expected / number
+        # Detections with the same neighbours count as one.
+        error = math.sqrt(2.0 * (1.0 + 2.0 * mean) / number) * noise / expected
+        share = (squares - explained - ratios) / explained - MAX_DEVIATIONS * error
+        return float(min(max(share / max(1.0 - share, 1e-9), 0.0), MAX_VARIANCE))
 
     def update(
         self, clutter_map: ClutterMap, cells: Cells, weight: FloatArray, density: FloatArray
@@ -144,18 +148,16 @@ class ClutterClumps:
         density : (n,) ndarray
             Clutter density at each, 1/m^2.
         """
-        self._learn()
-        area = clutter_map.counted_area
+        if self._begun:
+            self._learn()
+        self._begun = True
         self._neighbours = self._neighbours_of(cells)
         self._weight, self._near = weight, self._around[cells]
-        self._inverse = 1.0 / density
-        self._area = float((self._around * area).sum())
-        self._number = float(clutter_map.expected.sum())
+        area = self._neighbours.sums(clutter_map.counted_area)
+        self._expected = self._scans * density * area
         variance = self.variance
-        expected = self._scans * density * self._neighbours.sums(area)
-        return PredictiveDensity(
-            clutter_map.count, 1.0 / variance if variance else math.inf, self._near, expected
-        )
+        shape = 1.0 / variance if variance else math.inf
+        return PredictiveDensity(clutter_map.count, shape, self._near, self._expected)
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each of the last scan's detections (n,): that of a target."""
@@ -164,20 +166,23 @@ class ClutterClumps:
     def _learn(self) -> None:
         """Learn from the last scan taken."""
         weight = self._weight
-        followed = self._near * self._inverse
+        around, expected = self._near, np.maximum(self._expected, MIN_EXPECTED)
+        # Detections of clutter count in N by their age: their variance is less than their number.
+        noise = self._squares / max(self._scans, 1e-9)
         self._sums *= 1.0 - 1.0 / MEMORY
         self._sums += np.array(
             [
-                self._near @ weight,
-                followed @ weight,
-                np.square(followed) @ weight,
-                self._area,
                 weight.sum(),
-                self._number,
+                around @ weight,
+                expected @ weight,
+                np.square(around) / expected @ weight,
+                noise * (around / expected @ weight),
+                noise * weight.sum(),
             ]
         )
         keep = 1.0 - 1.0 / RECENT
         self._scans = keep * self._scans + 1.0
+        self._squares = keep**2 * self._squares + 1.0
         self._around *= keep
         row, column, inside = self._neighbours
         weights = np.broadcast_to(weight[:, None], inside.shape)

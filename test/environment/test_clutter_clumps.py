@@ -1,0 +1,222 @@
+"""The predictive density of clutter: closed forms, loops, and lumpy and even seas."""
+
+from __future__ import annotations
+
+import math
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from scipy import stats
+from support.builders import AS_GIVEN, scan_at
+from support.lumpy_seas import LumpySea
+
+from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros.environment.clutter_clumps import (
+    MAX_VARIANCE,
+    RECENT,
+    ClutterClumps,
+    PredictiveDensity,
+)
+from tsepm_ros.environment.clutter_map import DATA_SHEET_COUNT, ClutterMap
+from tsepm_ros.environment.polar_grid import Cells
+from tsepm_ros.numerics.limits import TimeLimit
+
+SONAR = SensorModel()
+
+
+def along_path(predictive: PredictiveDensity, row: int, hits: int) -> float:
+    """What the hits of a path of detections at one place add to its score."""
+    before = np.arange(1, hits)
+    increment = predictive.increment(before, np.arange(hits - 1), np.full(hits - 1, row))
+    return float(increment.sum())
+
+
+@pytest.mark.parametrize("hits", [3, 5, 8, 16])
+@pytest.mark.parametrize("expected", [0.3, 3.0, 30.0, 300.0])
+def test_a_mean_learned_from_few_detections_is_no_evidence(expected, hits):
+    # Each hit is among the detections; those before it were taken for a target's.
+    numbers = np.arange(int(expected + 20.0 * math.sqrt(expected)) + 20)
+    chance = stats.poisson.pmf(numbers, expected)
+    known = DATA_SHEET_COUNT + numbers + 1.0
+    alone = (hits - 1) * np.log(expected / known)
+    none = np.zeros(1)
+    predictive = np.array(
+        [along_path(PredictiveDensity(count, math.inf, none, none), 0, hits) for count in known]
+    )
+    assert chance @ np.exp(alone + predictive) <= 1.0
+    if hits >= 8 and expected == 3.0:
+        assert chance @ np.exp(alone) > 5.0
+
+
+@pytest.mark.parametrize("shape", [0.3, 2.0, 20.0])
+def test_a_path_in_a_place_of_gamma_density_has_the_negative_binomial_law(shape):
+    # With n of m expected seen before, and each hit seen by those after it.
+    seen, expected, hits = 7.0, 4.0, 6
+    found = [
+        PredictiveDensity(1e12, shape, np.array([seen + j]), np.array([expected])).increment(
+            np.array([j]), np.zeros(1, int), np.zeros(1, int)
+        )[0]
+        for j in range(hits)
+    ]
+    posterior = stats.gamma(shape + seen, scale=1.0 / (shape + expected))
+    assert -sum(found) == pytest.approx(math.log(posterior.moment(hits)), rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", [0.5, 2.0, 20.0])
+@pytest.mark.parametrize("expected", [0.5, 6.0])
+def test_the_mean_ratio_of_a_path_in_clutter_of_gamma_density_is_at_most_1(shape, expected):
+    rng, hits = np.random.default_rng(8), 5
+    factor = rng.gamma(shape, 1.0 / shape, 200_000)
+    around = rng.poisson(factor * expected).astype(float)
+    rows = np.arange(len(factor))
+    lost = np.zeros(len(factor))
+    for before in range(hits):
+        seen = around + before
+        predictive = PredictiveDensity(1e12, shape, seen, np.full(len(seen), expected))
+        lost += predictive.increment(np.full(len(seen), before), rows, rows)
+    ratios = factor**hits * np.exp(lost)
+    assert ratios.mean() < 1.0 + 3.0 * ratios.std() / math.sqrt(len(ratios))
+    if shape < 10.0:
+        assert (factor**hits).mean() > 5.0
+
+
+def test_a_path_counts_its_own_hits_where_nothing_else_was_seen():
+    empty = PredictiveDensity(1e12, 2.0, np.zeros(1), np.zeros(1))
+    assert along_path(empty, 0, 4) == pytest.approx(-math.log(1.5 * 2.0 * 2.5))
+    many = PredictiveDensity(1e12, 2.0, np.array([9.0]), np.array([3.0]))
+    assert along_path(many, 0, 4) == pytest.approx(-3.0 * math.log(11.0 / 5.0))
+
+
+def test_neighbours_are_those_that_a_loop_counts():
+    rng = np.random.default_rng(3)
+    made = ClutterMap(SONAR)
+    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    columns = made.grid.shape[1]
+    before: list[list[tuple[int, int, float]]] = []
+    for _ in range(5):
+        cells = Cells(rng.integers(0, 6, 80), rng.integers(-3, 3, 80) % columns)
+        weight = rng.random(80)
+        made.update(cells, weight)
+        found = clumps.update(made, cells, weight, made.at(cells))
+        around = np.zeros(80)
+        for age, scan in enumerate(reversed(before)):
+            for row, column, other in scan:
+                for place in range(80):
+                    apart = abs(column - cells.column[place])
+                    near = min(apart, columns - apart) <= 1 and abs(row - cells.row[place]) <= 1
+                    around[place] += near * other * (1.0 - 1.0 / RECENT) ** age
+        np.testing.assert_allclose(found.around, around, atol=1e-12)
+        share = 0.3 * rng.random(80)
+        clumps.withdraw(share)
+        before.append(list(zip(*cells, weight * (1.0 - share), strict=True)))
+
+
+class Learned:
+    """What scans of a sea teach.
+
+    Attributes
+    ----------
+    clumps : ClutterClumps
+    predictive : PredictiveDensity
+        Of the last scan.
+    places : tuple of (n,) ndarray
+        Range and azimuth of its detections.
+    """
+
+    def __init__(self, sea: LumpySea, scans: int) -> None:
+        self.sea, self.map = sea, ClutterMap(sea.sensor)
+        self.clumps = ClutterClumps(self.map.grid.shape, self.map.grid.wraps)
+        for _ in range(scans):
+            self.places = sea.scan()
+            cells, weight = self.map.grid.cells(*self.places), np.ones(len(self.places[0]))
+            self.map.update(cells, weight)
+            self.predictive = self.clumps.update(self.map, cells, weight, self.map.at(cells))
+
+    def at(self, places: tuple[np.ndarray, np.ndarray]) -> tuple[PredictiveDensity, np.ndarray]:
+        """Predictive density at further places, and the true density over the map's."""
+        cells = self.map.grid.cells(*places)
+        density = self.map.at(cells)
+        nothing = np.zeros(len(density))
+        predictive = deepcopy(self.clumps).update(self.map, cells, nothing, density)
+        return predictive, self.sea.density_at(*places) / density
+
+
+@pytest.mark.parametrize("density", [1e-7, 1e-6])
+@pytest.mark.parametrize("scans", [4, 8, 40])
+def test_in_even_clutter_next_to_nothing_is_lost(density, scans):
+    found = Learned(LumpySea(0.0, density, seed=2), scans)
+    assert found.clumps.variance < 0.02
+    lost = [along_path(found.predictive, row, 6) for row in range(len(found.places[0]))]
+    assert np.mean(lost) > -15.0 / (scans * density * SONAR.coverage_area) - 0.05
+
+
+@pytest.mark.parametrize(("kind", "most"), [("smooth", 2.0), ("blocks", 15.0)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, seed):
+    # The likelihood ratio of each path is its density as a target's over that as clutter: its mean
+    # in clutter is the mean of true over predictive densities at the hits of targets' paths, each
+    # of which begins at a detection and is seen by the later ones.
+    # Alone it is up to 600; what remains is of lumps smaller than the neighbourhood of a hit.
+    found = Learned(LumpySea(math.log(3.0), 1e-6, seed=seed, kind=kind), 24)
+    assert 0.1 < found.clumps.variance < 0.6
+    range_, azimuth = found.places
+    first, draw = range_ * np.exp(1j * azimuth), np.random.default_rng(7)
+    velocity = 5.0 * (draw.standard_normal(len(first)) + 1j * draw.standard_normal(len(first)))
+    alone, lost = np.ones(len(first)), np.zeros(len(first))
+    means = []
+    rows = np.arange(len(first))
+    for before in range(1, 6):
+        error = 100.0 * (draw.standard_normal(len(first)) + 1j * draw.standard_normal(len(first)))
+        hit = first + 12.0 * before * velocity + error
+        predictive, ratio = found.at((np.minimum(np.abs(hit), 8999.0), np.angle(hit)))
+        seen = predictive._replace(around=predictive.around + before)
+        lost += seen.increment(np.full(len(first), before), rows, rows)
+        alone *= ratio
+        means.append((alone.mean(), (alone * np.exp(lost)).mean()))
+    assert means[-1][0] > 8.0
+    assert all(mean < most for _, mean in means)
+
+
+def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
+    rng, made = np.random.default_rng(4), ClutterMap(SensorModel(max_range=12000.0))
+    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    for _ in range(16):
+        x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
+        cells = made.grid.cells(np.hypot(x, y), np.arctan2(y, x))
+        made.update(cells, np.ones(len(x)))
+        clumps.update(made, cells, np.ones(len(x)), made.at(cells))
+    assert clumps.variance < 0.05
+
+
+def test_new_targets_in_a_calm_sea_make_no_lumps():
+    # Ten targets appear together; from the fourth scan on they are recognised.
+    rng, made = np.random.default_rng(5), ClutterMap(SONAR)
+    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    places = rng.uniform(2000.0, 8000.0, 10), rng.uniform(-3.0, 3.0, 10)
+    for scan in range(8):
+        cells, weight = made.grid.cells(*places), np.full(10, float(scan < 3))
+        made.update(cells, weight)
+        clumps.update(made, cells, weight, made.at(cells))
+    assert clumps.variance < 0.2
+
+
+def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
+    made = ClutterMap(SONAR)
+    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    rng = np.random.default_rng(6)
+    for _ in range(30):
+        range_, azimuth = rng.uniform(3000.0, 9000.0, 20), rng.uniform(-3.0, 3.0, 20)
+        range_[:10], azimuth[:10] = 5000.0, 0.5
+        cells = made.grid.cells(range_, azimuth)
+        made.update(cells, np.ones(20))
+        clumps.update(made, cells, np.ones(20), made.at(cells))
+    assert 0.0 <= clumps.variance <= MAX_VARIANCE
+
+
+@pytest.mark.parametrize(("options", "uncertain"), [(AS_GIVEN, False), ({}, True)])
+def test_only_a_density_that_is_learned_is_uncertain(options, uncertain):
+    initiator = make_initiator("score", sensor=SONAR, **options)
+    scan = scan_at(0.0, np.array([[3000.0, 3000.0], [-3000.0, 100.0]]))
+    observed = initiator.front_end.observe(scan, TimeLimit())
+    assert (observed.predictive is not None) == uncertain
