@@ -104,7 +104,7 @@ def test_neighbours_are_those_that_a_loop_counts():
             for row, column, other in scan:
                 for place in range(80):
                     apart = abs(column - cells.column[place])
-                    near = min(apart, columns - apart) <= 1 and abs(row - cells.row[place]) <= 1
+                    near = min(apart, columns - apart) + abs(row - cells.row[place]) <= 1
                     around[place] += near * other * (1.0 - 1.0 / RECENT) ** age
         np.testing.assert_allclose(found.around, around, atol=1e-12)
         share = 0.3 * rng.random(80)
@@ -151,7 +151,7 @@ def test_in_even_clutter_next_to_nothing_is_lost(density, scans):
     assert np.mean(lost) > -15.0 / (scans * density * SONAR.coverage_area) - 0.05
 
 
-@pytest.mark.parametrize(("kind", "most"), [("smooth", 2.0), ("blocks", 15.0)])
+@pytest.mark.parametrize(("kind", "most"), [("smooth", 1.2), ("blocks", 4.0)])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, seed):
     # The likelihood ratio of each path is its density as a target's over that as clutter: its mean
@@ -159,7 +159,7 @@ def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, see
     # of which begins at a detection and is seen by the later ones.
     # Alone it is up to 600; what remains is of lumps smaller than the neighbourhood of a hit.
     found = Learned(LumpySea(math.log(3.0), 1e-6, seed=seed, kind=kind), 24)
-    assert 0.1 < found.clumps.variance < 0.6
+    assert 0.1 < found.clumps.variance < 0.8
     range_, azimuth = found.places
     first, draw = range_ * np.exp(1j * azimuth), np.random.default_rng(7)
     velocity = 5.0 * (draw.standard_normal(len(first)) + 1j * draw.standard_normal(len(first)))
