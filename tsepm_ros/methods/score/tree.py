@@ -5,6 +5,7 @@ the gate's probability and s_i the score of the hypothesis::
 
     predicted     x <- F x,  P <- F P F' + Q
     child         s_i + ln(P_D N(z; H x, S) / lambda), for each z with d' S^-1 d <= gamma
+                  with lambda predictive where it is learned, see `environment.clutter_clumps`
     missed        s_i + ln(1 - P_D P_G);  P_D of a chain of seen and faded, see `fading`
     started       s = 0, by every detection; its velocity has variance v_max^2 / 4 on each axis
     evidence      E = ln sum_i exp(s_i), over i with the same newest detection
