@@ -60,6 +60,8 @@ def existing(node: Node) -> set[tuple[str, str, str]]:
 def recording(folder: Path) -> str:
     with (folder / "detections.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([["time_s", "range_m", "azimuth_rad"], [0.0, 100.0, 0.0]])
+    with (folder / "own_ship.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([["time_s", "east_m", "north_m"], [0.0, 0.0, 0.0]])
     return str(folder)
 
 

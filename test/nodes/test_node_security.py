@@ -44,6 +44,7 @@ def allowed(node: str) -> dict[str, set[str]]:
 @pytest.mark.parametrize("name", EVERYTHING)
 def test_the_policy_allows_a_node_exactly_its_topics_and_services(world, tmp_path, name):
     (tmp_path / "detections.csv").write_text("time_s,range_m,azimuth_rad\n0,100,0\n1,100,0\n")
+    (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n0,0,0\n1,0,0\n")
     kinds = {
         "track_initiator": TrackInitiator,
         "sonar_simulator": SonarSimulator,

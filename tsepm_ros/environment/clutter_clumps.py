@@ -5,12 +5,13 @@ true density in the neighbourhood of a path be the estimate times a factor of ga
 with mean 1 and shape a. With N detections of the last scans around the j-th hit, of M that the map
 expects, and with the path's own hits at least, the predictive density of the hit is ::
 
-    lambda_hat (a + max(N, j - 1)) / (a + M)
+    lambda_hat max((a + max(N, j - 1)) / (a + M), 1)
 
 so that the mean of a path's likelihood ratio in clutter stays at most 1, over the randomness of the
 density too (the product over a path is that of the negative binomial law,
-``Gamma(a + k) / (Gamma(a) b^k)``). The mean density itself is known from L detections: hits count
-``1 + (j - 1) / L`` times as dense.
+``Gamma(a + k) / (Gamma(a) b^k)``). A place that looks empty for some scans is no evidence either:
+the predictive density is at least the map's. The mean density needs no such factor: it is learned
+from the hits of the path too.
 
 The variance ``v = 1 / a`` of the factor is learned from N and M at the detections of clutter, where
 the factor has the shape a + 1, so that its squared coefficient of variation is v / (1 + v)::
@@ -18,7 +19,8 @@ the factor has the shape a + 1, so that its squared coefficient of variation is 
     v / (1 + v) = (sum (N - c M)^2 / M - rho sum N / M) / (c sum N),    c = sum N / sum M
 
 less its standard error in even clutter, with rho M the variance of N there. In even clutter v is 0,
-and a is infinite.
+and a is infinite. The first `RECENT` scans are not learned from: the targets in them are not
+recognised yet, and look like lumps.
 """
 
 from __future__ import annotations
@@ -53,8 +55,6 @@ class PredictiveDensity(NamedTuple):
 
     Attributes
     ----------
-    detections : float
-        L, the number behind the mean density.
     shape : float
         a; inf where clutter is as even as its map.
     around : (d,) ndarray
@@ -63,7 +63,6 @@ class PredictiveDensity(NamedTuple):
         M, those that the map expects.
     """
 
-    detections: float
     shape: float
     around: FloatArray
     expected: FloatArray
@@ -78,11 +77,10 @@ class PredictiveDensity(NamedTuple):
         parent, row : (p,) ndarray of int
             Path and detection of each child.
         """
-        increment: FloatArray = -np.log1p(hits / self.detections)[parent]
-        if math.isfinite(self.shape):
-            beyond = np.maximum(self.around[row], hits[parent]) - self.expected[row]
-            increment -= np.log1p(beyond / (self.shape + self.expected[row]))
-        return increment
+        if not math.isfinite(self.shape):
+            return np.zeros(len(parent))
+        beyond = np.maximum(self.around[row], hits[parent]) - self.expected[row]
+        return np.minimum(-np.log1p(beyond / (self.shape + self.expected[row])), 0.0)
 
 
 class _Neighbours(NamedTuple):
@@ -116,7 +114,7 @@ class ClutterClumps:
         self._around = np.zeros(shape)
         # Number of scans in N, fading; the same with squared weights; none before the first scan.
         self._scans = self._squares = 0.0
-        self._begun = False
+        self._taken = 0
         none = np.zeros(0, np.int64)
         self._neighbours = self._neighbours_of(Cells(none, none))
         self._weight, self._near, self._expected = np.zeros((3, 0))
@@ -152,16 +150,16 @@ class ClutterClumps:
         density : (n,) ndarray
             Clutter density at each, 1/m^2.
         """
-        if self._begun:
+        if self._taken:
             self._learn()
-        self._begun = True
+        self._taken += 1
         self._neighbours = self._neighbours_of(cells)
         self._weight, self._near = weight, self._around[cells]
         area = self._neighbours.sums(clutter_map.counted_area)
         self._expected = self._scans * density * area
         variance = self.variance
         shape = 1.0 / variance if variance else math.inf
-        return PredictiveDensity(clutter_map.count, shape, self._near, self._expected)
+        return PredictiveDensity(shape, self._near, self._expected)
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each of the last scan's detections (n,): that of a target."""
@@ -170,6 +168,18 @@ class ClutterClumps:
     def _learn(self) -> None:
         """Learn from the last scan taken."""
         weight = self._weight
+        if self._taken > RECENT:
+            self._learn_scatter(weight)
+        keep = 1.0 - 1.0 / RECENT
+        self._scans = keep * self._scans + 1.0
+        self._squares = keep**2 * self._squares + 1.0
+        self._around *= keep
+        row, column, inside = self._neighbours
+        weights = np.broadcast_to(weight[:, None], inside.shape)
+        np.add.at(self._around, (row[inside], column[inside]), weights[inside])
+
+    def _learn_scatter(self, weight: FloatArray) -> None:
+        """Learn from N and M at the last scan's detections, of these weights (n,)."""
         around, expected = self._near, np.maximum(self._expected, MIN_EXPECTED)
         # Detections of clutter count in N by their age: their variance is less than their number.
         noise = self._squares / max(self._scans, 1e-9)
@@ -184,13 +194,6 @@ class ClutterClumps:
                 noise * weight.sum(),
             ]
         )
-        keep = 1.0 - 1.0 / RECENT
-        self._scans = keep * self._scans + 1.0
-        self._squares = keep**2 * self._squares + 1.0
-        self._around *= keep
-        row, column, inside = self._neighbours
-        weights = np.broadcast_to(weight[:, None], inside.shape)
-        np.add.at(self._around, (row[inside], column[inside]), weights[inside])
 
     def _neighbours_of(self, cells: Cells) -> _Neighbours:
         rows, columns = self._around.shape
