@@ -24,6 +24,15 @@ def test_a_chart_that_comes_before_the_frame_is_known_is_used_from_the_first_sca
     assert one.figures().land_area == AHEAD.area
 
 
+def test_a_chart_that_comes_after_the_first_scan_is_known_before_the_next():
+    one = session()
+    play(one, [0])
+    one.add_land(AHEAD, "sonar")
+    assert one.figures().land_area == AHEAD.area
+    (result,) = play(one, [12.0])
+    assert result.statistics.on_land == 1
+
+
 def test_a_later_chart_replaces_the_former_and_an_empty_one_removes_it():
     one = session()
     counts = []

@@ -240,6 +240,7 @@ class Session:
     def add_land(self, mask: LandMask | None, frame_id: str) -> None:
         """Take a chart, for the scans to come, in place of the last; None removes it."""
         self._land.add(mask, frame_id)
+        self._report_all(self._land.settle(self.fixed_frame))
 
     def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
         """Process the scans that are ready, in order.
