@@ -12,11 +12,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
 
+from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.nodes.node_parameters import ParameterError
 
 EXIT_BAD_PARAMETER = 2
 HELP = ("--help", "-h")
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def clock_time(node: Node) -> float:
