@@ -37,6 +37,8 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_LOG_DIR", str(BUILD / "ros_log"))
 os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "test/nodes/fastdds.xml"))
 
+from support.interrupts import heed_interrupts
+
 from tsepm_ros.whole_files import write_text
 
 SAVING_PERIOD = 5.0
@@ -119,6 +121,7 @@ def main(
         1 if there are findings, of this call or of an earlier one that it continues, else 0.
     """
     options = _options(description, arguments)
+    heed_interrupts()
     if options.case is not None:
         print(_listed(case(options.case, _generator(options.seed, options.case))))
         return 0

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-
 import pytest
+from support.interrupts import heed_interrupts
 from support.patience import STATISTICAL_TEST, TEST
 
 
 def pytest_configure() -> None:
-    # A shell's jobs in the background ignore SIGINT, and the processes that tests interrupt would
-    # inherit that.
-    if (
-        signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-        and threading.current_thread() is threading.main_thread()
-    ):
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    heed_interrupts()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
