@@ -39,6 +39,7 @@ os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "test/nodes/f
 
 from support.interrupts import heed_interrupts
 
+from tsepm_ros.ending_signals import ending_on_termination
 from tsepm_ros.whole_files import write_text
 
 SAVING_PERIOD = 5.0
@@ -122,9 +123,17 @@ def main(
     """
     options = _options(description, arguments)
     heed_interrupts()
-    if options.case is not None:
-        print(_listed(case(options.case, _generator(options.seed, options.case))))
-        return 0
+    with ending_on_termination():  # a case ends the processes that it has started
+        if options.case is not None:
+            print(_listed(case(options.case, _generator(options.seed, options.case))))
+            return 0
+        return _all_cases(name, case, options, cases, folder)
+
+
+def _all_cases(
+    name: str, case: Case, options: argparse.Namespace, cases: int | None, folder: Path
+) -> int:
+    """Run the cases that follow those of earlier calls, until the time or the cases end."""
     path = folder / f"{name}-{options.seed}.json"
     if options.fresh:
         path.unlink(missing_ok=True)

@@ -16,7 +16,10 @@ from support.sessions import (
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.session.frames import MAX_NOTICED, Frames
+from tsepm_ros.session.refusal import MAX_SENTENCE
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
 
 
 def test_without_own_ship_scans_are_processed_at_once_in_the_detections_frame():
@@ -40,6 +43,19 @@ def test_own_ship_data_in_another_frame_is_dropped_and_counted():
     assert one.own_ship_stamp is None
     sail(one, 1.0, frame_id="map")
     assert one.own_ship_stamp == 1.0
+
+
+def test_a_name_as_long_as_a_message_is_reported_without_its_middle():
+    sentences = []
+    one = Session(
+        Settings(session=SessionOptions(own_ship_source="odometry", fixed_frame="map")),
+        report=lambda _, sentence: sentences.append(sentence),
+    )
+    sail(one, 0.0, frame_id="x" * 65536 + "end")
+    (sentence,) = sentences
+    assert len(sentence) == MAX_SENTENCE
+    assert sentence.startswith("own-ship data is in frame 'xxx")
+    assert sentence.endswith("xend', the fixed frame is 'map'")
 
 
 def test_the_first_own_ship_frame_becomes_the_fixed_frame():

@@ -8,6 +8,19 @@ FAILURES = (ArithmeticError, LookupError, MemoryError, ValueError)
 """Exceptions in the processing of a scan: the scan is dropped, and the next scan is processed."""
 
 
+MAX_SENTENCE = 500
+"""Characters of a reported sentence. The names in a message may be as long as the message."""
+CUT = " ... "
+
+
+def shortened(sentence: str) -> str:
+    """A sentence without its middle if it is longer than `MAX_SENTENCE`."""
+    if len(sentence) <= MAX_SENTENCE:
+        return sentence
+    end = (MAX_SENTENCE - len(CUT)) // 2
+    return sentence[: MAX_SENTENCE - len(CUT) - end] + CUT + sentence[-end:]
+
+
 class Refusal(NamedTuple):
     """A drop with its reason, which the session counts and reports.
 

@@ -30,7 +30,7 @@ from tsepm_ros.session.frames import Frames
 from tsepm_ros.session.initiator_run import InitiatorRun
 from tsepm_ros.session.land_input import LandInput
 from tsepm_ros.session.own_ship_input import LookUp, OwnShipInput
-from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark
+from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark, shortened
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.scan_order import Arrival, ScanOrder
 from tsepm_ros.session.scan_queue import QUEUE_LENGTH, ScanQueue, Waiting
@@ -179,7 +179,7 @@ class Session:
         """Count a drop, and report it, unless it has no sentence."""
         self.dropped[reason] += number
         if sentence:
-            self._report(reason, sentence)
+            self._report(reason, shortened(sentence))
 
     def add_own_ship(self, sample: PoseSample) -> None:
         """Take a pose of the sensor, or of a vessel whose frame is its `child_frame_id`.
@@ -307,7 +307,7 @@ class Session:
             if isinstance(remark, Refusal):
                 self.drop(*remark)
             elif remark is not None:
-                self._report(*remark)
+                self._report(remark.subject, shortened(remark.sentence))
 
     def _refused(self, refusal: Refusal | None) -> bool:
         """Count and report a refusal, if any; return whether there is one."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from msg_adapters import MessageError
+from tsepm_ros.session.refusal import shortened
 from tsepm_ros.settings.viewer_options import ViewerNodeOptions
 from tsepm_ros.viewer.live_frames import DIAGNOSTICS, OWN_SHIP, LiveFrames
 from tsepm_ros.viewer.page_health import health_of_message
@@ -120,4 +121,4 @@ class LiveFeed:
             self._state.put(frame, facts)
 
     def _report_error(self, topic: str, error: MessageError) -> None:
-        self._report(f"a message on {topic} cannot be shown: {error}")
+        self._report(shortened(f"a message on {topic} cannot be shown: {error}"))
