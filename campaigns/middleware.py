@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import os
 import signal
 import subprocess
 import sys
@@ -43,6 +42,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
 from streams import START, good_stream, land_message, stamp_of, tracker_message
+from support.ros_domains import own_domain
 from support.ros_world import World
 
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -57,7 +57,6 @@ BURST = 100
 OFTEN = 0.1
 """Period of the diagnostics, s."""
 WAIT = 30.0
-DOMAINS = 80
 STOPPED = """
 import os, sys, rclpy
 from rclpy.node import Node
@@ -312,8 +311,7 @@ KINDS = (
 
 def case(number: int, rng: np.random.Generator) -> Tried:
     """A case of a kind, in a domain of its own."""
-    domain = 10 + (os.getpid() + number) % DOMAINS
-    with World(domain, WAIT) as world:
+    with own_domain() as domain, World(domain, WAIT) as world:
         kind = KINDS[number % len(KINDS)]
         return Counter({f"cases {kind.__name__}": 1}) + kind(world, rng, domain)
 

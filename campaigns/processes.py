@@ -22,6 +22,7 @@ import campaign
 import numpy as np
 from campaign import Finding, Tried
 from invariants import require
+from support.ros_domains import own_domain
 from support.ros_process import executable
 
 NODES = ("track_initiator", "sonar_simulator", "scan_player", "track_viewer")
@@ -63,8 +64,8 @@ def case(number: int, rng: np.random.Generator) -> Tried:
     signals = [signal.SIGINT, signal.SIGTERM]
     chosen = signals[number // len(NODES) % 2]
     delay = float(rng.uniform(0.0, LONGEST))
-    with tempfile.TemporaryDirectory(prefix="tsepm_ends_") as folder:
-        process = _started(name, Path(folder))
+    with own_domain() as domain, tempfile.TemporaryDirectory(prefix="tsepm_ends_") as folder:
+        process = _started(name, Path(folder), domain)
         try:
             if number % 5:  # in most cases from the first moment at which the end must be clean
                 _until_ready(process)
@@ -93,8 +94,8 @@ def case(number: int, rng: np.random.Generator) -> Tried:
     return Counter({f"{name}, {chosen.name}, {'ready' if ready else 'too early'}": 1, "ends": 1})
 
 
-def _started(name: str, folder: Path) -> subprocess.Popen[bytes]:
-    """The node in a domain of its own, with something to do."""
+def _started(name: str, folder: Path, domain: int) -> subprocess.Popen[bytes]:
+    """The node in a domain, with something to do."""
     recording = folder / "recording"
     recording.mkdir()
     rows = [f"{2 * k},{3000 + k},0.5" for k in range(100)]
@@ -110,7 +111,7 @@ def _started(name: str, folder: Path) -> subprocess.Popen[bytes]:
         command += ["-p", text]
     environment = {
         **os.environ,
-        "ROS_DOMAIN_ID": str(10 + os.getpid() % 80),
+        "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_LOG_DIR": str(folder / "log"),
     }

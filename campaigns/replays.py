@@ -10,7 +10,6 @@ the nodes and compares theirs.
 from __future__ import annotations
 
 import functools
-import os
 import sys
 import tempfile
 from collections import Counter
@@ -30,6 +29,7 @@ from support.bag_files import (
     simulated,
     write_bag,
 )
+from support.ros_domains import own_domain
 from support.ros_world import RELIABLE, World
 
 from tsepm_ros import available_methods
@@ -67,9 +67,9 @@ def offline(storage: str, method: str) -> dict[str, list[bytes]]:
             }
 
 
-def live(storage: str, method: str, domain: int) -> dict[str, list[bytes]]:
+def live(storage: str, method: str) -> dict[str, list[bytes]]:
     """Messages of the nodes."""
-    with World(domain, WAIT) as world:
+    with own_domain() as domain, World(domain, WAIT) as world:
         heard: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
         for topic, messages in heard.items():
             world.observer.create_subscription(
@@ -105,8 +105,7 @@ def case(number: int, rng: np.random.Generator) -> Tried:
     method = METHODS[number % len(METHODS)]
     storage = STORAGES[number // len(METHODS) % len(STORAGES)]
     is_live = number % 4 == 3
-    domain = 10 + (os.getpid() + number) % 80
-    found = live(storage, method, domain) if is_live else offline(storage, method)
+    found = live(storage, method) if is_live else offline(storage, method)
     require(found == first(method), f"{method}, {storage}, live {is_live}: not as the first time")
     clouds = [STORE.deserialize_cdr(data, POINTS) for data in found["/tracks"]]
     tracks = sum(cloud.width for cloud in clouds)

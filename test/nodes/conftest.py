@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import itertools
 import os
 import tempfile
@@ -19,32 +18,19 @@ os.environ.setdefault("ROS_LOG_DIR", tempfile.mkdtemp(prefix="tsepm_ros_log_"))
 os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).parent / "fastdds.xml"))
 
 from support.patience import WAIT
+from support.ros_domains import own_domain
 from support.ros_process import RosProcess
 from support.ros_world import World
 
-DOMAINS = 100
-"""Domains 1 to 100 keep clear of the ports that the system hands out."""
-
 SHORT_WAIT = 2.0
 """Longest wait in a test that is known to fail, s."""
-
-_candidates = (1 + (os.getpid() + number) % DOMAINS for number in itertools.count())
 
 
 @pytest.fixture
 def domain() -> Iterator[int]:
     """A domain that no other test on this machine has now, or this process had lately."""
-    for number in itertools.islice(_candidates, DOMAINS):
-        path = Path(tempfile.gettempdir()) / f"tsepm_ros_domain_{number}.lock"
-        with ExitStack() as stack:
-            try:
-                lock = stack.enter_context(path.open("a"))
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:  # somebody else has it
-                continue
-            yield number
-            return
-    pytest.fail("every domain is in use")
+    with own_domain() as number:
+        yield number
 
 
 @pytest.fixture

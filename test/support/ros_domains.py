@@ -1,0 +1,38 @@
+"""Domains that no other test or campaign on this machine has at the same time."""
+
+from __future__ import annotations
+
+import fcntl
+import itertools
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+DOMAINS = 100
+"""Domains 1 to 100 keep clear of the ports that the system hands out."""
+
+_candidates = (1 + (os.getpid() + number) % DOMAINS for number in itertools.count())
+
+
+@contextmanager
+def own_domain() -> Iterator[int]:
+    """A domain that nobody else has now, or this process had lately.
+
+    Raises
+    ------
+    RuntimeError
+        If every domain is in use.
+    """
+    for number in itertools.islice(_candidates, DOMAINS):
+        path = Path(tempfile.gettempdir()) / f"tsepm_ros_domain_{number}.lock"
+        with ExitStack() as stack:
+            try:
+                lock = stack.enter_context(path.open("a"))
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:  # somebody else has it
+                continue
+            yield number
+            return
+    raise RuntimeError("every domain is in use")
