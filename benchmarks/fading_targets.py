@@ -25,7 +25,7 @@ import numpy as np
 
 from tsepm_ros import Scan, make_initiator
 from tsepm_ros.analysis.intervals import mean, proportion
-from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
+from tsepm_ros.analysis.result_files import add_result, printed, write_table
 from tsepm_ros.analysis.simulated_run import SimulatedScene
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.commands.arguments import add_runs, workers_of
@@ -160,14 +160,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_result(parser)
     options = parser.parse_args(arguments)
     options.workers = workers_of(options)
-    header, rows = printed(table(options))
-    if options.result:
-        line = f"python benchmarks/fading_targets.py --runs {options.runs}"
-        line += "".join(f" --rate {rate:g}" for rate in options.rate or ())
-        result = Result(
-            command=line, seed=options.seed, runs=options.runs, header=header, rows=rows
-        )
-        write_result(options.result, result)
+    line = f"python benchmarks/fading_targets.py --runs {options.runs}"
+    line += "".join(f" --rate {rate:g}" for rate in options.rate or ())
+    measured = printed(table(options))
+    write_table(options.result, line, measured, seed=options.seed, runs=options.runs)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import make_header, write_detections
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
+from tsepm_ros.analysis.result_files import add_result, printed, write_table
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.progress import with_progress
 from tsepm_ros.replay.message_input import MessageInput
@@ -159,14 +159,10 @@ def main() -> None:
     add_result(parser)
     options = parser.parse_args()
     print(f"{options.runs} runs from seed {options.seed}, {options.pings} pings")
-    header, rows = printed(table(options))
-    if options.result:
-        clutter = " ".join(f"{value:g}" for value in options.clutter)
-        line = f"python benchmarks/out_of_the_box.py --runs {options.runs} --clutter {clutter}"
-        result = Result(
-            command=line, seed=options.seed, runs=options.runs, header=header, rows=rows
-        )
-        write_result(options.result, result)
+    clutter = " ".join(f"{value:g}" for value in options.clutter)
+    line = f"python benchmarks/out_of_the_box.py --runs {options.runs} --clutter {clutter}"
+    measured = printed(table(options))
+    write_table(options.result, line, measured, seed=options.seed, runs=options.runs)
 
 
 if __name__ == "__main__":

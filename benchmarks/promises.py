@@ -28,7 +28,7 @@ from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_curve import Comparison
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
-from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
+from tsepm_ros.analysis.result_files import add_result, printed, write_table
 from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.design import search
@@ -296,13 +296,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command.add_argument("--out", type=Path, default=BUILD, help="folder of the runs done")
     options = parser.parse_args(arguments)
     options.workers = workers_of(options)
-    header, rows = printed(COMMANDS[options.command][0](options))
-    if options.result:
-        line = f"python benchmarks/promises.py {options.command} --runs {options.runs}"
-        line += "".join(f" --scene {shlex.quote(name)}" for name in options.scene or ())
-        runs = 1 if options.command == "false-rate" else options.runs  # there: expected tracks
-        result = Result(command=line, seed=options.seed, runs=runs, header=header, rows=rows)
-        write_result(options.result, result)
+    table = printed(COMMANDS[options.command][0](options))
+    line = f"python benchmarks/promises.py {options.command} --runs {options.runs}"
+    line += "".join(f" --scene {shlex.quote(name)}" for name in options.scene or ())
+    runs = 1 if options.command == "false-rate" else options.runs  # there: expected tracks
+    write_table(options.result, line, table, seed=options.seed, runs=runs)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ import numpy as np
 from contenders.jipda import Jipda, Parameters, Track, converted
 
 from tsepm_ros.analysis.intervals import Z_90, mean
-from tsepm_ros.analysis.result_files import Result, add_result, write_result
+from tsepm_ros.analysis.result_files import add_result, write_table
 from tsepm_ros.analysis.text_tables import text_table
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -152,13 +152,11 @@ def main() -> None:
     parser.add_argument("--acceleration-density", type=float, default=0.1, help="m^2/s^3")
     add_result(parser)
     given = parser.parse_args()
-    header = (*identity.HEADER, "delay less first", "elsewhere less first")
+    header = [*identity.HEADER, "delay less first", "elsewhere less first"]
     table = list(rows(given))
     print(text_table(header, table))
-    if given.result:
-        command = f"python benchmarks/recordings_peers.py {shlex.join(sys.argv[1:])}"
-        result = Result(command=command, seed=0, runs=1, header=list(header), rows=table)
-        write_result(given.result, result)
+    command = f"python benchmarks/recordings_peers.py {shlex.join(sys.argv[1:])}"
+    write_table(given.result, command, (header, table), seed=0, runs=1)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ from tsepm_ros.analysis.intervals import (
     mean_count,
     proportion,
 )
-from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
+from tsepm_ros.analysis.result_files import add_result, printed, write_table
 from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.progress import with_progress
@@ -177,13 +177,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = parser.parse_args(given)
     options.workers = workers_of(options)
-    header, rows = printed(COMMANDS[options.command][0](options))
-    if options.result:
-        line = f"python benchmarks/strength.py {shlex.join(given)}"
-        result = Result(
-            command=line, seed=options.seed, runs=options.runs, header=header, rows=rows
-        )
-        write_result(options.result, result)
+    line = f"python benchmarks/strength.py {shlex.join(given)}"
+    table = printed(COMMANDS[options.command][0](options))
+    write_table(options.result, line, table, seed=options.seed, runs=options.runs)
 
 
 if __name__ == "__main__":

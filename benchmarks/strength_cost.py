@@ -22,7 +22,7 @@ import numpy as np
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.analysis.intervals import Estimate, rms_ratio
-from tsepm_ros.analysis.result_files import Result, add_result, printed, write_result
+from tsepm_ros.analysis.result_files import add_result, printed, write_table
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.simulation import Scenario, Simulator
 from tsepm_ros.simulation.scenario import TargetArea
@@ -134,13 +134,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     add_result(parser)
     options = parser.parse_args(arguments)
-    header, rows = printed(table(options))
-    if options.result:
-        command = "python benchmarks/strength_cost.py " + " ".join(arguments or sys.argv[1:])
-        result = Result(
-            command=command, seed=options.seed, runs=options.repeats, header=header, rows=rows
-        )
-        write_result(options.result, result)
+    command = "python benchmarks/strength_cost.py " + " ".join(arguments or sys.argv[1:])
+    measured = printed(table(options))
+    write_table(options.result, command, measured, seed=options.seed, runs=options.repeats)
 
 
 if __name__ == "__main__":

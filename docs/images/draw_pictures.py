@@ -9,7 +9,7 @@ import argparse
 from contextlib import ExitStack
 from pathlib import Path
 
-from tsepm_ros.analysis.result_files import Result, add_result, write_result
+from tsepm_ros.analysis.result_files import add_result, write_table
 from tsepm_ros.commands.run_sources import add_source_arguments, open_run
 from tsepm_ros.demo.target_table import target_rows
 from tsepm_ros.pictures.plan_animation import animate
@@ -49,11 +49,9 @@ def main() -> None:
     if options.recording:
         values = [part for value in RADAR for part in ("-p", value)]
         save(scene_of(options.recording, *values), IMAGES / "joyride.png")
-    if options.result:
-        header, *rows = target_rows(demo)
-        line = "python docs/images/draw_pictures.py"
-        result = Result(command=line, seed=SEED, runs=1, header=header, rows=rows)
-        write_result(options.result, result)
+    header, *rows = target_rows(demo)
+    line = "python docs/images/draw_pictures.py"
+    write_table(options.result, line, (header, rows), seed=SEED, runs=1)
 
 
 if __name__ == "__main__":

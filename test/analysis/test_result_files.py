@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from tsepm_ros.analysis.result_files import Result, printed, read_result, write_result
+from tsepm_ros.analysis.result_files import (
+    Result,
+    printed,
+    read_result,
+    write_result,
+    write_table,
+)
 
 
 def test_rows_are_printed_at_once_as_a_markdown_table(capsys):
@@ -34,3 +40,13 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
     path.write_text("[1]")
     with pytest.raises(ValueError, match="not a result file"):
         read_result(path)
+
+
+def test_a_table_is_written_only_where_a_file_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path, table = tmp_path / "a.json", (["a", "b"], [["1", "2"], ["3", "4"]])
+    write_table(None, "python a.py", table, seed=3, runs=7)
+    assert not list(tmp_path.iterdir())
+    write_table(path, "python a.py", table, seed=3, runs=7)
+    expected = Result(command="python a.py", seed=3, runs=7, header=table[0], rows=table[1])
+    assert read_result(path) == expected

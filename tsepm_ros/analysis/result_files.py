@@ -16,6 +16,7 @@ from tsepm_ros.analysis.code_version import package_version
 from tsepm_ros.whole_files import write_text
 
 Row = Mapping[str, Any]
+Table = tuple[list[str], list[list[str]]]  # header and rows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +82,7 @@ def read_result(path: Path) -> Result:
         raise ValueError(f"{path} is not a result file: {error}") from None
 
 
-def printed(rows: Iterable[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
+def printed(rows: Iterable[Sequence[str]]) -> Table:
     """Print rows as a Markdown table, each at once, and return the header and the others."""
     table = []
     for index, cells in enumerate(rows):
@@ -90,3 +91,21 @@ def printed(rows: Iterable[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
             print("|---" * len(cells) + "|", flush=True)
         table.append(list(cells))
     return table[0], table[1:]
+
+
+def write_table(path: Path | None, command: str, table: Table, *, seed: int, runs: int) -> None:
+    """Write a printed table as a result file, if `add_result`'s option names the file.
+
+    Parameters
+    ----------
+    path : Path or None
+        None: nothing is written.
+    command : str
+        The command that repeats the table.
+    table : header and rows
+        As `printed` returns them.
+    seed, runs : int
+    """
+    if path:
+        header, rows = table
+        write_result(path, Result(command=command, seed=seed, runs=runs, header=header, rows=rows))
