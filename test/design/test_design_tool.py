@@ -18,13 +18,15 @@ from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.expected_counts import Gating, expected_counts
 from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
-from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
+from tsepm_ros.design.prediction import ONE_PROCESS, false_tracks_per_hour, target_statistics
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.progress import named_progress
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.simulation import Scenario
 from tsepm_ros.simulation.scenario import TargetArea
+from tsepm_ros.stages.pruning import clutter_threshold
 
 SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)
 
@@ -122,6 +124,30 @@ def test_the_share_of_targets_that_pass_the_evaluation():
     assert clutter_pass_share(gating, TsepmOptions()) < shares[0]
 
 
+@pytest.mark.parametrize(("factor", "share"), [(0.99, 1.0), (1.01, 0.0)])
+def test_targets_pass_the_clutter_statistic_up_to_its_critical_density(factor, share):
+    """Exact hits in each ping: f_2 = 2 pi lambda (M - 1) (v T)^2 of all targets."""
+    options = TsepmOptions(evaluation="clutter_statistic", min_hits=5, window=5)
+    threshold = clutter_threshold(options.clutter_test_size, options.min_hits)
+    critical = threshold / (2.0 * math.pi * 4 * (5.0 * 12.0) ** 2)
+    sensor = SensorModel(
+        range_std=1e-6,
+        range_std_fraction=0.0,
+        azimuth_std=1e-9,
+        detection_probability=1.0,
+        clutter_density=factor * critical,
+    )
+    gating = Gating(sensor=sensor, max_speed=10.0, interval=12.0, gate_probability=0.9)
+    assert target_pass_share(gating, options, 5.0) == share
+
+
+def test_no_target_passes_where_none_has_enough_hits():
+    """P_D of a rule 16/16 is 1e-16 at p_d = 0.1: none of 10 000 targets."""
+    sensor = SensorModel(detection_probability=0.1)
+    gating = Gating(sensor=sensor, max_speed=10.0, interval=12.0, gate_probability=0.9)
+    assert target_pass_share(gating, TsepmOptions(min_hits=16, window=16), 5.0) == 0.0
+
+
 def test_a_longer_window_is_chosen_where_it_pays():
     easy = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=1e-8), scans=24)
     hard = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=2e-6), scans=24)
@@ -152,6 +178,26 @@ def test_a_case_that_makes_no_sense_is_refused(values):
 def _little_clutter(monkeypatch):
     """A bound on the work: rates of false tracks are told less exactly."""
     monkeypatch.setattr(search, "MAX_CLUTTER_DETECTIONS", 1_000.0)
+
+
+@pytest.mark.usefixtures("_little_clutter")
+def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
+    """12 of 12 pings at p_d = 0.9: a third of the targets at most, and `score` finds nearly all."""
+    case = Case(sensor=dataclasses.replace(SECTOR, clutter_density=1e-8), scans=16)
+    few = search.Rule(min_hits=12, window=12, one_start=0.3, in_time=0.3, false_per_hour=1e-9)
+    score, rule = search.candidates(
+        case,
+        ScoreOptions(),
+        TsepmOptions(),
+        [few],
+        wanted=0.9,
+        runs=12,
+        seed=1,
+        workers=ONE_PROCESS,
+        progress=named_progress,
+    )
+    assert rule.targets.detection.high < score.targets.detection.low
+    assert score.false_simulated.low >= 0.0 and math.isnan(rule.false_simulated.value)
 
 
 @pytest.mark.usefixtures("_little_clutter")

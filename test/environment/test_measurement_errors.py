@@ -13,9 +13,16 @@ from tsepm_ros.sensing.conversion import convert
 
 
 def fitted(
-    true: SensorModel, given: SensorModel, pings: int = 200, wild: float = 0.0
+    true: SensorModel,
+    given: SensorModel,
+    pings: int = 200,
+    wild: float = 0.0,
+    at_the_sensor: bool = False,
 ) -> FittedErrors | None:
-    """The errors fitted to two targets of constant velocity, of which some detections are wild."""
+    """The errors fitted to two targets of constant velocity, of which some detections are wild.
+
+    Also given, if asked for: a third, whose detections are at the sensor.
+    """
     rng = np.random.default_rng(5)
     errors = MeasurementErrors()
     held = np.array([7, 9])
@@ -31,6 +38,10 @@ def fitted(
         seen = rng.random(2) < 0.9
         variance = given.range_variance(range_)
         errors.update(held[seen], detections[seen], variance[seen], held)
+        if at_the_sensor:
+            third = convert(Scan(float(ping), [1.0], [0.0]), given, ping)
+            third["position"] = 0.0  # a plot, joined of echoes around the sensor
+            errors.update(np.array([11]), third, np.ones(1), np.array([7, 9, 11]))
     return errors.fitted
 
 
@@ -57,6 +68,11 @@ def test_an_error_that_grows_with_range_is_told_from_a_constant():
     assert found.range_std == 0.0
     assert found.range_std_fraction == pytest.approx(0.01, rel=0.25)
     assert found.azimuth_factor == pytest.approx(1.0, rel=0.2)
+
+
+def test_detections_at_the_sensor_have_no_direction_and_do_not_count():
+    sensors = model(0.5, 0.0, 0.02), model(0.5, 0.0, 0.02)
+    assert fitted(*sensors, at_the_sensor=True) == fitted(*sensors)
 
 
 def test_nothing_is_said_on_few_innovations():

@@ -285,6 +285,12 @@ def test_echoes_follow_the_ping_out_to_the_moving_target_and_back_to_the_moving_
             )
 
 
+def test_a_target_that_sound_never_reaches_is_never_detected():
+    away = np.array([100.0, 2.0, 0.0, 0.0])
+    slow_sound = scenario(sensor=EXACT, targets=[away], sound_speed=1.0, scans=5)
+    assert [len(one.scan) for one in scans_of(slow_sound)] == [0] * 5
+
+
 def test_a_position_is_valid_at_the_middle_of_the_echo_and_the_scan_complete_at_its_end():
     for simulated in Simulator(MOVING, 1, start=500.0):
         np.testing.assert_array_equal(simulated.scan.time_offset, simulated.scan.range / 1500.0)

@@ -147,6 +147,18 @@ def test_a_scenario_file_gives_strengths():
             },
             "ratio_db must be from -100 to 100",
         ),
+        (
+            {
+                "clutter_strength": {},
+                "targets": [
+                    {
+                        "state": [1, 0, 1, 0],
+                        "strength": {"ratio_db": 6, "fluctuation": "swerling_2"},
+                    }
+                ],
+            },
+            "fluctuation must be one of",
+        ),
     ],
 )
 def test_a_wrong_strength_is_refused_by_its_name(content, said):
