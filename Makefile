@@ -61,7 +61,7 @@ endif
 
 # Branches too; processes that the tests start are measured as well, by coverage's own .pth file.
 COVERAGE := $(CURDIR)/build/coverage
-coverage: $(MADE)-test  ## lines and branches that the tests run, with and without the nodes
+coverage: $(MADE)-test  ## lines and branches that the tests run; less than promised fails
 	rm -rf $(COVERAGE)
 	mkdir -p $(COVERAGE)
 	COVERAGE_FILE=$(COVERAGE)/data \
@@ -71,8 +71,12 @@ coverage: $(MADE)-test  ## lines and branches that the tests run, with and witho
 	  omit=$$([ $$part = all ] || echo '--omit=tsepm_ros/nodes/*,tsepm_ros/demo/*'); \
 	  echo "== $$part"; \
 	  $(VENV)/bin/python -m coverage report --data-file=$(COVERAGE)/data $$omit --skip-covered; \
+	  $(VENV)/bin/python -m coverage json -q --data-file=$(COVERAGE)/data $$omit -o $(COVERAGE)/$$part.json; \
 	done
 	$(VENV)/bin/python -m coverage html -q --data-file=$(COVERAGE)/data -d $(COVERAGE)/html
+ifndef TEST_ARGS
+	$(VENV)/bin/python .ci/check_coverage.py $(COVERAGE)
+endif
 
 campaigns: $(MADE)-test  ## each campaign for half a minute; campaigns/README.md for more
 	@for name in messages parameters files middleware processes kills replays; do \
