@@ -149,6 +149,14 @@ def test_label_has_id_speed_and_sigma_in_ascii(header, make_track):
     assert text.isascii()
 
 
+def test_label_of_a_corrected_track_has_its_revision(header, make_track):
+    first, second = (
+        _by_kind(track_markers(header, [make_track(revision=revision)]))["label"].text
+        for revision in (0, 2)
+    )
+    assert second == f"{first}, revision 2"
+
+
 def test_color_is_the_caller_s(header, make_track):
     for marker in track_markers(header, [make_track()], color=(1.0, 0.5, 0.25)).markers:
         assert (marker.color.r, marker.color.g, marker.color.b) == (1.0, 0.5, 0.25)

@@ -119,6 +119,14 @@ def test_errors_in_proportion_to_their_bounds_leave_no_doubt_about_the_ratio():
     assert (found.value, found.low, found.high) == pytest.approx((2.0, 2.0, 2.0))
 
 
+@pytest.mark.parametrize(
+    ("errors", "bounds", "ratio"), [([2.0], [4.0], 0.5), ([0.0, 0.0], [1.0, 3.0], 0.0)]
+)
+def test_a_ratio_of_one_pair_or_of_0_has_no_interval(errors, bounds, ratio):
+    found = rms_ratio(errors, bounds)
+    assert found.value == ratio and math.isnan(found.low) and math.isnan(found.high)
+
+
 def test_a_quantile_is_between_values_that_it_can_be():
     found = quantile([24.0] * 50 + [60.0] * 50, 0.95)
     assert (found.value, found.low, found.high) == (60.0, 60.0, 60.0)

@@ -9,10 +9,14 @@ import pytest
 
 from tsepm_ros.diagnostics.health import Health
 from tsepm_ros.diagnostics.health_figures import Connections, Latency
+from tsepm_ros.diagnostics.rules import SENSOR
 from tsepm_ros.diagnostics.status import Level, Status
+from tsepm_ros.environment.measurement_errors import FittedErrors
+from tsepm_ros.environment.seen_extent import Extent
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.session.clocks import waited
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
+from tsepm_ros.session.sensor_check import SensorFigures
 from tsepm_ros.session.snapshot import SessionSnapshot
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
@@ -330,6 +334,39 @@ def test_a_mismatch_of_qualities_is_an_error_while_it_stands():
     run.connections = Connections(mismatches_heard={"/tracks": 2})
     status = run.status("quality of service", 0.0)
     assert (status.level, status.values) == (Level.OK, {"mismatches./tracks": 2})
+
+
+@pytest.mark.parametrize(
+    ("unread", "readable", "said"),
+    [
+        ([], [], ""),
+        (["a/A"], [], "published as a/A, which the node does not read"),
+        (["a/A"], ["a/A"], "published as a/A, which the node reads only after a new start"),
+        (["a/A", "b/B"], ["b/B"], "a/A, which the node does not read; and as b/B, which the node"),
+    ],
+)
+def test_types_that_are_read_after_a_new_start_are_told_from_those_that_are_not(
+    unread, readable, said
+):
+    run = Run()
+    run.scan(0.0)
+    run.connections = Connections(unread=unread, other_readable=readable, subscribed_type="c/C")
+    level, message = run.said("detections", 0.0)
+    assert level == (Level.ERROR if said else Level.OK)
+    assert said in message and ("it has subscribed to c/C" in message) == bool(readable)
+
+
+def test_learned_sensor_figures_are_reported_once_they_are_known():
+    run = Run()
+    assert not {"seen_max_range", "fitted_range_std"} & set(run.status(SENSOR, 0.0).values)
+    seen = Extent(20.0, 300.0, -1.0, 1.0)
+    errors = FittedErrors(0.0, 0.01, 0.02, 1.0, 1.0, 200.0)
+    run.set(sensor_figures=SensorFigures(seen=seen, seen_detections=5, errors=errors, confirmed=3))
+    values = run.status(SENSOR, 0.0).values
+    assert (values["seen_min_range"], values["seen_max_range"]) == (20.0, 300.0)
+    assert (values["seen_azimuth_min"], values["seen_azimuth_max"]) == (-1.0, 1.0)
+    assert (values["fitted_range_std"], values["fitted_range_std_fraction"]) == (0.0, 0.01)
+    assert (values["fitted_azimuth_std"], values["confirmed_tracks"]) == (0.02, 3)
 
 
 def test_a_silent_tracker_is_a_warning_while_it_is_silent():

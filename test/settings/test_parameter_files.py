@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from tsepm_ros.settings.parameter_files import fits, parameter_files, unused_files, without_value
+from tsepm_ros.settings.parameter_files import (
+    fits,
+    parameter_files,
+    unused_files,
+    values_for,
+    without_value,
+)
 
 
 @pytest.mark.parametrize(
@@ -57,6 +63,13 @@ def test_namespaces_in_a_file_are_part_of_the_key(written):
 @pytest.mark.parametrize("text", ["", "5", "[", "a: 1", "[" * 50_000])
 def test_what_is_no_parameter_file_is_left_to_ros(written, text):
     assert unused_files(written(text), "/track_initiator") == []
+
+
+@pytest.mark.parametrize("section", ["5", "", "[max_speed]", "text"])
+def test_a_section_that_is_no_mapping_has_no_parameters(written, tmp_path, section):
+    arguments = written(f"/**:\n  ros__parameters: {section}\n")
+    assert without_value(arguments, "/node") == []
+    assert values_for(tmp_path / "mine.yaml", "/node") == {}
 
 
 def test_parameters_without_a_value_are_named(written):

@@ -146,6 +146,13 @@ def test_other_values_are_refused_with_a_sentence(name, value, sentence):
     assert str(refused.value) == sentence
 
 
+def test_a_sound_speed_is_that_of_water_or_none():
+    for speed in (0.0, 100.0, 1500.0):
+        assert InitiatorNodeOptions(sound_speed=speed).sound_speed == speed
+    with pytest.raises(ValueError, match="sound_speed must be 0 or at least 100"):
+        InitiatorNodeOptions(sound_speed=1.5)  # in km/s
+
+
 def test_an_array_is_no_number():
     with pytest.raises(ValueError, match="length must be a number"):
         Example(length=np.array([1.0, 2.0]))
