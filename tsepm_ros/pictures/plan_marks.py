@@ -114,13 +114,11 @@ def draw_fixed_echoes(axes: Axes, points: FloatArray) -> None:
     axes.plot(*points.T, **_points(FIXED_COLOUR, "X", 6.0))
 
 
-def draw_truth(axes: Axes, path: FloatArray, name: str = "") -> None:
+def draw_truth(axes: Axes, path: FloatArray) -> None:
     """Draw a target's way, (m, 2) m: a circle where it begins, a square where it ends."""
     axes.plot(*path.T, color=TRUTH_COLOUR, linewidth=2.4, alpha=0.6)
     axes.plot(*path[0], **_points(TRUTH_COLOUR, "o", 6.0, hollow=True))
     axes.plot(*path[-1], **_points(TRUTH_COLOUR, "s", 6.0))
-    if name:  # before the beginning of the way, clear of tracks
-        write_beside(axes, name, path[0], direction(path[0] - path[-1]), TRUTH_COLOUR)
 
 
 def draw_true_place(axes: Axes, position: FloatArray) -> None:

@@ -85,10 +85,7 @@ def _filled(source: str, title: str, head: str, scripts: str) -> str:
         ('data-source=""', f'data-source="{source}"'),
         ("<!--scripts-->", scripts),
     ):
-        before, found, after = page.partition(mark)
-        if not found:
-            raise ValueError(f"{SHELL} has no {mark}")
-        page = before + text + after
+        page = page.replace(mark, text, 1)
     return page
 
 
