@@ -230,6 +230,13 @@ def test_what_cannot_be_designed_is_refused_at_once(capsys, arguments, named):
     assert named in capsys.readouterr().err
 
 
+def test_an_angle_that_looks_like_degrees_is_asked_about(capsys):
+    given = ["-p", "sensor.azimuth_std:=1.0", "-p", "sensor.max_range:=500.0"]
+    assert main(["design", "--speed", "10", *given]) == 2  # refused after the question
+    said = capsys.readouterr().err
+    assert said.startswith("note: sensor.azimuth_std") and "degrees" in said
+
+
 @pytest.mark.usefixtures("_little_clutter")
 def test_a_first_set_up_is_designed_further(capsys, tmp_path):
     file, further = tmp_path / "sonar.yaml", tmp_path / "further.yaml"

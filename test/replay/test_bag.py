@@ -153,6 +153,11 @@ def test_other_folders_and_files_are_no_bags(tmp_path):
 # Topics
 
 
+def test_a_bag_without_messages_is_read_as_empty(tmp_path):
+    with Bag(write_bag(tmp_path / "bag", [])) as bag:
+        assert (bag.topics, bag.start_ns, bag.end_ns, bag.duration) == ({}, 0, 0, 0.0)
+
+
 def test_topics_are_found_by_name_in_any_namespace():
     topics = {f"/boat/{role}": POINTS for role in (DETECTIONS, TRACKED, TRUTH)}
     topics |= {"/boat/own_ship/odometry": ODOMETRY, "/boat/tracks": POINTS}
@@ -324,7 +329,8 @@ def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_pa
 
 def test_what_the_detections_do_not_say_is_noted():
     made = make_groups(TRACK_INITIATOR, {"sound_speed": 1500.0})
-    given = MessageInput(Session(settings_from(made)), made[InitiatorNodeOptions])
+    said: list[str] = []
+    given = MessageInput(Session(settings_from(made)), made[InitiatorNodeOptions], said.append)
     scan = STORE.types["sensor_msgs/msg/LaserScan"](
         header=cloud(1.0, "laser", range=[]).header,
         **{"angle_min": 0.0, "angle_max": 1.0, "angle_increment": 1.0, "time_increment": 0.0},
@@ -333,9 +339,18 @@ def test_what_the_detections_do_not_say_is_noted():
         intensities=np.array([1.0, 2.0, 3.0], np.float32),
     )
     given.take_detections(scan, now=0.0)
-    assert given.assumptions == {
-        "the numbers of intensities and detections differ: intensities are not used",
-    }
+    given.take_detections(scan, now=1.0)
+    sentence = "the numbers of intensities and detections differ: intensities are not used"
+    assert given.assumptions == {sentence}
+    assert said == [sentence], "once"
+
+
+def test_detections_that_a_message_drops_are_counted():
+    session = Session(settings_from(make_groups(TRACK_INITIATOR, {})))
+    given = MessageInput(session, InitiatorNodeOptions())
+    ranges = [100.0, -5.0, np.nan, 200.0]
+    given.take_detections(cloud(1.0, "sonar", range=ranges, azimuth=[0.0] * 4), now=0.0)
+    assert sum(session.dropped.values()) == 2
 
 
 def test_without_an_own_ship_the_detections_frame_is_fixed(tmp_path):

@@ -272,6 +272,11 @@ def test_equal_runs_leave_an_interval():
     assert none.high == pytest.approx(3.689 / 30, rel=1e-3)
 
 
+def test_a_ratio_without_a_whole_is_unknown():
+    without = paired.ratio_difference(([0, 0], [0, 0]), ([1, 2], [4, 4]))
+    assert np.isnan([without.value, without.low, without.high]).all()
+
+
 def test_verdicts_follow_the_intervals():
     below, over, around = Estimate(-2, -3, -1), Estimate(2, 1, 3), Estimate(0, -0.5, 0.5)
     assert list(map(paired.is_below, (below, over, around))) == [

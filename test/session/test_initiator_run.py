@@ -139,6 +139,17 @@ def test_the_time_limit_holds_only_live(live):
     assert one.initiator.max_scan_time == (4.0 if live else math.inf)
 
 
+@pytest.mark.parametrize(("most", "said"), [(100, False), (5, True)])
+def test_hypotheses_that_a_limit_cuts_are_noticed(most, said):
+    run = InitiatorRun(settings(CommonOptions(max_potential_tracks=most)), live=False)
+    rng = np.random.default_rng(1)
+    scan = Scan(12.0, rng.uniform(500.0, 5000.0, 20), rng.uniform(-3.0, 3.0, 20))
+    run.process(scan, None)
+    remarks = run.remarks(scan, run.initiator.maintenance.tracker, False)
+    sentences = [remark.sentence for remark in remarks if isinstance(remark, Notice)]
+    assert ("a limit cut 15 hypotheses at 12.000 s" in sentences) is said
+
+
 def test_a_notice_says_once_that_strengths_count_and_that_they_no_longer_do():
     run = InitiatorRun(settings(method="score"), live=False)
     rng = np.random.default_rng(1)

@@ -172,6 +172,12 @@ def test_a_stamp_far_ahead_costs_two_scans_and_not_those_until_then():
     assert classified([0.0, 10.0, 55.0, 20.0, 30.0, 40.0, 50.0])[3:] == [LATE, LATE, RESTART, NEXT]
 
 
+def test_late_scans_with_falling_stamps_are_no_restart_until_the_stamps_rise():
+    falling = [0.0, 10.0, 20.0, 30.0, 40.0, 25.0, 15.0, 5.0]
+    assert classified([*falling, 1.0])[5:] == [LATE] * 4
+    assert classified([*falling, 6.0, 7.0])[5:] == [LATE] * 4 + [RESTART]
+
+
 def test_single_late_scans_between_good_ones_never_restart():
     stamps = [0.0, 10.0, 5.0, 20.0, 6.0, 30.0, 7.0, 40.0]
     assert RESTART not in classified(stamps)

@@ -53,6 +53,14 @@ def test_a_coverage_too_small_is_named_only_where_much_is_lost():
     assert findings(few) == {}
 
 
+@pytest.mark.parametrize(("given", "named"), [(20.0, True), (3.0, False), (0.0, False)])
+def test_the_minimum_range_is_named_where_detections_are_nearer(given, named):
+    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    sensor = SensorModel(min_range=given, max_range=300.0)
+    lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+    assert ("sensor.min_range to 3" in findings(lost)["outside_coverage"]) is named
+
+
 @pytest.mark.parametrize(("factor", "said"), [(0.6, True), (0.8, False), (1.4, False), (1.6, True)])
 def test_errors_are_named_from_a_factor_on(factor, said):
     errors = FittedErrors(0.0, 0.02, 0.03, factor, 1.0, 150.0)

@@ -86,6 +86,15 @@ def test_auto_learns_a_sweep_and_says_so():
     assert len(results[-1].current) == 2
 
 
+def test_the_state_of_a_given_sweep_is_that_none_is_complete_until_one_is():
+    one = Session(settings("3.14"))
+    messages = [read(message) for message in in_parts(turns(2), 6)]
+    played_open(one, messages[:10])
+    assert one.figures().sweep == "sweeps of 3.14 s, none complete yet"
+    played_open(one, messages[10:])
+    assert one.figures().sweep == f"sweeps of 3.14 s in {BEAMS // 6} messages"
+
+
 def test_a_learned_sweep_is_given_up_where_the_beam_stands():
     said = []
     one = Session(settings("auto"), lambda reason, sentence: said.append(sentence))

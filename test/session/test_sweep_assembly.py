@@ -204,6 +204,16 @@ def test_a_late_message_is_put_in_its_place():
     assert reasons == []
 
 
+def test_a_late_message_of_an_unknown_beam_is_put_in_its_place_by_its_stamp():
+    order = [*range(20), 21, 20, *range(22, 2 * STEPS)]
+    one = assembly()
+    scans, reasons = fed(one, [message(n, known=n != 20) for n in order])
+    rest = [[10.0 * (1 + n) for n in range(STEPS) if n != 20]]
+    assert contents(scans) == rest + numbers((STEPS, 2 * STEPS))
+    assert reasons == []
+    assert one.parts == STEPS
+
+
 def test_late_messages_that_do_not_fit_are_dropped():
     late = [message(3, start=101.05), message(2)]
     messages = [message(n) for n in range(2 * STEPS - 10)]

@@ -39,6 +39,12 @@ def test_no_threshold_is_above_the_one_that_holds_for_every_target(share):
     assert -math.log(share) - threshold_plan.MAX_BELOW_VILLE <= threshold <= -math.log(share)
 
 
+def test_no_target_is_predicted_beyond_the_simulated_thresholds():
+    made = plan()
+    assert made.passed(0.0)[-1] > 0.5
+    assert not made.passed(1e6).any() and made.passed(1e6).shape == made.passed(0.0).shape
+
+
 def test_the_same_question_is_answered_from_memory():
     assert plan() is plan()
     assert (
