@@ -42,6 +42,10 @@ def test_offsets_count_and_not_the_order_of_the_descriptions():
     np.testing.assert_array_equal(read_fields(cloud, ["a"])["a"], [1.5, 4.0, 7.0, 10.0])
 
 
+def test_no_names_are_no_fields():
+    assert read_fields(raw_cloud([("a", "d")], [(1.0,)]), []) == {}
+
+
 def test_values_are_a_copy_of_the_message():
     cloud = raw_cloud([("a", "d")], [(1.0,), (2.0,)])
     values = read_fields(cloud, ["a"])["a"]

@@ -273,14 +273,103 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
     plt.close(figure)
 
 
+def legend_of(scene: RunScene) -> set[str]:
+    """Labels of the legend of a run's picture."""
+    import matplotlib.pyplot as plt
+
+    from tsepm_ros.pictures.plan_position import draw
+
+    figure = draw(scene)
+    plt.close(figure)
+    return {text.get_text() for text in figure.legends[0].get_texts()}
+
+
+def test_the_legend_of_a_picture_names_only_what_is_drawn():
+    pytest.importorskip("matplotlib")
+    tracks = [track_at(number, 10.0 * number, ((0, 0), (1, 1))) for number in range(13)]
+    truth = [np.array([[0.0, 0.0, 0.0], [3.0, 9.0, 0.0]])]
+    false = [Judged(tracks[0], Outcome.FALSE, -1, True, 1.0, 1.0, 1.0)]
+    elsewhere, judged_false = "track elsewhere", "false, misplaced or redundant track"
+    hits = "hits of a new track in order"
+
+    empty = legend_of(RunScene("run"))
+    assert not empty & {elsewhere, judged_false, "fixed echo", "held to the end: its trail"}
+    some = [view(0), view(1, tracks[:2])]
+    assert {elsewhere, hits} <= legend_of(RunScene("run", some, truth, elsewhere={1}))
+    assert judged_false in legend_of(RunScene("run", some, truth, false))
+    assert hits not in legend_of(RunScene("run", [view(0), view(1, tracks)])), "too many starts"
+
+
+@pytest.fixture
+def shown_frame():
+    """The layout of a run's animation after a scan."""
+    pytest.importorskip("matplotlib")
+    import matplotlib.pyplot as plt
+
+    from tsepm_ros.pictures import plan_animation
+    from tsepm_ros.pictures.plan_layout import PlanLayout
+
+    def draw(scene: RunScene, index: int) -> PlanLayout:
+        layout = PlanLayout.of(scene)
+        plan_animation._draw(layout, scene, index, 60.0, confirmed_since=index)
+        plt.close(layout.figure)
+        return layout
+
+    return draw
+
+
+def test_a_frame_shows_a_target_while_its_truth_is_known(shown_frame):
+    truth = [np.array([[0.0, 29.0, 0.0], [2.0, 31.0, 0.0]])]
+    scene = RunScene("run", [view(number) for number in range(4)], truth)
+    places = [
+        [
+            line.get_xdata()[0]
+            for line in shown_frame(scene, n).plan.lines
+            if line.get_marker() == "D"
+        ]
+        for n in range(4)
+    ]
+    assert places == [[29.0], [30.0], [31.0], []]
+
+
+def test_a_panel_of_a_frame_shows_the_hits_of_starts_and_not_of_other_tracks(shown_frame):
+    track = replace(track_at(41, 30.0, ((0, 0), (1, 1))), stamp=1.0)
+    scans = [view(0), view(1, [track], [track, track_at(7, 20.0)])]
+    truth = [np.array([[0.0, 29.0, 0.0], [1.0, 30.0, 0.0]])]
+    judged = [Judged(track, Outcome.TRUE, 0, True, 1.0, 1.0, 1.0)]
+    layout = shown_frame(RunScene("run", scans, truth, judged), 1)
+    squares = [line.get_xydata() for line in layout.panels[0].lines if line.get_marker() == "s"]
+    assert [points.tolist() for points in squares] == [[[0.0, 0.0], [1.0, 1.0]]]
+    assert {"41", "7"} <= {text.get_text() for text in layout.panels[0].texts}
+
+
+@pytest.mark.parametrize(
+    ("stamp", "shown"), [(12.25, "12.2 s, ping 1"), (1.7e9, "2023-11-14 22:13:20 UTC, ping 1")]
+)
+def test_a_frame_has_a_date_where_its_stamp_is_one(shown_frame, stamp, shown):
+    layout = shown_frame(RunScene("run", [replace(view(0), stamp=stamp)]), 0)
+    assert layout.figure.get_suptitle().startswith(shown)
+
+
+def test_a_run_without_scans_is_not_animated(tmp_path):
+    pytest.importorskip("matplotlib")
+    from tsepm_ros.pictures.plan_animation import animate
+
+    with pytest.raises(ValueError, match="there is no scan to animate"):
+        animate(RunScene("run"), tmp_path / "run.gif")
+    assert not list(tmp_path.iterdir())
+
+
 def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():
     pytest.importorskip("matplotlib")
     from matplotlib.colors import rgb_to_hsv, to_rgb
 
     from tsepm_ros.pictures import plan_animation
 
-    scene = RunScene("run", truth=[np.zeros((2, 3))])
-    for entry in plan_animation._legend(scene, 60.0):
+    scans = [replace(view(0), fixed_echoes=np.zeros((1, 2)))]
+    entries = plan_animation._legend(RunScene("run", scans, [np.zeros((2, 3))]), 60.0)
+    assert "fixed echo" in [entry.get_label() for entry in entries]
+    for entry in entries:
         drawn = entry.get_linestyle() != "None" or entry.get_marker() not in ("", "None", None)
         assert drawn, entry.get_label()
     colours = (plan_animation.TRACK_COLOUR, plan_animation.NEW_TRACK_COLOUR)

@@ -139,6 +139,22 @@ def test_the_time_limit_holds_only_live(live):
     assert one.initiator.max_scan_time == (4.0 if live else math.inf)
 
 
+@pytest.mark.parametrize("used", ["given", "estimated"])
+def test_the_reported_area_is_that_to_which_the_density_in_use_refers(used):
+    """Clutter within a third of the range: a ninth of the coverage is seen."""
+    run = InitiatorRun(settings(CommonOptions(clutter_density=used)), live=False)
+    rng = np.random.default_rng(1)
+    farthest = run.initiator.sensor.max_range / 3.0
+    for index in range(10):
+        range_ = farthest * np.sqrt(rng.random(60))
+        run.process(Scan(12.0 * index, range_, rng.uniform(-3.1, 3.1, 60)), None)
+    figures = run.figures()
+    share = figures["coverage_area"] / run.initiator.sensor.coverage_area
+    assert share == pytest.approx(1.0 if used == "given" else 1.0 / 9.0, rel=0.1)
+    if used == "given":
+        assert figures["clutter_density"] == run.initiator.sensor.clutter_density
+
+
 @pytest.mark.parametrize(("most", "said"), [(100, False), (5, True)])
 def test_hypotheses_that_a_limit_cuts_are_noticed(most, said):
     run = InitiatorRun(settings(CommonOptions(max_potential_tracks=most)), live=False)
