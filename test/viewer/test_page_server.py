@@ -161,6 +161,20 @@ def test_a_browser_follows_and_one_that_comes_back_gets_the_present_state():
         run(follow)
 
 
+def test_what_the_server_s_own_thread_puts_is_sent_too():
+    state = live_state(1)
+
+    async def follow():
+        browser = await websocket_connect(updates(server))
+        assert numbers(await message(browser)) == [1]
+        server.call_later(0.0, lambda: put_moving(state, 2))
+        assert numbers(await message(browser)) == [2]
+        browser.close()
+
+    with served(state) as server:
+        run(follow)
+
+
 def test_a_browser_that_does_not_read_costs_nothing_and_then_gets_the_newest():
     state = live_state(0, kept=3)
     many = [float(k) for k in range(20_000)]
@@ -270,6 +284,14 @@ def test_the_end_closes_the_connections_and_frees_the_port():
             pass
         server.stop()  # a second time changes nothing
         put_moving(live_state(1), 2)
+
+
+def test_a_server_that_was_not_started_frees_its_port():
+    server = PageServer(ViewerNodeOptions(port=0), "Tracks", live_state())
+    server.stop()
+    assert server.loop.is_closed()
+    with socket.create_server(("127.0.0.1", urlsplit(server.url).port)):
+        pass
 
 
 def test_a_server_that_is_stopped_while_it_starts_ends():
