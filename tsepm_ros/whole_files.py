@@ -68,7 +68,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def move_whole(temporary: Path, path: Path) -> None:
-    """Synchronise a temporary file to the disk and move it to its path in the same folder."""
+    """Synchronise a temporary file to the disk and move it to its path on the same disk."""
     _synchronise(temporary)
     os.replace(temporary, path)
     _synchronise(path.parent)

@@ -266,6 +266,17 @@ def test_a_folder_gets_tracks_and_what_the_run_gave_is_said(capsys, recording, t
     assert "8 scans, 1 confirmed tracks; 84.0 s in" in capsys.readouterr().out
 
 
+def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, tmp_path):
+    pytest.importorskip("rosbags")
+    for folder in ("one", "other"):
+        assert main(["run", recording, "--out", str(tmp_path / folder)]) == 0
+    data = (tmp_path / "one" / "tracks.mcap").read_bytes()
+    assert (tmp_path / "other" / "tracks.mcap").read_bytes() == data
+    assert b"relative_file_paths" in data
+    assert b".part" not in data
+    assert not list((tmp_path / "one").glob(".*"))
+
+
 def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
     pytest.importorskip("rosbags")
     from msg_adapters import read_track_cloud, time_to_ns

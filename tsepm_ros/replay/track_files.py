@@ -116,9 +116,11 @@ class TrackBag:
 
         self._path = path
         self._store = get_typestore(Stores.ROS2_JAZZY)
-        self._bag = temporary_beside(path).with_suffix("")
+        self._temporary = temporary_beside(path)
+        self._bag = self._temporary / path.stem  # the file names itself in its metadata
         self._writer = Writer(self._bag, version=9, storage_plugin=StoragePlugin.MCAP)
         try:
+            self._temporary.mkdir()
             self._writer.open()
             self._new, self._current, self._fixed = (
                 self._writer.add_connection(topic, POINTS, typestore=self._store)
@@ -137,16 +139,15 @@ class TrackBag:
         try:
             if kind is None:
                 self._writer.close()
-                [file] = self._bag.glob("*.mcap")
-                move_whole(file, self._path)
+                move_whole(self._bag / f"{self._path.stem}.mcap", self._path)
         finally:
             self._abort()
 
     def _abort(self) -> None:
-        """Close the temporary bag, if it is open, and remove it."""
+        """Close the bag, if it is open, and remove the temporary folder."""
         with suppress(Exception):  # whatever the failed writer raises
             self._writer.abort()
-        remove(self._bag)
+        remove(self._temporary)
 
     def write(self, result: ScanResult) -> None:
         """Write the messages of one scan.
