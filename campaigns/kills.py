@@ -106,7 +106,7 @@ def check_whole(call: str, out: Path, *, complete: bool) -> None:
     """The results in a folder are those of the undisturbed call; all of them, if complete."""
     expected = undisturbed(call)[0] / "out"
     for path in out.rglob("*"):
-        if path.is_dir() or ".part" in path.name:
+        if path.is_dir() or ".part" in str(path.relative_to(out)):
             continue
         other = expected / path.relative_to(out)
         require(other.exists(), f"{call}: {path.name} is no result")
