@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.environment.land import LandMask, afloat
 from tsepm_ros.environment.learned import Learned
+from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.initiation import learning
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
@@ -202,8 +203,7 @@ class FrontEnd:
         )
         in_zone, environment = self._zones(detections)
         clutter_sensor, of_rates = self._clutter_rates(detections)
-        targets = learning.held_targets(self.maintenance.held, self._poses)
-        before = self._clutter.before(targets) * of_rates
+        before = self._clutter.before(self._held_targets) * of_rates
         held_density, held_association = self._carry_held(scan, detections, before, environment)
         self._learn_from_held(detections, held_density < before)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
@@ -303,9 +303,11 @@ class FrontEnd:
         weight = clutter / (clutter + held) if self.most_tracks_true else np.ones(len(clutter))
         # In an area within the reach of one target while a hypothesis of it lives.
         reach = self._reach * REACH_SCANS
-        return self._clutter.learn(
-            weight, math.pi * reach**2, learning.held_targets(self.maintenance.held, self._poses)
-        )
+        return self._clutter.learn(weight, math.pi * reach**2, self._held_targets)
+
+    def _held_targets(self) -> HeldTargets:
+        """The held tracks in the sensor's frame."""
+        return learning.held_targets(self.maintenance.held, self._poses)
 
     @property
     def _reach(self) -> float:

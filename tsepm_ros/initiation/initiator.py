@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 import math
 from typing import Any
 
@@ -24,6 +23,7 @@ from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.numerics.limits import TimeLimit
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -107,7 +107,7 @@ class Initiator:
             new, statistics = self._read(scan, limit)
         else:
             new, statistics = self._read_again(again, scan, limit)
-        self.statistics = dataclasses.replace(
+        self.statistics = changed(
             statistics,
             detections=self.front_end.inside_coverage,
             plots=statistics.detections,
@@ -126,29 +126,26 @@ class Initiator:
         self.revised = self.maintenance.revise(revised, step.replaced)
         # First proper: what follows inverts the covariances.
         tracks = self._within_max_speed(step.tracks.proper()).proper()
-        step = dataclasses.replace(step, tracks=tracks)
+        step = changed(step, tracks=tracks)
         confirmed = len(tracks)
         existence = step.existence
         if existence is None:
             existence = np.full(confirmed, NEW_TRACK_EXISTENCE)
         waiting = self.front_end.waiting(step.tracks)
         if waiting.any():
-            step = dataclasses.replace(step, tracks=step.tracks.where(~waiting))
+            step = changed(step, tracks=step.tracks.where(~waiting))
             existence = existence[~waiting]
         cut = max(len(step.tracks) - room, 0)
         if cut:
             best = holding_limit.best(existence, step.tracks.evaluation, room)
-            step, existence = (
-                dataclasses.replace(step, tracks=step.tracks.where(best)),
-                existence[best],
-            )
+            step, existence = changed(step, tracks=step.tracks.where(best)), existence[best]
         ids = self._take_track_ids(len(step.tracks))
         new = self.front_end.finish(step, existence, ids)
         if len(self.maintenance.released):
             new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
         self._observed = observed
         withheld = confirmed - len(new)
-        return new, dataclasses.replace(
+        return new, changed(
             step.statistics,
             confirmed=step.statistics.confirmed - withheld,
             cut_confirmations=step.statistics.cut_confirmations + cut,
@@ -161,7 +158,7 @@ class Initiator:
         state, covariance = speed_limit.limited(
             tracks.state, tracks.covariance, self.common.max_speed
         )
-        return dataclasses.replace(tracks, state=state, covariance=covariance)
+        return changed(tracks, state=state, covariance=covariance)
 
     def _read_again(
         self, again: list[Scan], scan: Scan, limit: TimeLimit
@@ -175,15 +172,16 @@ class Initiator:
         new, statistics = self._read(scan, limit)
         current = self.maintenance.current
         new = current.where(np.isin(current.track_id, np.concatenate([*ids, new.track_id])))
-        return new, dataclasses.replace(statistics, confirmed=len(new))
+        return new, changed(statistics, confirmed=len(new))
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""
+        if not number:
+            return np.zeros(0, np.int64)
         in_use = self.maintenance.held.tracks.track_id
         following = (self.next_track_id + np.arange(number + len(in_use))) % TRACK_IDS
         taken = following[~np.isin(following, in_use)][:number]
-        if number:
-            self.next_track_id = int(taken[-1] + 1) % TRACK_IDS
+        self.next_track_id = int(taken[-1] + 1) % TRACK_IDS
         return taken
 
     @property
@@ -240,8 +238,7 @@ class Initiator:
         bool
             Whether the potential tracks were kept: not by another method.
         """
-        changed, front_end, kept = self._configured(method)
-        self.method, self.front_end = changed, front_end
+        self.method, self.front_end, kept = self._configured(method)
         self.maintenance.hold_time = method.common.hold_time
         self.maintenance.tracked_timeout = method.common.tracked_timeout
         self.maintenance.speed_prior = _speed_prior(method.common)
@@ -260,8 +257,8 @@ class Initiator:
         front_end.configure(sensor, common, method.most_tracks_true)
         if type(method) is not type(self.method):
             return method, front_end, False
-        changed = copy.copy(self.method)
-        return changed, front_end, changed.configure(sensor, common, method.options)
+        same_kind = copy.copy(self.method)
+        return same_kind, front_end, same_kind.configure(sensor, common, method.options)
 
     @property
     def sensor(self) -> SensorModel:
@@ -356,4 +353,4 @@ def _speed_prior(common: CommonOptions) -> SpeedPrior:
 def _confirmed_at(scan_index: int, tracks: TrackArrays) -> TrackArrays:
     """Tracks that were held back, with the scans that it took to confirm them."""
     first = np.array([hits[0][0] for hits in tracks.hits], np.int64)
-    return dataclasses.replace(tracks, scan_count=scan_index + 1 - first)
+    return changed(tracks, scan_count=scan_index + 1 - first)

@@ -93,6 +93,9 @@ class PathCounts:
     @classmethod
     def joined(cls, *parts: PathCounts) -> PathCounts:
         """The paths of all parts."""
+        parts = tuple(part for part in parts if len(part))
+        if not parts:
+            return cls.none()
         return cls.of(
             np.concatenate([part.last_hit for part in parts]),
             np.concatenate([part.hit_count for part in parts]),

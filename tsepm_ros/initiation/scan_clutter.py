@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tsepm_ros.environment.clutter_clumps import PredictiveDensity
@@ -65,16 +67,18 @@ class ScanClutter:
         """Whether each detection is in a clutter zone, (d,)."""
         return self._learned.clutter_map.in_zone(self.cells)
 
-    def before(self, targets: HeldTargets) -> FloatArray:
+    def before(self, targets: Callable[[], HeldTargets]) -> FloatArray:
         """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""
         density = self.density()
         if self._echoes:
             density *= self._learned.secondary_echoes.behind_targets(
-                self._learned.clutter_map.grid, targets, self.cells
+                self._learned.clutter_map.grid, targets(), self.cells
             )
         return density
 
-    def learn(self, weight: FloatArray, min_area: float, targets: HeldTargets) -> FloatArray:
+    def learn(
+        self, weight: FloatArray, min_area: float, targets: Callable[[], HeldTargets]
+    ) -> FloatArray:
         """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
 
         Parameters
@@ -83,8 +87,8 @@ class ScanClutter:
             Probability that each detection is clutter.
         min_area : float
             See `ClutterMap.update`.
-        targets : HeldTargets
-            As of this scan.
+        targets : callable
+            The held targets as of this scan.
         """
         learned, self.weight = self._learned, weight
         learned.seen_extent.update(*self._polar, weight)
@@ -92,7 +96,7 @@ class ScanClutter:
         density = self.density()
         if self._echoes:
             density *= learned.secondary_echoes.update(
-                learned.clutter_map, targets, self.cells, weight
+                learned.clutter_map, targets(), self.cells, weight
             )
             self.predictive = learned.clumps.update(
                 learned.clutter_map, self.cells, weight, density

@@ -18,8 +18,9 @@ from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at
 from tsepm_ros.sensing.sensor import SensorModel
 
-_POSITION, _VELOCITY = np.array([0, 2]), np.array([1, 3])
-"""Places of the position and of the velocity in a state."""
+_POSITIONS, _VELOCITIES = slice(0, 11, 10), slice(5, 16, 10)
+_ACROSS, _ACROSS_TRANSPOSED = slice(1, 12, 10), slice(4, 15, 10)
+"""Places of both axes in the 16 numbers of a covariance: variances, and what is between them."""
 
 
 def predict(
@@ -54,12 +55,12 @@ def predict(
     covariance[..., 0::2] += step * covariance[..., 1::2]
     if np.any(noise):
         velocity_variance = np.abs(elapsed) * noise
-        # Both axes at once: x and y are rows 0 and 2, their velocities 1 and 3.
         across = (velocity_variance * elapsed / 2.0)[..., None]
-        covariance[..., _POSITION, _POSITION] += (velocity_variance * elapsed**2 / 3.0)[..., None]
-        covariance[..., _POSITION, _VELOCITY] += across
-        covariance[..., _VELOCITY, _POSITION] += across
-        covariance[..., _VELOCITY, _VELOCITY] += velocity_variance[..., None]
+        numbers = covariance.reshape(*covariance.shape[:-2], 16)  # the same memory
+        numbers[..., _POSITIONS] += (velocity_variance * elapsed**2 / 3.0)[..., None]
+        numbers[..., _ACROSS] += across
+        numbers[..., _ACROSS_TRANSPOSED] += across
+        numbers[..., _VELOCITIES] += velocity_variance[..., None]
     return state, covariance
 
 

@@ -72,7 +72,7 @@ class DownstreamTracker:
 
     def keeps(self, since: FloatArray) -> BoolArray:
         """Which tracks, unlisted since times (n,), s, it keeps: those listed while it is heard."""
-        return np.isneginf(since) & self.is_alive
+        return since == LISTED if self.is_alive else np.zeros(len(since), bool)
 
 
 def declined(

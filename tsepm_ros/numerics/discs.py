@@ -20,6 +20,16 @@ STRIPS_PER_ROOT = 4.0
 """Strips at most, over the root of the number of positions."""
 
 
+def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
+    """``|z - c|^2`` of all pairs of centres (g, 2) and positions (n, 2), (g, n)."""
+    x = centres[:, :1] - positions[:, 0]
+    y = centres[:, 1:] - positions[:, 1]
+    x *= x
+    y *= y
+    x += y
+    return x
+
+
 def pairs_within(
     positions: FloatArray,
     centres: FloatArray,
@@ -49,8 +59,7 @@ def pairs_within(
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
-        apart = centres[:, None] - positions
-        inside = (apart * apart).sum(axis=2) <= (radius * radius)[:, None]
+        inside = squared_distances(centres, positions) <= (radius * radius)[:, None]
         centre, position = inside.nonzero()
         return (centre, position) if len(centre) <= most else None
     strips = _Strips(positions, float(np.median(radius)))
@@ -77,8 +86,7 @@ def pairs_nearer(positions: FloatArray, distance: float) -> tuple[IntArray, IntA
     """
     n = len(positions)
     if n * n <= ALL_PAIRS:
-        apart = positions[:, None] - positions
-        near = (apart * apart).sum(axis=2) <= distance * distance
+        near = squared_distances(positions, positions) <= distance * distance
         first, second = near.nonzero()
         once = first < second
         return first[once], second[once]

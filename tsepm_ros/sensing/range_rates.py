@@ -92,9 +92,12 @@ def clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatA
     detections are within a = `sensor.clutter_range_rate`, the width of reverberation. The heavy
     tails cover noise; they limit the score increment of any range rate.
     """
+    rated = measured(detections)
+    if not rated.any():
+        return np.ones(len(detections))
     width = sensor.clutter_range_rate
     density = width / (np.pi * (width**2 + np.square(over_ground(detections))))
-    return np.where(measured(detections), density, 1.0)
+    return np.where(rated, density, 1.0)
 
 
 def innovations(

@@ -19,6 +19,8 @@ from tsepm_ros.numerics.gaussian import gate_factor
 
 MERGINGS = ("moments", "refit")
 
+FEW_TRACKS = 16
+"""Tracks up to which all pairs are compared: that takes less time than the search."""
 PAIR_BLOCK = 200_000
 """Pairs processed together: bounds the memory of the search, not its result."""
 MAX_SUBSETS = 70
@@ -75,7 +77,6 @@ def groups(
     if n < 2:
         return labels, labels
     threshold = merging_threshold(probability)
-    sharing = tracks_by_shared_hits(hits)
 
     def connect(first: IntArray, second: IntArray) -> IntArray:
         unconnected = labels[first] != labels[second]
@@ -85,6 +86,10 @@ def groups(
         near = close(states, covariances, first, second, threshold)
         return _connected(labels, first[near], second[near])
 
+    if n <= FEW_TRACKS:
+        labels = connect(*np.triu_indices(n, 1))
+        return labels, labels
+    sharing = tracks_by_shared_hits(hits)
     for first, second in sharing.consecutive_pairs(PAIR_BLOCK):
         labels = connect(first, second)
     rest = sharing.where_labels_differ(labels)

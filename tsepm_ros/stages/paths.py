@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import IntArray
-from tsepm_ros.numerics.rows import Rows
+from tsepm_ros.numerics.rows import Rows, changed
 
 NO_HIT = -1
 MAX_ROWS_TOGETHER = 16_384
@@ -43,7 +43,7 @@ class Paths(Rows):
         """Children with a further detection each: row i extends path `parent[i]`."""
         children = self[parent]
         children.hits[np.arange(len(parent)), children.hit_count] = detection
-        return replace(children, hit_count=children.hit_count + 1)
+        return changed(children, hit_count=children.hit_count + 1)
 
     def of_equal_count(self) -> Iterator[tuple[IntArray, IntArray]]:
         """Iterate over blocks of paths with the same number of hits.

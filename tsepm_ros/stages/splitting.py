@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,10 +52,10 @@ class Gated:
     in_any_gate: BoolArray
     cut: int = 0
 
-    @property
+    @cached_property
     def count(self) -> IntArray:
         """Number of detections in each gate, (g,)."""
-        return np.diff(self.start)
+        return self.start[1:] - self.start[:-1]
 
 
 def gate(
@@ -230,6 +231,8 @@ def residual(gated: Gated) -> IntArray:
 
 def left_out(gated: Gated) -> IntArray:
     """Rows of the detections in at least one gate that were cut from all gates."""
+    if not gated.cut:
+        return np.zeros(0, np.int64)
     cut = gated.in_any_gate.copy()
     cut[gated.detection] = False
     return np.flatnonzero(cut)

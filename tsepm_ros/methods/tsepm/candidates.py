@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.rows import Rows
@@ -29,3 +32,11 @@ class Candidates(Rows):
     covariance: FloatArray
     distance: FloatArray
     evaluation: FloatArray
+
+    @classmethod
+    def none(cls, hits: int) -> Self:
+        """No tracks, of a number of hits."""
+        figures = np.zeros(0)
+        return cls(
+            np.zeros((0, hits), np.int64), np.zeros((0, 4)), np.zeros((0, 4, 4)), figures, figures
+        )

@@ -34,9 +34,9 @@ class Gates:
         """Row of the gate that each path uses, (n,)."""
         return np.searchsorted(self.last_hits, last_hit)
 
-    def missed(self, last_hit: IntArray) -> NDArray[np.bool_]:
-        """Which paths have no detection in their gate, (n,)."""
-        missed: NDArray[np.bool_] = self.gated.count[self.of(last_hit)] == 0
+    def missed(self, gate_of_path: IntArray) -> NDArray[np.bool_]:
+        """Which paths, by their gates (n,), have no detection in them, (n,)."""
+        missed: NDArray[np.bool_] = self.gated.count[gate_of_path] == 0
         return missed
 
     def children(self, paths: PathCounts) -> PathCounts:

@@ -60,6 +60,7 @@ from tsepm_ros.stages import evaluation, merging, pruning, splitting
 from tsepm_ros.stages.estimation import Fit, fit
 from tsepm_ros.stages.paths import Paths, starting
 
+NO_TRACKS = TrackArrays.of([])
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
 MERGING_SHARE = 0.7
@@ -207,32 +208,33 @@ class Tsepm(WindowedMethod):
         limits.
         """
         last = self._potential.hit_count == self.options.min_hits - 1
-        completed, cut_completed = self._split_part(
-            np.flatnonzero(last), gates, self.common.max_raw_confirmations, COMPLETING_SHARE
-        )
-        extended, cut_extended = self._split_part(
-            np.flatnonzero(~last), gates, self.common.max_potential_tracks, EXTENDING_SHARE
+        gate_of_path = gates.of(self._potential.last_hit)
+        limits = self.common.max_raw_confirmations, self.common.max_potential_tracks
+        (completed, cut_completed), (extended, cut_extended) = (
+            self._split_part(self._potential[part], gate_of_path[part], gates, limit, share)
+            for part, limit, share in zip(
+                (last, ~last), limits, (COMPLETING_SHARE, EXTENDING_SHARE), strict=True
+            )
         )
         return (
             Paths.joined(completed, extended),
-            self._potential[gates.missed(self._potential.last_hit)],
+            self._potential[gates.missed(gate_of_path)],
             PathCounts.joined(cut_completed, cut_extended),
         )
 
     def _split_part(
-        self, rows: IntArray, gates: Gates, limit: int, share: float
+        self, tracks: Paths, gate_of_track: IntArray, gates: Gates, limit: int, share: float
     ) -> tuple[Paths, PathCounts]:
         """Split some of the tracks; returns at most `limit` children, and the others counted.
 
         Children that are not looked at until a share of the scan's time is over count as others.
         """
-        tracks = self._potential[rows]
 
         def cost(parent: IntArray, newest: IntArray) -> FloatArray:
             return path_cost.cost(tracks.extended(parent, gates.ids[newest]), self.detections)
 
         parent, newest, cut = splitting.split_within(
-            gates.of(tracks.last_hit), gates.gated, limit, cost, self.late_after(share)
+            gate_of_track, gates.gated, limit, cost, self.late_after(share)
         )
         children = tracks.extended(parent, gates.ids[newest])
         if not cut:
@@ -274,7 +276,9 @@ class Tsepm(WindowedMethod):
 
         Returns those that go on, and how many reached M hits and how many the rule ended.
         """
-        missed = paths[gates.missed(paths.last_hit)]
+        if not len(paths) and not len(newly_cut):
+            return paths, 0, 0
+        missed = paths[gates.missed(gates.of(paths.last_hit))]
         followed = PathCounts.joined(missed, gates.children(paths), newly_cut)
         waiting = self._waiting(followed)
         ended = self.expired(waiting.first_scan)
@@ -298,6 +302,8 @@ class Tsepm(WindowedMethod):
         spent, on the tracks of smallest cost first; the others are left out.
         """
         count = count or self.options.min_hits
+        if not len(tracks):
+            return Candidates.none(count)
         order = np.arange(len(tracks))
         if time_limit.finite and len(tracks) > BLOCK:
             order = np.argsort(path_cost.cost(tracks, self.detections), kind="stable")
@@ -309,7 +315,9 @@ class Tsepm(WindowedMethod):
             rows = order[first : first + BLOCK]
             blocks.append(self._estimate_block(tracks.hits[rows, :count]))
         candidates = Candidates.joined(*blocks)
-        self._seconds_per_track = (time_limit.elapsed - begin) / max(len(candidates), 1)
+        self._seconds_per_track = (time_limit.elapsed - begin) / len(candidates)
+        if len(tracks) <= BLOCK:
+            return candidates
         return candidates[np.argsort(order[: len(candidates)])]
 
     def _in_time(self, candidates: Candidates, time_limit: TimeLimit) -> Candidates:
@@ -350,6 +358,8 @@ class Tsepm(WindowedMethod):
 
         Returns them, and how many were left out where the time did not suffice to compare all.
         """
+        if not len(candidates):
+            return NO_TRACKS, 0
         labels, alike = merging.groups(
             candidates.hits,
             candidates.state,
