@@ -1,4 +1,9 @@
-"""Detections in the gates of held tracks, and their likelihoods: a row for each pair."""
+"""Detections in the gates of held tracks, and their likelihoods: a row for each pair.
+
+A held track has a filter with two modes of motion, and a straight fit (see `stationary`). Each of
+the two seeks its own detections, at its own place. All is computed for the modes of both together:
+the filter's two, then the fit as a third.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.kinematics.interacting_models import InteractingModels
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.discs import squared_distances
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.sensor import SensorModel
@@ -21,10 +26,14 @@ GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than the largest of the scan."""
 SEARCH_MARGIN = 1.1
 """Factor on the search radius for detections: the gate itself is tested later."""
-MAX_PAIRS = 4000
-"""Tracks times detections up to which every distance is taken."""
+MAX_PAIRS = 8000
+"""Places of tracks times detections up to which every distance is taken."""
 MAX_NEIGHBOURS = 8
 """Detections considered for each track: the nearest."""
+FILTER_MODES = 2
+"""Modes of the filter."""
+_SEEKER = np.array([0] * FILTER_MODES + [1])
+"""Which of the two, filter or fit, each mode is of."""
 
 
 @dataclass(frozen=True)
@@ -46,149 +55,190 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class GatedDetections:
-    """How well detections fit the tracks in each of m modes of motion; pairs as in `Neighbours`.
+    """How well detections fit the tracks in each mode: q pairs of a mode's track and a detection.
+
+    The pairs of the filter come first, once for each of its modes, then those of the fit.
 
     Attributes
     ----------
-    innovation : (m, p, 2) ndarray
+    filter, fit : Neighbours
+        Pairs of both.
+    owner : (q,) ndarray of int
+        Mode and track of each pair, as a place among the 3 n.
+    innovation : (q, 2) ndarray
         z - H x, m.
-    likelihood : (m, p) ndarray
+    likelihood : (q,) ndarray
         N(z; H x, S), 1/m^2, times that of a range rate, s/m; 0 outside the gate.
-    time_after_scan : (n,) ndarray
+    time_after_scan : (3, n) ndarray
         Time after the scan's stamp of the tracks' nearest detections, s.
-    innovation_covariance : (m, n, 2, 2) ndarray
+    innovation_covariance : (3, n, 2, 2) ndarray
         S of each track, with the error of its nearest detection, m^2.
-    updated : tuple of (m, p, 4) and (m, p, 4, 4) ndarray, or None
+    updated : tuple of (q, 4) and (q, 4, 4) ndarray, or None
         State and covariance of each pair's track if the detection is its target's; None where no
         detection has a range rate: then the innovations suffice.
+    is_rated : (3,) ndarray of bool
+        Modes of which any pair has a range rate.
     """
 
+    filter: Neighbours
+    fit: Neighbours
+    owner: IntArray
     innovation: FloatArray
     likelihood: FloatArray
     time_after_scan: FloatArray
     innovation_covariance: FloatArray
-    updated: tuple[FloatArray, FloatArray] | None = None
+    updated: tuple[FloatArray, FloatArray] | None
+    is_rated: BoolArray
+
+    @property
+    def of_filter(self) -> FloatArray:
+        """The likelihoods in each mode of the filter, (2, p)."""
+        return self.likelihood[: FILTER_MODES * len(self.filter.row)].reshape(FILTER_MODES, -1)
+
+    @property
+    def of_fit(self) -> FloatArray:
+        """The likelihoods under the fit, (1, p)."""
+        return self.likelihood[None, FILTER_MODES * len(self.filter.row) :]
 
 
 def gate(
-    models: InteractingModels,
     state: FloatArray,
+    covariance: FloatArray,
+    mean: FloatArray,
     stamp: float,
     detections: NDArray[np.void],
     sensor: SensorModel,
-) -> tuple[Neighbours, GatedDetections]:
+) -> GatedDetections:
     """Pairs of tracks and detections, and how well they fit in each mode.
+
+    Each detection is compared at its own time. One innovation covariance serves all detections of
+    a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,).
 
     Parameters
     ----------
-    models : InteractingModels
-        Predicted to the stamp.
-    state : (n, 4) ndarray
-        Their means over the modes.
+    state, covariance : (3, n, 4), (3, n, 4, 4) ndarray
+        The modes, predicted to the stamp.
+    mean : (2, n, 4) ndarray
+        Means of the filter over its modes, and of the fit.
     stamp : float
         The scan's, s.
     detections : (d,) ndarray of DETECTION
     sensor : SensorModel
     """
-    near = neighbours(models, state, stamp, detections)
-    nearest, candidates = detections[near.nearest], detections[near.row]
-    return near, _gated(
-        models.state, models.covariance, near.track, nearest, candidates, stamp, sensor
-    )
-
-
-def neighbours(
-    models: InteractingModels, state: FloatArray, stamp: float, detections: NDArray[np.void]
-) -> Neighbours:
-    """The detections nearest to each predicted track, as far as the gate of any mode reaches.
-
-    Arguments as in `gate`.
-    """
-    if not len(detections) or not len(state):
-        return Neighbours(*np.zeros((3, 0), np.int64))
-    time_after_scan = detections["time"] - stamp
-    first, last = time_after_scan.min(), time_after_scan.max()
-    middle = 0.5 * (first + last)
-    error = GATE_MARGIN * detections["major_sigma"].max()
-    centre = kalman.position_after(state, middle)
-    gate = kalman.gate_reach(GATE_PROBABILITY, detections)
-    position_covariance = kalman.position_covariance_after(models.covariance, np.array(middle))
-    sigma = np.hypot(major_sigma(position_covariance), error)
-    offset = kalman.position_after(models.state, middle) - centre
-    radius = SEARCH_MARGIN * gate * sigma + np.hypot(offset[..., 0], offset[..., 1])
-    if last > first:
-        speed = np.hypot(models.state[..., 1], models.state[..., 3])
-        radius += speed * (last - first)
-    reach = radius.max(axis=0)
-    distance, near = _nearest(detections["position"], centre)
-    track, place = np.nonzero(distance <= reach[:, None])
-    return Neighbours(near[:, 0], track, near[track, place])
-
-
-def _nearest(positions: FloatArray, centres: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Distances and rows of the positions (d, 2) nearest to each centre (n, 2), ascending."""
-    number = min(MAX_NEIGHBOURS, len(positions))
-    if len(centres) * len(positions) > MAX_PAIRS:
-        distance, near = cKDTree(positions).query(centres, k=range(1, number + 1))
-        return distance, near
-    apart = centres[:, None] - positions
-    distance = np.sqrt((apart * apart).sum(axis=2))
-    near = np.argsort(distance, axis=1, kind="stable")[:, :number]
-    return np.take_along_axis(distance, near, axis=1), near
-
-
-def _gated(
-    state: FloatArray,
-    covariance: FloatArray,
-    track: IntArray,
-    nearest: NDArray[np.void],
-    candidates: NDArray[np.void],
-    stamp: float,
-    sensor: SensorModel,
-) -> GatedDetections:
-    """How well the candidates (p,) fit the predicted tracks (m, n) in each mode.
-
-    Each detection is compared at its own time. One innovation covariance serves all detections of
-    a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,).
-    """
-    m, n = state.shape[:2]
-    if not len(nearest):
+    n = len(mean[0])
+    if not len(detections):
+        none = Neighbours(*np.zeros((3, 0), np.int64))
         return GatedDetections(
-            np.zeros((m, 0, 2)), np.zeros((m, 0)), np.zeros(n), covariance[..., 0::2, 0::2]
+            none,
+            none,
+            np.zeros(0, np.int64),
+            np.zeros((0, 2)),
+            np.zeros(0),
+            np.zeros(state.shape[:2]),
+            covariance[..., 0::2, 0::2],
+            None,
+            np.zeros(len(state), bool),
         )
-    time_after_scan, pair_time = nearest["time"] - stamp, candidates["time"] - stamp
+    of_filter, of_fit = _neighbours(state, covariance, mean, stamp, detections)
+    pairs = FILTER_MODES * [of_filter] + [of_fit]
+    owner = np.concatenate([mode * n + part.track for mode, part in enumerate(pairs)])
+    row = np.concatenate([part.row for part in pairs])
+    nearest = detections[np.stack([part.nearest for part in pairs])]
+    time_after_scan, pair_time = nearest["time"] - stamp, detections["time"][row] - stamp
     innovation_covariance = kalman.position_covariance_after(covariance, time_after_scan)
     innovation_covariance += covariance_at(
         nearest, kalman.position_after(state, time_after_scan), sensor
     )
-    innovation = candidates["position"] - kalman.position_after(state[:, track], pair_time)
-    of_pairs = innovation_covariance[:, track]
-    # A mode after the other, as if each were tracks of its own.
-    every = candidates if m == 1 else np.concatenate([candidates] * m)
-    times = every["time"] - stamp
-    density = kalman.log_likelihood(
-        state.reshape(-1, 4),
-        covariance.reshape(-1, 4, 4),
-        (n * np.arange(m)[:, None] + track).ravel(),
-        times,
-        innovation.reshape(-1, 2),
-        of_pairs.reshape(-1, 2, 2),
-        every,
-        GATE_PROBABILITY,
-    )
-    updated = None
-    if range_rates.measured(candidates).any():
-        moved, spread = kalman.update(
-            state[:, track], covariance[:, track], pair_time, innovation, of_pairs
+    expected = kalman.position_after(state.reshape(-1, 4)[owner], pair_time)
+    innovation = detections["position"][row] - expected
+    of_pairs = innovation_covariance.reshape(-1, 2, 2)[owner]
+    rated, updated, is_rated = range_rates.measured(detections), None, np.zeros(len(state), bool)
+    if not rated.any():
+        density = kalman.position_log_likelihood(innovation, of_pairs, GATE_PROBABILITY)
+    else:
+        states, covariances = state.reshape(-1, 4), covariance.reshape(-1, 4, 4)
+        candidates = detections[row]
+        density = kalman.log_likelihood(
+            states,
+            covariances,
+            owner,
+            pair_time,
+            innovation,
+            of_pairs,
+            candidates,
+            GATE_PROBABILITY,
         )
-        moved, spread = range_rates.update(
-            moved.reshape(-1, 4), spread.reshape(-1, 4, 4), times, every
+        is_rated = np.array([rated[part.row].any() for part in pairs])
+        updated = range_rates.update(
+            *kalman.update(states[owner], covariances[owner], pair_time, innovation, of_pairs),
+            pair_time,
+            candidates,
         )
-        updated = moved.reshape(m, -1, 4), spread.reshape(m, -1, 4, 4)
     return GatedDetections(
+        of_filter,
+        of_fit,
+        owner,
         innovation,
-        np.exp(density).reshape(m, -1),
+        np.exp(density),
         time_after_scan,
         innovation_covariance,
         updated,
+        is_rated,
     )
+
+
+def _neighbours(
+    state: FloatArray,
+    covariance: FloatArray,
+    mean: FloatArray,
+    stamp: float,
+    detections: NDArray[np.void],
+) -> tuple[Neighbours, Neighbours]:
+    """The detections nearest to each filter and fit, as far as the gate of any mode reaches.
+
+    Arguments as in `gate`.
+    """
+    time_after_scan = detections["time"] - stamp
+    first, last = time_after_scan.min(), time_after_scan.max()
+    middle = 0.5 * (first + last)
+    error = GATE_MARGIN * detections["major_sigma"].max()
+    centre = kalman.position_after(mean, middle)
+    gate = kalman.gate_reach(GATE_PROBABILITY, detections)
+    position_covariance = kalman.position_covariance_after(covariance, np.array(middle))
+    sigma = np.hypot(major_sigma(position_covariance), error)
+    offset = kalman.position_after(state, middle) - centre[_SEEKER]
+    radius = SEARCH_MARGIN * gate * sigma + np.hypot(offset[..., 0], offset[..., 1])
+    if last > first:
+        speed = np.hypot(state[..., 1], state[..., 3])
+        radius += speed * (last - first)
+    reach = np.concatenate([radius[:FILTER_MODES].max(axis=0), radius[FILTER_MODES]])
+    nearest, seeker, row = _within(reach, detections["position"], centre.reshape(-1, 2))
+    n = len(nearest) // 2
+    border = int(np.searchsorted(seeker, n))
+    return (
+        Neighbours(nearest[:n], seeker[:border], row[:border]),
+        Neighbours(nearest[n:], seeker[border:] - n, row[border:]),
+    )
+
+
+def _within(
+    reach: FloatArray, positions: FloatArray, centres: FloatArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """The position nearest to each centre, and the pairs of centres and positions in their reach.
+
+    Of each centre the nearest `MAX_NEIGHBOURS` at most, ascending.
+    """
+    if len(centres) * len(positions) > MAX_PAIRS:
+        number = min(MAX_NEIGHBOURS, len(positions))
+        distance, near = cKDTree(positions).query(centres, k=range(1, number + 1))
+        centre, place = np.nonzero(distance <= reach[:, None])
+        return near[:, 0], centre, near[centre, place]
+    distance = np.sqrt(squared_distances(centres, positions))
+    centre, row = (distance <= reach[:, None]).nonzero()
+    order = np.lexsort((distance[centre, row], centre))
+    centre, row = centre[order], row[order]
+    if len(positions) > MAX_NEIGHBOURS:
+        place = np.arange(len(centre)) - np.searchsorted(centre, centre)
+        if place.max(initial=0) >= MAX_NEIGHBOURS:
+            centre, row = centre[place < MAX_NEIGHBOURS], row[place < MAX_NEIGHBOURS]
+    return distance.argmin(axis=1), centre, row

@@ -170,6 +170,14 @@ class HeldTracks:
             visible=ipda.predicted_visibility(self.visible, time_step),
         )
 
+    def modes(self) -> tuple[FloatArray, FloatArray]:
+        """States (3, n, 4) and covariances (3, n, 4, 4): the filter's two modes, then the fit."""
+        models, fits = self.models, self.fits
+        return (
+            np.concatenate([models.state, fits.state[None]]),
+            np.concatenate([models.covariance, fits.covariance[None]]),
+        )
+
     def revised(self, corrected: TrackArrays) -> HeldTracks:
         """The rows with the starts of tracks, by their ids, that were corrected.
 

@@ -8,12 +8,8 @@ import numpy as np
 
 from tsepm_ros.kinematics import speed_limit
 from tsepm_ros.kinematics.interacting_models import InteractingModels
-from tsepm_ros.maintenance import ipda, state_mixtures
-from tsepm_ros.maintenance.gated_detections import (
-    GATE_PROBABILITY,
-    GatedDetections,
-    Neighbours,
-)
+from tsepm_ros.maintenance import ipda
+from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.numerics.rows import changed
@@ -41,9 +37,9 @@ class CoveredTracks(NamedTuple):
 
 def updated(
     held: HeldTracks,
-    near: Neighbours,
-    gated: GatedDetections,
-    ratios: FloatArray,
+    state: FloatArray,
+    covariance: FloatArray,
+    mode_ratios: FloatArray,
     empty: FloatArray,
     covered: BoolArray,
     max_speed: FloatArray,
@@ -53,10 +49,10 @@ def updated(
     Parameters
     ----------
     held : HeldTracks
-    near : Neighbours
-    gated : GatedDetections
-    ratios : (m, p) ndarray
-        L_ijm.
+    state, covariance : (m, n, 4), (m, n, 4, 4) ndarray
+        The modes, updated by the scan's detections.
+    mode_ratios : (m, n) ndarray
+        Lambda_im.
     empty : (n,) ndarray
         b_i.
     covered : (n,) ndarray of bool
@@ -64,19 +60,13 @@ def updated(
     max_speed : (n,) ndarray
         v_max, m/s: a mode whose mean is faster is conditioned on it; see `kinematics.speed_limit`.
     """
-    models = held.models
-    mode_ratios = ipda.scan_ratio(empty, ratios, near.track)
-    beta = ratios / mode_ratios[:, near.track]
-    state, covariance = state_mixtures.updated_states(
-        models.state, models.covariance, gated, near.track, beta
-    )
     # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
     slow_state, slow_covariance = speed_limit.slowed(
         state.reshape(-1, 4),
         covariance.reshape(-1, 4, 4),
         np.broadcast_to(max_speed, state.shape[:2]).ravel(),
     )
-    probability, scan_ratio = ipda.updated_modes(models.probability, mode_ratios)
+    probability, scan_ratio = ipda.updated_modes(held.models.probability, mode_ratios)
     models = InteractingModels(
         probability, slow_state.reshape(state.shape), slow_covariance.reshape(covariance.shape)
     )

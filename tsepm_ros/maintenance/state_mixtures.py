@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tsepm_ros.kinematics import kalman
@@ -11,17 +13,13 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 ROUNDING = 1e-12
 """Bound of the relative rounding error of a covariance."""
-_DIAGONAL = np.arange(4)
+_BEYOND_ROUNDING = 1.0 + ROUNDING * np.eye(4)
 _SQUARES = np.array([[3, 4], [4, 5]])
 """Places of the squares of innovations in the sums over pairs."""
 
 
 def updated_states(
-    state: FloatArray,
-    covariance: FloatArray,
-    gated: GatedDetections,
-    track: IntArray,
-    probability: FloatArray,
+    state: FloatArray, covariance: FloatArray, gated: GatedDetections, probability: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Means and covariances of the mixtures, in each mode of motion.
 
@@ -30,9 +28,8 @@ def updated_states(
     state, covariance : (m, n, 4), (m, n, 4, 4) ndarray
         As predicted.
     gated : GatedDetections
-    track : (p,) ndarray of int
-        Track of each pair.
-    probability : (m, p) ndarray
+        q pairs.
+    probability : (q,) ndarray
         beta_j of each pair; with what is left to 1, beta_0, no detection is the target's.
 
     Returns
@@ -40,31 +37,35 @@ def updated_states(
     state, covariance : (m, n, 4), (m, n, 4, 4) ndarray
     """
     if gated.updated is None:
-        state, covariance = _by_positions(state, covariance, gated, track, probability)
+        mixed = _by_positions(state, covariance, gated, probability)
     else:
-        state, covariance = _by_updates(state, covariance, gated.updated, track, probability)
+        mixed = _by_updates(state, covariance, gated.owner, gated.updated, probability)
+        if not gated.is_rated.all():
+            plain = _by_positions(state, covariance, gated, probability)
+            rated = gated.is_rated[:, None, None]
+            mixed = (
+                np.where(rated, mixed[0], plain[0]),
+                np.where(rated[..., None], mixed[1], plain[1]),
+            )
+    state, covariance = mixed
     # Rounding must not make it asymmetric, a part that would grow from scan to scan, or indefinite.
-    covariance = 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
-    covariance[..., _DIAGONAL, _DIAGONAL] *= 1.0 + ROUNDING
-    return state, covariance
+    return state, 0.5 * (covariance + np.swapaxes(covariance, -1, -2)) * _BEYOND_ROUNDING
 
 
 def _by_positions(
-    state: FloatArray,
-    covariance: FloatArray,
-    gated: GatedDetections,
-    track: IntArray,
-    probability: FloatArray,
+    state: FloatArray, covariance: FloatArray, gated: GatedDetections, probability: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mixtures where a single gain K serves all detections of a track.
 
     ``x + K v``, ``P - (1 - beta_0) K S K' + K (sum_j beta_j v_j v_j' - v v') K'`` with
     ``v = sum_j beta_j v_j``.
     """
-    x, y = gated.innovation[..., 0], gated.innovation[..., 1]
+    shape = state.shape[:-1]
+    x, y = gated.innovation.T
     parts = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]) * probability
-    sums = np.moveaxis(grouped.sums(parts, track, state.shape[1]), 0, -1)
-    detected, mean, square = sums[..., 0], sums[..., 1:3], sums[..., _SQUARES]
+    sums = grouped.sums(parts, gated.owner, math.prod(shape)).reshape(-1, *shape)
+    detected, mean = sums[0], np.moveaxis(sums[1:3], 0, -1)
+    square = np.moveaxis(sums[_SQUARES], (0, 1), (-2, -1))
     innovation_covariance = gated.innovation_covariance
     kalman_gain = kalman.kalman_gain(covariance, gated.time_after_scan, innovation_covariance)
     change = (
@@ -79,8 +80,8 @@ def _by_positions(
 def _by_updates(
     state: FloatArray,
     covariance: FloatArray,
+    owner: IntArray,
     updated: tuple[FloatArray, FloatArray],
-    track: IntArray,
     probability: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Mixtures of each predicted track and its updates by each of its detections.
@@ -89,11 +90,10 @@ def _by_updates(
     ``m = sum_j beta_j d_j``.
     """
     updated_state, updated_covariance = updated
-    moved = updated_state - state[:, track]
-    second_moment = updated_covariance - covariance[:, track]
+    moved = updated_state - state.reshape(-1, 4)[owner]
+    second_moment = updated_covariance - covariance.reshape(-1, 4, 4)[owner]
     second_moment = second_moment + moved[..., :, None] * moved[..., None, :]
     mean, change = np.zeros_like(state), np.zeros_like(covariance)
-    for mode, share in enumerate(probability):
-        np.add.at(mean[mode], track, share[:, None] * moved[mode])
-        np.add.at(change[mode], track, share[:, None, None] * second_moment[mode])
+    np.add.at(mean.reshape(-1, 4), owner, probability[:, None] * moved)
+    np.add.at(change.reshape(-1, 4, 4), owner, probability[:, None, None] * second_moment)
     return state + mean, covariance + change - mean[..., :, None] * mean[..., None, :]

@@ -33,21 +33,17 @@ A single scan, however far off its detection is, multiplies them by at most 1 / 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.kinematics.interacting_models import InteractingModels
-from tsepm_ros.maintenance import gated_detections, ipda, state_mixtures
-from tsepm_ros.maintenance.gated_detections import GatedDetections, Neighbours
+from tsepm_ros.maintenance import ipda
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.disc import disc_probability
 from tsepm_ros.numerics.gaussian import log_density
 from tsepm_ros.numerics.rows import Rows, changed
-from tsepm_ros.sensing.sensor import SensorModel
 
 STATIONARY_SHARE = 0.9
 """Prior share of starts that stand still: a choice.
@@ -175,12 +171,6 @@ class StraightFits(Rows):
             self, state=state, covariance=covariance, change_odds=self.change_odds + begun
         )
 
-    def models(self) -> InteractingModels:
-        """The fits as models of motion with a single mode."""
-        return InteractingModels(
-            np.ones((1, len(self))), self.state[None].copy(), self.covariance[None].copy()
-        )
-
     def stationary_probability(self, prior: SpeedPrior) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,)."""
         return prior.stationary_probability(self.state, self.covariance, self.share)
@@ -207,63 +197,9 @@ class StraightFits(Rows):
         return state, covariance
 
 
-LikelihoodRatios = Callable[[InteractingModels, Neighbours, GatedDetections], FloatArray]
-"""L_ijm of pairs of targets and detections under models of motion, (m, p)."""
-
-
-def updated(
-    fits: StraightFits,
-    *,
-    stamp: float,
-    detections: NDArray[np.void],
-    clutter: FloatArray,
-    sensor: SensorModel,
-    existence: FloatArray,
-    empty: FloatArray,
-    ratios: LikelihoodRatios,
-    of_filter: FloatArray,
-) -> StraightFits:
-    """The fits after a scan, to which they are predicted.
-
-    They have an association of their own.
-
-    Parameters
-    ----------
-    fits : StraightFits
-    stamp : float
-        The scan's, s.
-    detections : (d,) ndarray of DETECTION
-    clutter : (d,) ndarray
-        lambda_j, 1/m^2.
-    sensor : SensorModel
-    existence, empty : (n,) ndarray
-        r_i, b_i.
-    ratios : callable
-        As for the held tracks' filter.
-    of_filter : (n,) ndarray
-        Lambda_filter.
-
-    Returns
-    -------
-    StraightFits
-    """
-    models = fits.models()
-    near, gated = gated_detections.gate(models, fits.state, stamp, detections, sensor)
-    association = ipda.associate(
-        existence,
-        empty,
-        models.probability,
-        ratios(models, near, gated),
-        near.track,
-        near.row,
-        clutter,
-    )
-    of_fit = ipda.scan_ratio(empty, association.ratio[0], near.track)
-    state, covariance = state_mixtures.updated_states(
-        models.state, models.covariance, gated, near.track, association.probability[None]
-    )
-    odds = fits.change_odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter)
-    return changed(fits, state=state[0], covariance=covariance[0], change_odds=odds)
+def change_odds(odds: FloatArray, of_filter: FloatArray, of_fit: FloatArray) -> FloatArray:
+    """Odds (n,) that motions have changed, after a scan: of Lambda_filter and Lambda_fit, (n,)."""
+    return np.asarray(odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter))
 
 
 def scan_ratios(

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment.feature_association import Environment
-from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance import (
     extended_targets,
@@ -23,10 +22,11 @@ from tsepm_ros.maintenance import (
     ipda,
     publication,
     repetition,
+    state_mixtures,
     stationary,
 )
 from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
-from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, GatedDetections, Neighbours
+from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, Neighbours
 from tsepm_ros.maintenance.held_detections import (
     NO_ASSOCIATION,
     NO_OWN_DETECTIONS,
@@ -180,35 +180,33 @@ class TrackMaintenance:
         # Associate.
         probability = detectable(held.tracks.state[:, 0::2])
         empty = 1.0 - held.visible * probability * GATE_PROBABILITY
-        near, gated = gated_detections.gate(
-            held.models, held.tracks.state, stamp, detections, sensor
-        )
+        state, covariance = held.modes()
+        means = np.stack([held.tracks.state, held.fits.state])
+        gated = gated_detections.gate(state, covariance, means, stamp, detections, sensor)
+        near = gated.filter
         clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
-        ratios = _likelihood_ratios(held, near, gated, detections, clutter, sensor, environment)
-        association = ipda.associate(
-            held.existence, empty, held.models.probability, ratios, near.track, near.row, clutter
-        )
+        associate = partial(_associate, empty, detections, clutter, sensor, environment)
+        association = associate(held, held.models.probability, near, gated.of_filter)
         # Update.
         held, plots = held_features.with_plots(
             held, near, association.probability, detections, environment
         )
-        fits = stationary.updated(
-            held.fits,
-            stamp=stamp,
-            detections=detections,
-            clutter=clutter,
-            sensor=sensor,
-            existence=held.existence,
-            empty=empty,
-            ratios=partial(_ratios_under, held, detections, clutter, sensor, environment),
-            of_filter=stationary.scan_ratios(
-                held.models.probability, association.ratio, near.track, empty
-            ),
+        of_fit = associate(held, np.ones((1, len(held))), gated.fit, gated.of_fit)
+        mode_ratios = ipda.scan_ratio(empty, association.ratio, near.track)
+        shares = association.ratio / mode_ratios[:, near.track]
+        state, covariance = state_mixtures.updated_states(
+            state, covariance, gated, np.append(shares, of_fit.probability)
         )
+        odds = stationary.change_odds(
+            held.fits.change_odds,
+            stationary.scan_ratios(held.models.probability, association.ratio, near.track, empty),
+            ipda.scan_ratio(empty, of_fit.ratio[0], gated.fit.track),
+        )
+        fits = changed(held.fits, state=state[-1], covariance=covariance[-1], change_odds=odds)
         # A downstream tracker has a speed limit of its own.
         limit = np.where(self._tracker.keeps(held.unlisted_since), np.inf, max_speed)
         held, self.covered = held_update.updated(
-            held, near, gated, association.ratio, empty, probability > 0.0, limit
+            held, state[:-1], covariance[:-1], mode_ratios, empty, probability > 0.0, limit
         )
         of_target = association.probability * held.existence[near.track]
         held = held_features.with_strengths(held, near, of_target, detections["strength"])
@@ -352,37 +350,31 @@ class TrackMaintenance:
         return kept
 
 
-def _likelihood_ratios(
-    held: HeldTracks,
-    near: Neighbours,
-    gated: GatedDetections,
+def _associate(
+    empty: FloatArray,
     detections: NDArray[np.void],
     clutter: FloatArray,
     sensor: SensorModel,
     environment: Environment | None,
-) -> FloatArray:
-    """L_ijm of each pair in each mode, (m, p); see `maintenance.ipda`.
+    held: HeldTracks,
+    mode_probability: FloatArray,
+    near: Neighbours,
+    likelihood: FloatArray,
+) -> ipda.Association:
+    """Association of a scan's detections by their likelihoods (m, p) in modes (m, n) of motion.
 
     A detection was possible where there is one, wherever the data sheet ends the coverage.
     """
-    likelihood = gated.likelihood
     scale = held.visible[near.track] * sensor.detection_probability / clutter[near.row]
     if environment is not None:
-        mean = ipda.mean_over_modes(held.models.probability, likelihood, near.track)
+        mean = ipda.mean_over_modes(mode_probability, likelihood, near.track)
         scale = scale * held_features.likelihood_factors(environment, held, near, mean, detections)
-    return likelihood * scale
-
-
-def _ratios_under(
-    held: HeldTracks,
-    detections: NDArray[np.void],
-    clutter: FloatArray,
-    sensor: SensorModel,
-    environment: Environment | None,
-    models: InteractingModels,
-    near: Neighbours,
-    gated: GatedDetections,
-) -> FloatArray:
-    """L_ijm of pairs as they are under other models of the held tracks' motion, (m, p)."""
-    held = changed(held, models=models)
-    return _likelihood_ratios(held, near, gated, detections, clutter, sensor, environment)
+    return ipda.associate(
+        held.existence,
+        empty,
+        mode_probability,
+        likelihood * scale,
+        near.track,
+        near.row,
+        clutter,
+    )
