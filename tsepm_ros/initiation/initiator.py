@@ -122,10 +122,9 @@ class Initiator:
         observed = self.front_end.observe(scan, limit)
         room = holding_limit.room(limit, len(self.maintenance.held))
         step = self.method.step(observed)
-        revised = self._within_max_speed(step.revised.proper()).proper()
+        revised = self._usable(step.revised)
         self.revised = self.maintenance.revise(revised, step.replaced)
-        # First proper: what follows inverts the covariances.
-        tracks = self._within_max_speed(step.tracks.proper()).proper()
+        tracks = self._usable(step.tracks)
         step = changed(step, tracks=tracks)
         confirmed = len(tracks)
         existence = step.existence
@@ -151,14 +150,17 @@ class Initiator:
             cut_confirmations=step.statistics.cut_confirmations + cut,
         )
 
-    def _within_max_speed(self, tracks: TrackArrays) -> TrackArrays:
-        """The tracks, their states conditioned on a speed of at most `max_speed`, if so set."""
+    def _usable(self, tracks: TrackArrays) -> TrackArrays:
+        """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
+        tracks = tracks.proper()  # what follows inverts the covariances
         if not self.common.limit_speed or not len(tracks):
             return tracks
         state, covariance = speed_limit.limited(
             tracks.state, tracks.covariance, self.common.max_speed
         )
-        return changed(tracks, state=state, covariance=covariance)
+        if state is tracks.state:
+            return tracks
+        return changed(tracks, state=state, covariance=covariance).proper()
 
     def _read_again(
         self, again: list[Scan], scan: Scan, limit: TimeLimit

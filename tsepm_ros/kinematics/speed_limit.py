@@ -120,7 +120,9 @@ def limited(
     if not len(rows):
         return state, covariance
     velocity = _in_disc_of(rows, state, covariance, max_speed)
-    cut = velocity.log_probability < np.log1p(-MAX_OUTSIDE)
+    cut = velocity.log_probability < math.log1p(-MAX_OUTSIDE)
+    if not cut.any():
+        return state, covariance
     velocity = VelocityInDisc(*(part[cut] for part in velocity))
     return _conditioned(state, covariance, rows[cut], velocity)
 

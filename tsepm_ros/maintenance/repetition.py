@@ -66,16 +66,22 @@ def agrees_with_older(
     """
     n = len(state)
     agrees = np.zeros(n, bool)
-    if n < 2:
+    if n < 2 or (known is not None and np.count_nonzero(known) < 2):
         return agrees
     track, older = _pairs_with_older(state[:, 0::2])
-    difference = state[track] - state[older]
-    difference_covariance = covariance[track] + covariance[older]
-    scaled = solve(difference_covariance, difference)
-    near = np.einsum("pi,pi->p", difference, scaled) <= SAME_DISTANCE
-    near &= (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
+    may = (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
     if known is not None:
-        near &= known[track] & known[older]
+        may &= known[track] & known[older]
+    # The distance is at least that of each single component, which is cheap to test.
+    variances = np.diagonal(covariance, axis1=1, axis2=2)
+    bound = SAME_DISTANCE * (1.0 + 1e-9) * (variances[track] + variances[older])
+    may &= (np.square(state[track] - state[older]) <= bound).all(axis=1)
+    track, older = track[may], older[may]
+    if not len(track):
+        return agrees
+    difference = state[track] - state[older]
+    scaled = solve(covariance[track] + covariance[older], difference)
+    near = np.einsum("pi,pi->p", difference, scaled) <= SAME_DISTANCE
     agrees[track[near]] = True
     return agrees
 

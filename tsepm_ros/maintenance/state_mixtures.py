@@ -62,7 +62,9 @@ def _by_positions(
     """
     shape = state.shape[:-1]
     x, y = gated.innovation.T
-    parts = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]) * probability
+    parts = np.empty((6, len(x)))
+    parts[0], parts[1], parts[2], parts[3], parts[4], parts[5] = 1.0, x, y, x * x, x * y, y * y
+    parts *= probability
     sums = grouped.sums(parts, gated.owner, math.prod(shape)).reshape(-1, *shape)
     detected, mean = sums[0], np.moveaxis(sums[1:3], 0, -1)
     square = np.moveaxis(sums[_SQUARES], (0, 1), (-2, -1))

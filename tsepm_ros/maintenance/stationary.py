@@ -34,6 +34,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +104,7 @@ class SpeedPrior:
             velocity = np.where(usable[:, None], velocity, 0.0)
             spread = np.where(usable[:, None, None], spread, np.eye(2) * self.max_speed**2)
         still = np.exp(log_density(velocity, spread)[0])
-        shares, limits = np.array(self._speed_limits()).T
+        shares, limits = _speed_limits(self.min_speed, self.max_speed)
         slow, *inside = disc_probability(velocity, spread, np.append(self.min_speed, limits))
         fast = np.zeros(len(velocity))
         rings = math.pi * (limits**2 - self.min_speed**2)
@@ -115,18 +116,20 @@ class SpeedPrior:
         fast = np.maximum((1.0 - share) * fast, np.finfo(float).tiny)
         return np.asarray(still / (still + fast))
 
-    def _speed_limits(self) -> list[tuple[float, float]]:
-        """Prior shares of moving targets, and the speeds that each does not exceed, m/s."""
-        limits = [self.max_speed / 2.0**halved for halved in range(len(SPEED_SHARES))]
-        limits = [limit for limit in limits if limit >= 2.0 * self.min_speed] or limits[:1]
-        shares = SPEED_SHARES[: len(limits)]
-        return [(share / sum(shares), limit) for share, limit in zip(shares, limits, strict=True)]
-
     def sure_to_move(self, stationary_probability: FloatArray) -> NDArray[np.bool_]:
         """Which targets are published, (n,): all without `min_speed`, else those sure to move."""
         if not self.min_speed:
             return np.ones(len(stationary_probability), bool)
         return np.asarray(1.0 - stationary_probability >= SURE)
+
+
+@lru_cache
+def _speed_limits(min_speed: float, max_speed: float) -> tuple[FloatArray, FloatArray]:
+    """Prior shares of moving targets, and the speeds that each does not exceed, m/s."""
+    limits = max_speed / 2.0 ** np.arange(len(SPEED_SHARES))
+    limits = limits[: max(int((limits >= 2.0 * min_speed).sum()), 1)]
+    shares = SPEED_SHARES[: len(limits)]
+    return np.array(shares) / sum(shares), limits
 
 
 @dataclass(frozen=True, eq=False)

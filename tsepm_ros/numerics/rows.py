@@ -29,11 +29,12 @@ class Rows:
 
     def __len__(self) -> int:
         """Number of rows."""
-        return len(getattr(self, _names(type(self))[0]))
+        return len(self.__dict__[_names(type(self))[0]])
 
     def __getitem__(self, rows: NDArray[np.generic]) -> Self:
         """The given rows (indices or a mask)."""
-        return type(self)(*(getattr(self, name)[rows] for name in _names(type(self))))
+        columns = self.__dict__
+        return changed(self, **{name: columns[name][rows] for name in _names(type(self))})
 
     @classmethod
     def joined(cls, *parts: Self) -> Self:

@@ -46,6 +46,8 @@ MIN_TAIL_PROBABILITY = 1e-300
 
 def measured(scan: Scan) -> FloatArray:
     """Features of a scan's detections, (n, 3); nan where not measured."""
+    if not scan.features:
+        return np.full((len(scan), len(NAMES)), np.nan)
     columns = [scan.features.get(name, np.full(len(scan), np.nan)) for name in NAMES]
     values = np.stack(columns, axis=1)
     return np.where(np.abs(values) < MAX_FEATURE, values, np.nan)

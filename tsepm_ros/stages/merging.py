@@ -86,7 +86,7 @@ def groups(
         near = close(states, covariances, first, second, threshold)
         return _connected(labels, first[near], second[near])
 
-    if n <= FEW_TRACKS:
+    if n <= FEW_TRACKS and (late is None or not late()):
         labels = connect(*np.triu_indices(n, 1))
         return labels, labels
     sharing = tracks_by_shared_hits(hits)

@@ -149,7 +149,7 @@ class ExpectedDetections:
         )
 
     def updated(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
-        """States (p, 4) and covariances (p, 4, 4) of hypotheses after a detection.
+        """States (p, 4) and covariances (p, 4, 4) of hypotheses, ascending, after a detection.
 
         The position comes first, then the range rate, where there is one.
         """
@@ -162,7 +162,9 @@ class ExpectedDetections:
             )
         else:
             # A gain and a covariance for all detections of a hypothesis.
-            rows, first, place = np.unique(parent, return_index=True, return_inverse=True)
+            begins = np.diff(parent, prepend=-1) != 0
+            first, place = np.flatnonzero(begins), np.cumsum(begins) - 1
+            rows = parent[first]
             before, spread, after = covariance[rows], spread[first], time_after_state[first]
             gain = kalman.kalman_gain(before, after, spread)
             change = gain @ spread @ np.swapaxes(gain, -1, -2)

@@ -169,7 +169,7 @@ class SummedEvidence:
 
         See `StartRule.starts`.
         """
-        if attainable(grown, window).max(initial=-math.inf) < threshold:
+        if math.isinf(threshold) or attainable(grown, window).max(initial=-math.inf) < threshold:
             return []
         decided = speed_prior.decided(grown, threshold, max_speed)
         group, n, sums = grown.newest, len(grown.ids), decided.evidence

@@ -53,7 +53,7 @@ class Threshold:
         interval = self.interval
         if not interval:
             return None
-        detections = max(float(np.mean(self._counts)), self._counts[-1], 1e-3)
+        detections = max(sum(self._counts) / len(self._counts), self._counts[-1], 1e-3)
         starts_per_hour = detections * SECONDS_PER_HOUR / interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 

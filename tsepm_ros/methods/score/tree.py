@@ -64,7 +64,7 @@ class Grown:
     missed: Hypotheses
     ids: IntArray
 
-    @property
+    @cached_property
     def newest(self) -> IntArray:
         """Place in the scan of the last hit of each of `ended`, (n,)."""
         return self.ended.last_hit - (self.ids[0] if len(self.ids) else 0)
@@ -137,7 +137,9 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
         state, covariance, detections, observed.clutter_sensor
     )
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
-    state, covariance = kalman.predict(state, covariance, observed.stamp - detections["time"])
+    elapsed = observed.stamp - detections["time"]
+    if elapsed.any():
+        state, covariance = kalman.predict(state, covariance, elapsed)
     strength = path_strength.begun(observed)
     score = score + strength.score
     given_held = score - held_penalty(observed, np.arange(len(path)), strength.score)
@@ -338,8 +340,9 @@ def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hyp
     kept &= ~pruning.expired(scan_index + 1 - hypotheses.first_scan, options.window)
     rows = np.flatnonzero(kept)
     score = hypotheses.score[rows]
-    _, group = np.unique(hypotheses.last_hit[rows], return_inverse=True)
-    best = grouped.largest_of(score, group, len(rows))[group]
+    last = hypotheses.last_hit[rows]
+    group = last - last.min(initial=0)
+    best = grouped.largest_of(score, group, int(group.max(initial=-1)) + 1)[group]
     kept = grouped.among_best(group, score, options.max_per_detection)
     return hypotheses[rows[kept & (score > best + RELATIVE_PRUNING)]]
 
