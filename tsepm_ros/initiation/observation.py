@@ -13,7 +13,7 @@ from tsepm_ros.environment.clutter_clumps import PredictiveDensity
 from tsepm_ros.environment.seen_extent import Extent
 from tsepm_ros.environment.target_strength import ScanStrengths
 from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.kinematics.track import NO_TRACKS, TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing.sensor import SensorModel
@@ -127,10 +127,10 @@ class Step:
         Detections that are probably targets', by their positions alone.
     """
 
-    tracks: TrackArrays = field(default_factory=lambda: TrackArrays.of([]))
+    tracks: TrackArrays = NO_TRACKS
     statistics: ScanStatistics = field(default_factory=lambda: ScanStatistics(scans=1))
     existence: FloatArray | None = None
     target_probability: FloatArray | None = None
-    revised: TrackArrays = field(default_factory=lambda: TrackArrays.of([]))
+    revised: TrackArrays = NO_TRACKS
     replaced: tuple[int, ...] = ()
     target_hits: TargetHits | None = None

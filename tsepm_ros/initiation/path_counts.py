@@ -9,6 +9,7 @@ and ever after, so that a number stands for all of them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,10 +61,11 @@ class PathCounts:
         """Number of paths, exact up to 2^53."""
         return int(self.number.sum(dtype=np.float64))
 
-    @classmethod
-    def none(cls) -> PathCounts:
+    @staticmethod
+    @cache
+    def none() -> PathCounts:
         """No paths."""
-        return cls(*np.zeros((4, 0), np.int64))
+        return PathCounts(*np.zeros((4, 0), np.int64))
 
     @classmethod
     def of(

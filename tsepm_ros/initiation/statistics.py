@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
+
+from tsepm_ros.numerics.rows import changed
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,8 @@ class ScanStatistics:
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
         """Sum of the counts; of the tracks held the larger."""
-        values = {
-            field.name: getattr(self, field.name) + getattr(other, field.name)
-            for field in dataclasses.fields(self)
-        }
+        one, two = vars(self), vars(other)
+        values = {name: one[name] + two[name] for name in one}
         for held in ("potential_tracks", "hopeless_tracks"):
-            values[held] = max(getattr(self, held), getattr(other, held))
-        return ScanStatistics(**values)
+            values[held] = max(one[held], two[held])
+        return changed(self, **values)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.kalman import predict
 from tsepm_ros.numerics.covariances import proper
-from tsepm_ros.numerics.rows import changed
+from tsepm_ros.numerics.rows import changed, indices
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -237,9 +237,10 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:
         """The tracks in the given rows (indices or a mask)."""
-        numbers = {name: getattr(self, name)[rows] for name in _NUMBERS}
-        indices = np.arange(len(self))[rows].tolist()
-        return TrackArrays(hits=[self.hits[index] for index in indices], **numbers)
+        rows, columns = indices(rows), self.__dict__
+        numbers = {name: columns[name][rows] for name in _NUMBERS}
+        hits = [self.hits[row] for row in rows.tolist()]
+        return changed(self, hits=hits, **numbers)
 
     def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
         """The same tracks with other ids, (n,)."""
@@ -279,3 +280,4 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
 
 _NUMBERS = tuple(field.name for field in fields(TrackArrays) if field.name != "hits")
+NO_TRACKS = TrackArrays.of([])

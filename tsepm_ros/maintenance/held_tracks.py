@@ -14,7 +14,7 @@ from tsepm_ros.maintenance import ipda
 from tsepm_ros.maintenance.downstream_tracker import LISTED
 from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.rows import changed
+from tsepm_ros.numerics.rows import changed, indices
 from tsepm_ros.sensing.plot_features import Histories
 
 UNPROVEN = 0.005
@@ -125,12 +125,13 @@ class HeldTracks:
 
     def where(self, rows: NDArray[np.generic]) -> HeldTracks:
         """The given rows (indices or a mask)."""
+        rows, columns = indices(rows), self.__dict__
         return HeldTracks(
             tracks=self.tracks.where(rows),
             models=self.models.where(rows),
             histories=self.histories[rows],
             fits=self.fits[rows],
-            **{name: getattr(self, name)[rows] for name in _COLUMNS},
+            **{name: columns[name][rows] for name in _COLUMNS},
         )
 
     def joined(self, other: HeldTracks) -> HeldTracks:

@@ -64,7 +64,7 @@ def updated(
     slow_state, slow_covariance = speed_limit.slowed(
         state.reshape(-1, 4),
         covariance.reshape(-1, 4, 4),
-        np.broadcast_to(max_speed, state.shape[:2]).ravel(),
+        np.concatenate([max_speed] * len(state)),
     )
     probability, scan_ratio = ipda.updated_modes(held.models.probability, mode_ratios)
     models = InteractingModels(

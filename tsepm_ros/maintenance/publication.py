@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from tsepm_ros.environment.target_strength import ratio_db
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.kinematics.track import NO_TRACKS, TrackArrays
 from tsepm_ros.maintenance import stationary
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.numerics.rows import changed
 
-NO_TRACKS = TrackArrays.of([])
 EXISTS = 0.5
 """Probability of existence from which a track that was held back is published: a choice."""
 STANDS_STILL = 0.5

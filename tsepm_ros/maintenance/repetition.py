@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -68,7 +70,7 @@ def agrees_with_older(
     agrees = np.zeros(n, bool)
     if n < 2 or (known is not None and np.count_nonzero(known) < 2):
         return agrees
-    track, older = _pairs_with_older(state[:, 0::2])
+    track, older = _pairs_with_older(state[:, 0::2], known)
     may = (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
     if known is not None:
         may &= known[track] & known[older]
@@ -86,12 +88,18 @@ def agrees_with_older(
     return agrees
 
 
-def _pairs_with_older(positions: FloatArray) -> tuple[IntArray, IntArray]:
-    """Rows of each track and of an older track near it, (p,) and (p,)."""
+@cache
+def _all_pairs(n: int) -> tuple[IntArray, IntArray]:
+    return np.tril_indices(n, -1)
+
+
+def _pairs_with_older(positions: FloatArray, known: BoolArray | None) -> tuple[IntArray, IntArray]:
+    """Rows of each known track and of an older track near it, (p,) and (p,), or of more tracks."""
     n = len(positions)
     if n <= NEAREST:  # all are
-        return np.tril_indices(n, -1)
-    _, nearest = cKDTree(positions).query(positions, k=NEAREST)
-    track, older = np.repeat(np.arange(n), NEAREST), nearest.ravel()
+        return _all_pairs(n)
+    rows = np.arange(n) if known is None else np.flatnonzero(known)
+    _, nearest = cKDTree(positions).query(positions[rows], k=NEAREST)
+    track, older = np.repeat(rows, NEAREST), nearest.ravel()
     is_older = older < track
     return track[is_older], older[is_older]

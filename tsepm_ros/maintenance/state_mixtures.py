@@ -66,8 +66,8 @@ def _by_positions(
     parts[0], parts[1], parts[2], parts[3], parts[4], parts[5] = 1.0, x, y, x * x, x * y, y * y
     parts *= probability
     sums = grouped.sums(parts, gated.owner, math.prod(shape)).reshape(-1, *shape)
-    detected, mean = sums[0], np.moveaxis(sums[1:3], 0, -1)
-    square = np.moveaxis(sums[_SQUARES], (0, 1), (-2, -1))
+    detected, mean = sums[0], sums[1:3].transpose(1, 2, 0)
+    square = sums[_SQUARES].transpose(2, 3, 0, 1)
     innovation_covariance = gated.innovation_covariance
     kalman_gain = kalman.kalman_gain(covariance, gated.time_after_scan, innovation_covariance)
     change = (

@@ -126,7 +126,7 @@ class SpeedPrior:
 @lru_cache
 def _speed_limits(min_speed: float, max_speed: float) -> tuple[FloatArray, FloatArray]:
     """Prior shares of moving targets, and the speeds that each does not exceed, m/s."""
-    limits = max_speed / 2.0 ** np.arange(len(SPEED_SHARES))
+    limits = max_speed / 2.0 ** np.arange(len(SPEED_SHARES), dtype=float)
     limits = limits[: max(int((limits >= 2.0 * min_speed).sum()), 1)]
     shares = SPEED_SHARES[: len(limits)]
     return np.array(shares) / sum(shares), limits

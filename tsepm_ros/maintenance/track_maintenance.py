@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment.feature_association import Environment
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.kinematics.track import NO_TRACKS, TrackArrays
 from tsepm_ros.maintenance import (
     extended_targets,
     gated_detections,
@@ -104,7 +104,7 @@ class TrackMaintenance:
         self._tracker = DownstreamTracker()
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
-        self.released = publication.NO_TRACKS
+        self.released = NO_TRACKS
 
     @property
     def held(self) -> HeldTracks:
@@ -324,7 +324,7 @@ class TrackMaintenance:
         self._ended, self._cleared = self._cleared, []
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
-        self.released = publication.NO_TRACKS
+        self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         self._end(self._held.last_detected >= stamp - self.hold_time)
 

@@ -23,6 +23,11 @@ def changed(table: T, **columns: Any) -> T:
     return new
 
 
+def indices(rows: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Rows as indices, given as indices or a mask: several columns take them faster."""
+    return rows.nonzero()[0] if rows.dtype == bool else rows
+
+
 @dataclass(frozen=True)
 class Rows:
     """Arrays of equal length, the fields of a subclass; equal rows belong together."""
@@ -33,7 +38,7 @@ class Rows:
 
     def __getitem__(self, rows: NDArray[np.generic]) -> Self:
         """The given rows (indices or a mask)."""
-        columns = self.__dict__
+        columns, rows = self.__dict__, indices(rows)
         return changed(self, **{name: columns[name][rows] for name in _names(type(self))})
 
     @classmethod

@@ -308,18 +308,18 @@ def chosen(scan: Scan, rows: IntArray) -> Scan:
     def of(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else values[rows]
 
-    return replace(
-        scan,
-        range=scan.range[rows],
-        azimuth=scan.azimuth[rows],
-        range_std=of(scan.range_std),
-        azimuth_std=of(scan.azimuth_std),
-        time_offset=of(scan.time_offset),
-        features=_features(scan, rows),
-        group=None if scan.group is None else scan.group[rows],
-        sensor_pose=_rows(scan.sensor_pose, rows),
-        sensor_velocity=_rows(scan.sensor_velocity, rows),
-    )
+    parts = {
+        "range": scan.range[rows],
+        "azimuth": scan.azimuth[rows],
+        "range_std": of(scan.range_std),
+        "azimuth_std": of(scan.azimuth_std),
+        "time_offset": of(scan.time_offset),
+        "features": _features(scan, rows),
+        "group": None if scan.group is None else scan.group[rows],
+        "sensor_pose": _rows(scan.sensor_pose, rows),
+        "sensor_velocity": _rows(scan.sensor_velocity, rows),
+    }
+    return Scan.trusted(**(vars(scan) | parts))
 
 
 def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:

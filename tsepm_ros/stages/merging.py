@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
@@ -125,14 +123,14 @@ def _connected(labels: IntArray, first: IntArray, second: IntArray) -> IntArray:
     """Labels after connecting the given pairs of tracks."""
     if not len(first):
         return labels
-    n = int(labels.max()) + 1
-    row, column = labels[first], labels[second]
-    order = np.argsort(row)
-    start = np.searchsorted(row[order], np.arange(n + 1))
-    # Compressed rows: scipy sorts and sums a matrix made from pairs, which takes longer.
-    graph = csr_array((np.ones(len(row), bool), column[order], start), shape=(n, n))
-    merged: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
-    return merged[labels]
+    least = np.arange(int(labels.max()) + 1)  # of those that are known to be connected
+    while True:
+        one, other = least[labels[first]], least[labels[second]]
+        if (one == other).all():
+            return np.asarray(np.unique(least, return_inverse=True)[1][labels])
+        np.minimum.at(least, np.maximum(one, other), np.minimum(one, other))
+        while (least[least] != least).any():
+            least = least[least]
 
 
 @dataclass(frozen=True)

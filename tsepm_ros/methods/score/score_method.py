@@ -52,7 +52,7 @@ from tsepm_ros.initiation.method import Method
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.kinematics.track import NO_TRACKS, ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.score import fading, path_strength, speed_prior, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.revisions import doubtful, revisions
@@ -66,7 +66,6 @@ from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages.estimation import fit_paths
 from tsepm_ros.stages.paths import NO_HIT
 
-NO_TRACKS = TrackArrays.of([])
 MIN_TIME_SPAN = 0.1
 """Time from the first hit to the last that a velocity needs, in scan intervals."""
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.stages import splitting
+from tsepm_ros.stages.paths import starting
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,13 @@ class Gates:
         """Which paths, by their gates (n,), have no detection in them, (n,)."""
         missed: NDArray[np.bool_] = self.gated.count[gate_of_path] == 0
         return missed
+
+    def left_out(self, scan_index: int) -> PathCounts:
+        """Detections that the gating limit left out of every gate: they gate as a start would."""
+        rows = splitting.left_out(self.gated)
+        if not len(rows):
+            return PathCounts.none()
+        return PathCounts.of_paths(starting(self.ids[rows], scan_index, 1))
 
     def children(self, paths: PathCounts) -> PathCounts:
         """Paths that extend these by each of their gated detections."""

@@ -48,19 +48,18 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.path_counts import PathCounts
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.kinematics.track import NO_TRACKS, ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.tsepm import path_cost
 from tsepm_ros.methods.tsepm.candidates import Candidates
 from tsepm_ros.methods.tsepm.gates import Gates
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit, keep_best
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.stages import evaluation, merging, pruning, splitting
 from tsepm_ros.stages.estimation import Fit, fit
 from tsepm_ros.stages.paths import Paths, starting
 
-NO_TRACKS = TrackArrays.of([])
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
 MERGING_SHARE = 0.7
@@ -120,9 +119,8 @@ class Tsepm(WindowedMethod):
     @property
     def _given_density(self) -> float | None:
         """The clutter density of all hits; None where it is estimated for each."""
-        if self.common.clutter_density == "given":
-            return self.sensor.clutter_density
-        return None
+        given = self.common.clutter_density == "given"
+        return self.sensor.clutter_density if given else None
 
     def step(self, observed: Observation) -> Step:
         """Take one scan through Steps 2-8.
@@ -141,7 +139,9 @@ class Tsepm(WindowedMethod):
         self._potential, beyond = self._limit(Paths.joined(potential, started))
         self._hopeless, hopeless_raw, hopeless_ended = self._follow(self._hopeless, gates, hopeless)
         self._surplus, surplus_raw, _ = self._follow(
-            self._surplus, gates, PathCounts.joined(surplus, beyond, self._ungated(gates))
+            self._surplus,
+            gates,
+            PathCounts.joined(surplus, beyond, gates.left_out(self.scan_index)),
         )
         self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
@@ -169,10 +169,8 @@ class Tsepm(WindowedMethod):
         See `Method.reason`.
         """
         name = "f_1" if self.options.evaluation == "normalized_distance" else "f_2"
-        return (
-            f"{super().reason(track)}; {name} is {track.evaluation:.2f}, at most the threshold "
-            f"{self.threshold:.2f}"
-        )
+        figure = f"{name} is {track.evaluation:.2f}"
+        return f"{super().reason(track)}; {figure}, at most the threshold {self.threshold:.2f}"
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `evaluation` is f_1 of the hits so far.
@@ -191,8 +189,8 @@ class Tsepm(WindowedMethod):
     def _gate(self, observed: Observation) -> Gates:
         """Gate the scan: paths that share a last hit share its gate (Step 2)."""
         ids = self.begin(observed)
-        paths = (self._potential, self._hopeless, self._surplus)
-        last_hits = np.unique(np.concatenate([part.last_hit for part in paths]))
+        followed = np.append(self._hopeless.last_hit, self._surplus.last_hit)
+        last_hits = np.unique(np.append(self._potential.last_hit, followed))
         gated = self.gated(self.detections[last_hits], observed.detections)
         return Gates(last_hits, gated, ids)
 
@@ -204,17 +202,15 @@ class Tsepm(WindowedMethod):
     def _split(self, gates: Gates) -> tuple[Paths, Paths, PathCounts]:
         """Extend every track by each of its gated detections (Step 2).
 
-        Returns the children, the tracks without a gated detection, and the children beyond the
-        limits.
+        Returns the children, the tracks without a gated detection, and the children beyond limits.
         """
         last = self._potential.hit_count == self.options.min_hits - 1
         gate_of_path = gates.of(self._potential.last_hit)
-        limits = self.common.max_raw_confirmations, self.common.max_potential_tracks
-        (completed, cut_completed), (extended, cut_extended) = (
-            self._split_part(self._potential[part], gate_of_path[part], gates, limit, share)
-            for part, limit, share in zip(
-                (last, ~last), limits, (COMPLETING_SHARE, EXTENDING_SHARE), strict=True
-            )
+        completed, cut_completed = self._split_part(
+            last, gate_of_path, gates, self.common.max_raw_confirmations, COMPLETING_SHARE
+        )
+        extended, cut_extended = self._split_part(
+            ~last, gate_of_path, gates, self.common.max_potential_tracks, EXTENDING_SHARE
         )
         return (
             Paths.joined(completed, extended),
@@ -223,18 +219,19 @@ class Tsepm(WindowedMethod):
         )
 
     def _split_part(
-        self, tracks: Paths, gate_of_track: IntArray, gates: Gates, limit: int, share: float
+        self, part: BoolArray, gate_of_path: IntArray, gates: Gates, limit: int, share: float
     ) -> tuple[Paths, PathCounts]:
         """Split some of the tracks; returns at most `limit` children, and the others counted.
 
         Children that are not looked at until a share of the scan's time is over count as others.
         """
+        tracks = self._potential[part]
 
         def cost(parent: IntArray, newest: IntArray) -> FloatArray:
             return path_cost.cost(tracks.extended(parent, gates.ids[newest]), self.detections)
 
         parent, newest, cut = splitting.split_within(
-            gate_of_track, gates.gated, limit, cost, self.late_after(share)
+            gate_of_path[part], gates.gated, limit, cost, self.late_after(share)
         )
         children = tracks.extended(parent, gates.ids[newest])
         if not cut:
@@ -285,11 +282,6 @@ class Tsepm(WindowedMethod):
         confirmed = followed.total - waiting.total
         return waiting[~ended], confirmed, waiting[ended].total
 
-    def _ungated(self, gates: Gates) -> PathCounts:
-        """Detections that the gating limit left out of every gate: they gate as a start would."""
-        left_out = gates.ids[splitting.left_out(gates.gated)]
-        return PathCounts.of_paths(starting(left_out, self.scan_index, 1))
-
     def _waiting(self, paths: PathCounts) -> PathCounts:
         return paths[~pruning.confirmed(paths.hit_count, self.options.min_hits)]
 
@@ -316,9 +308,8 @@ class Tsepm(WindowedMethod):
             blocks.append(self._estimate_block(tracks.hits[rows, :count]))
         candidates = Candidates.joined(*blocks)
         self._seconds_per_track = (time_limit.elapsed - begin) / len(candidates)
-        if len(tracks) <= BLOCK:
-            return candidates
-        return candidates[np.argsort(order[: len(candidates)])]
+        in_order = len(tracks) <= BLOCK
+        return candidates if in_order else candidates[np.argsort(order[: len(candidates)])]
 
     def _in_time(self, candidates: Candidates, time_limit: TimeLimit) -> Candidates:
         """The best candidates, as many as can be merged in the time that is left."""
