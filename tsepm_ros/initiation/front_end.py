@@ -345,13 +345,13 @@ class FrontEnd:
         if self._judged is not None and self._judged[0] is scan:
             return self._judged[1]
         covered = inside(scan, self.sensor)
-        in_coverage = int(covered.sum())
-        covered &= afloat(scan, self.land)
-        self.on_land = in_coverage - int(covered.sum())
+        in_coverage = int(np.count_nonzero(covered))
+        if self.land is not None:
+            covered &= afloat(scan, self.land)
         rows = np.flatnonzero(covered)
-        found = scan if covered.all() else plots.chosen(scan, rows), rows
-        self._judged = scan, found
-        return found
+        self.on_land = in_coverage - len(rows)
+        self._judged = scan, (scan if len(rows) == len(scan) else plots.chosen(scan, rows), rows)
+        return self._judged[1]
 
     def _detections(self, scan: Scan) -> NDArray[np.void]:
         """The detections in the coverage in the fixed frame, or their plots."""

@@ -342,7 +342,8 @@ class TrackMaintenance:
 
         Returns which were kept.
         """
-        kept = kept | self._tracker.keeps(self._held.unlisted_since)
+        if self._tracker.is_alive:
+            kept = kept | self._tracker.keeps(self._held.unlisted_since)
         if not kept.all():
             held = self._held
             self._ended = self._ended + held.tracks.track_id[held.published & ~kept].tolist()
