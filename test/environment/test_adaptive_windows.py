@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.environment.adaptive_windows import (
-    MAX_DEVIATIONS,
-    CountedArea,
-    bounded_root,
-    poisson_bound,
-    sides,
-    window_sizes,
-)
+from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, bounded_root, poisson_bound
 from tsepm_ros.environment.polar_grid import BlockSums, PolarGrid
+from tsepm_ros.environment.window_areas import CountedArea, CountedWindows, Windows, sides
 
 SECTOR = SensorModel(max_range=300.0, azimuth_min=-0.4, azimuth_max=0.6)
 ROUND = SensorModel(max_range=80.0, min_range=60.0)
@@ -55,11 +49,26 @@ def test_densities_are_those_of_a_loop_over_windows(sensor, mean):
     counts[:5, 3:8] += 4.0 * mean
     seen = grid.area * (rng.random(grid.shape) < 0.8)
     counted = CountedArea(1.1, 0.1)
-    sizes = window_sizes(grid, seen, counted)
+    windows = CountedWindows(Windows(grid), seen, counted)
     overall = counts.sum() / grid.area.sum() / grid.shape[1]
-    root = bounded_root(counts, overall, 3.0, sizes, grid.wraps)
+    root = bounded_root(counts, overall, 3.0, windows)
     np.testing.assert_allclose(root**2, looped(grid, counts, seen, counted, 3.0), rtol=1e-11)
     assert mean < 0.5 or np.ptp(root) > 0.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("sensor", [SECTOR, ROUND], ids=["sector", "round"])
+def test_windows_that_are_left_out_move_nothing(sensor, seed):
+    # Even clutter, in which windows move hardly any cell; with a patch of more, or of less.
+    grid, rng = PolarGrid(sensor), np.random.default_rng(seed)
+    area = np.broadcast_to(grid.area, grid.shape)
+    mean = 2.0 * area / area.mean()
+    mean[10:16, 3:12] *= (1.0, 2.0, 0.2, 0.0)[seed % 4]
+    counts = rng.poisson(mean).astype(float)
+    counted = CountedArea(1.0, 0.1)
+    overall = counts.sum() / area.sum()
+    root = bounded_root(counts, overall, 2.0, CountedWindows(Windows(grid), area, counted))
+    np.testing.assert_allclose(root**2, looped(grid, counts, area, counted, 2.0), rtol=1e-11)
 
 
 @pytest.mark.parametrize("wraps", [False, True])

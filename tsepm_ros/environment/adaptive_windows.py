@@ -7,22 +7,25 @@ of a cell is moved into the bounds of the windows that hold it, the largest low 
 of a size: size by size.
 
 All is done with roots: the root of the density, and ``(sqrt(N + c^2 / 4) -+ c / 2) / sqrt(A)``.
-What cannot move any cell is left out: low bounds below every cell's density, and high bounds above,
-of which those of an empty window are the least.
+Rows of windows that cannot move any cell are left out:
+
+- A low bound moves nothing where it is below every cell's density. The count of a window is at most
+  that of all columns of its rows, and that of the larger window that holds it.
+- A high bound moves nothing where it is above, as that of an empty window may be. While the density
+  is the same in all cells, a few windows show that of most of them, see `spread_windows`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.environment.polar_grid import BlockSums, PolarGrid
+from tsepm_ros.environment.polar_grid import BlockSums
+from tsepm_ros.environment.spread_windows import cells_within, spread_windows, step_of
+from tsepm_ros.environment.window_areas import ROUNDING, CountedWindows, WindowSize, span
 from tsepm_ros.numerics.arrays import FloatArray
 
-MIN_WINDOW_CELLS = 4
-"""Cells along a side of the smallest window; each larger window is twice as wide."""
 MAX_DEVIATIONS = 1.25
 """Standard deviations of a window's count within which the density stays unchanged."""
 
@@ -37,95 +40,8 @@ def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     return bound
 
 
-@dataclass(frozen=True, eq=False)
-class WindowSize:
-    """Windows of one size.
-
-    Attributes
-    ----------
-    height, width : int
-        Cells.
-    wraps : bool
-        Whether they wrap around in azimuth.
-    per_root_area : (i, j) ndarray
-        ``1 / sqrt(A)`` of the windows that begin in each row and column, 1/m; of one column where
-        it is the same in all.
-    least_per_row : (i,) ndarray
-        The least of each row.
-    """
-
-    height: int
-    width: int
-    wraps: bool
-    per_root_area: FloatArray
-    least_per_row: FloatArray
-
-    @property
-    def starts(self) -> tuple[int, int]:
-        """Rows in which windows begin, and columns of `per_root_area`."""
-        rows, columns = self.per_root_area.shape
-        return rows, columns
-
-
-@dataclass(frozen=True)
-class CountedArea:
-    """What of an area counts: where clutter is seen, `min_share` of it at least.
-
-    Attributes
-    ----------
-    widening : float
-        Factor on the area in which clutter is seen; 0: the whole area counts.
-    min_share : float
-    """
-
-    widening: float
-    min_share: float
-
-    def of(self, seen: FloatArray, whole: FloatArray) -> FloatArray:
-        """The area that counts, m^2: of parts with these areas, of which clutter is seen in some.
-
-        Shapes that broadcast.
-        """
-        if not self.widening:
-            return np.asarray(whole)
-        return np.minimum(np.maximum(self.widening * seen, self.min_share * whole), whole)
-
-
-def sides(grid: PolarGrid) -> list[tuple[int, int]]:
-    """Height and width of the windows of each size, the largest first, cells."""
-    rows, columns = grid.shape
-    doublings = max(math.ceil(math.log2(max(rows, columns) / MIN_WINDOW_CELLS)), 0)
-    all_sides = [MIN_WINDOW_CELLS * 2**doubling for doubling in reversed(range(doublings + 1))]
-    return [(min(side, rows), min(side, columns)) for side in all_sides]
-
-
-def window_sizes(grid: PolarGrid, seen: FloatArray, counted: CountedArea) -> list[WindowSize]:
-    """The sizes of windows on a grid.
-
-    Parameters
-    ----------
-    grid : PolarGrid
-    seen : (r, c) ndarray
-        Area of each cell in which clutter is seen, m^2.
-    counted : CountedArea
-    """
-    columns = grid.shape[1]
-    sums = BlockSums(seen, grid.wraps, columns - 1)
-    sizes = []
-    for height, width in sides(grid):
-        wraps = grid.wraps and width < columns
-        whole = 0.5 * grid.width * (grid.edges[height:] ** 2 - grid.edges[:-height] ** 2)
-        starts = columns if wraps else columns - width + 1
-        area = counted.of(sums.windows(height, width, starts), width * whole[:, None])
-        if (area == area[:, :1]).all():
-            area = area[:, :1]
-        per_root = 1.0 / np.sqrt(area)
-        sizes.append(WindowSize(height, width, wraps, per_root, per_root.min(axis=1)))
-    return sizes
-
-
 def bounded_root(
-    counts: FloatArray, overall: float, target: float, sizes: list[WindowSize], wraps: bool
+    counts: FloatArray, overall: float, target: float, counted: CountedWindows
 ) -> FloatArray:
     """Root of the density times the number of scans in each cell, (r, c), 1/m.
 
@@ -137,40 +53,102 @@ def bounded_root(
         The density times the number of scans where no window moves it, 1/m^2.
     target : float
         t.
-    sizes : list of WindowSize
-        The largest first.
-    wraps : bool
-        Whether the last column is next to the first.
+    counted : CountedWindows
     """
-    columns = counts.shape[1]
-    root = np.full(counts.shape, math.sqrt(overall))
-    sums = BlockSums(counts, wraps, columns - 1 if wraps else 0)
-    most = math.inf
-    for size in sizes:
-        least, largest = float(root.min()), float(root.max())
-        # The high bound of an empty window is the least: where that is above, none is below.
-        rows = np.flatnonzero(MAX_DEVIATIONS * size.least_per_row < largest)
-        if not len(rows) and most <= target:
-            continue
-        starts = columns if size.wraps else columns - size.width + 1
-        count = sums.windows(size.height, size.width, starts)
-        most = float(count.max())
-        if most > target:
-            low = _root_bound(np.maximum(count - target, 0.0), -1.0) * size.per_root_area
-            raised = np.flatnonzero(low.max(axis=1) > least)
-            if len(raised):
-                first, last = int(raised[0]), int(raised[-1])
-                part = root[first : last + size.height]
-                np.maximum(part, _largest_around(low[first : last + 1], size), out=part)
-                largest = float(root.max())
-                rows = np.flatnonzero(MAX_DEVIATIONS * size.least_per_row < largest)
-        if len(rows):
-            first, last = int(rows[0]), int(rows[-1])
-            high = _root_bound(count[first : last + 1], 1.0)
-            high *= size.per_root_area[first : last + 1]
-            if high.min() < largest:
-                _lower(root, high, first, size)
-    return root
+    bounded = _BoundedRoot(counts, math.sqrt(overall), target, counted)
+    for size in counted.windows.sizes:
+        bounded.raise_by(size)
+        bounded.lower_by(size)
+    return bounded.root
+
+
+class _BoundedRoot:
+    """The root of the density in each cell, as the windows move it size by size.
+
+    Attributes
+    ----------
+    root : (r, c) ndarray
+    """
+
+    def __init__(
+        self, counts: FloatArray, root: float, target: float, counted: CountedWindows
+    ) -> None:
+        windows, columns = counted.windows, counts.shape[1]
+        wraps = windows.grid.wraps
+        self._counted, self._target = counted, target
+        self._sums = BlockSums(counts, wraps, columns - 1 if wraps else 0)
+        self.root = np.full(counts.shape, root)
+        self._least = self._largest = root
+        self._has_moved = False
+        rings = np.zeros(len(counts) + 1)
+        np.cumsum(counts.sum(axis=1), out=rings[1:])
+        self._margin = ROUNDING * float(rings[-1])
+        # By rows of windows: what their rings count, and the larger windows that hold them.
+        self._of_rings = rings[windows.end] - rings[windows.begin] + self._margin
+        self._of_larger = rings[-1:] + self._margin
+        self._enough = self._enough_to_raise()
+        spread = spread_windows(windows, step_of(root / MAX_DEVIATIONS))
+        high = _root_bound(spread.counts(self._sums), 1.0)
+        high *= spread.per_root_area
+        self._spread, self._above = spread, spread.below(high, root)
+
+    def _enough_to_raise(self) -> FloatArray:
+        """Counts (k,) by rows of windows up to which their low bounds are below every cell.
+
+        ``(sqrt(A lambda) + c / 2)^2 - c^2 / 4 + t``.
+        """
+        enough = self._least * self._counted.root_of_least_area
+        enough += 0.5 * MAX_DEVIATIONS
+        enough *= (1.0 - ROUNDING) * enough
+        enough += self._target - 0.25 * MAX_DEVIATIONS**2
+        return enough
+
+    def raise_by(self, size: WindowSize) -> None:
+        """Raise the cells that are below the largest low bound of the windows that hold them."""
+        enough = self._enough[size.part]
+        larger = self._of_larger.take(np.arange(size.rows), mode="clip")
+        self._of_larger = most = np.minimum(self._of_rings[size.part], larger)
+        rows = span(most > enough)
+        if rows is None:
+            return
+        count = self._sums.windows(size.height, size.width, size.columns, rows)
+        most[rows] = count.max(axis=1) + self._margin
+        raising = span(most[rows] > enough[rows])
+        if raising is None:
+            return
+        low = _root_bound(np.maximum(count[raising] - self._target, 0.0), -1.0)
+        first = rows.start + raising.start
+        low *= self._counted.per_root_area(size, slice(first, first + len(low)))
+        if low.max() > self._least:
+            part = self.root[first : first + len(low) + size.height - 1]
+            np.maximum(part, _largest_around(low, size), out=part)
+            self._moved()
+
+    def lower_by(self, size: WindowSize) -> None:
+        """Lower the cells that are above all high bounds of the windows that hold them."""
+        if not self._has_moved:
+            rows, cells = self._spread.rows.get(size), self._above.get(size)
+        else:
+            per_root = self._counted.windows.per_root_area[size.part]
+            rows = span(MAX_DEVIATIONS * per_root < self._largest)
+            cells = cells_within(size, rows) if rows else None
+        if rows is None or cells is None or cells.start >= cells.stop:
+            return
+        first = max(rows.start, cells.start - size.height + 1)
+        rows = slice(first, min(rows.stop, cells.stop))
+        high = _root_bound(self._sums.windows(size.height, size.width, size.columns, rows), 1.0)
+        high *= self._counted.per_root_area(size, rows)
+        if high.min() < self._largest:
+            part = self.root[cells]
+            bound = _largest_around(high, size)[cells.start - first : cells.stop - first]
+            np.minimum(part, bound, out=part)
+            self._moved()
+
+    def _moved(self) -> None:
+        least, self._has_moved = self._least, True
+        self._least, self._largest = float(self.root.min()), float(self.root.max())
+        if self._least < least:
+            self._enough = self._enough_to_raise()
 
 
 def _root_bound(count: FloatArray, sign: float) -> FloatArray:
@@ -181,24 +159,10 @@ def _root_bound(count: FloatArray, sign: float) -> FloatArray:
     return bound
 
 
-def _lower(root: FloatArray, high: FloatArray, first: int, size: WindowSize) -> None:
-    """Lower the cells that are above all high bounds of the windows that hold them.
-
-    `high` has the windows that begin from the row `first` on; those that are not in it are above.
-    """
-    last = first + len(high) - 1
-    begin = first + size.height - 1 if first else 0
-    end = last + 1 if last + 1 < size.starts[0] else len(root)
-    if begin < end:
-        part = root[begin:end]
-        bound = _largest_around(high, size)[begin - first : end - first]
-        np.minimum(part, bound, out=part)
-
-
 def _largest_around(values: FloatArray, size: WindowSize) -> FloatArray:
     """The largest value of the windows (i, j) that hold each cell of their rows.
 
-    Returns (i + height - 1, c); one row or column where it is the same in all.
+    Returns (i + height - 1, c); one column where it is the same in all.
     """
     across = values
     if size.wraps:

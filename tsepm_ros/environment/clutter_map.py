@@ -14,16 +14,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.environment.adaptive_windows import (
-    MAX_DEVIATIONS,
-    CountedArea,
-    WindowSize,
-    bounded_root,
-    poisson_bound,
-    window_sizes,
-)
+from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, bounded_root, poisson_bound
 from tsepm_ros.environment.polar_grid import Cells, PolarGrid
 from tsepm_ros.environment.seen_extent import Extent, Region
+from tsepm_ros.environment.window_areas import CountedArea, CountedWindows, Windows
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
@@ -67,6 +61,7 @@ class ClutterMap:
         self._scans = 0.0
         self.area = sensor.coverage_area
         self.grid = PolarGrid(sensor)
+        self._windows = Windows(self.grid)
         self._counts = np.zeros(self.grid.shape)
         self._level = 1.0
         self._seen = Region.whole(Extent.of(sensor))
@@ -158,8 +153,7 @@ class ClutterMap:
         widening = max(area / seen.area, 1.0) if seen.area else 0.0
         counted = CountedArea(widening, MIN_SEEN_SHARE)
         self._counted_area = counted.of(self._seen_area, cell_area)
-        self._counted = counted
-        self._sizes: list[WindowSize] | None = None
+        self._counted = CountedWindows(self._windows, self._seen_area, counted)
 
     def _level_of(self, number: float) -> float:
         """Factor by which clutter is denser in a scan of N detections than on average, at least 1.
@@ -201,10 +195,8 @@ class ClutterMap:
         overall = (weight + self._counts.sum()) / (weight / prior + scans * self.area)
         if not scans:
             return np.full(self.grid.shape, overall)
-        if self._sizes is None:
-            self._sizes = window_sizes(self.grid, self._seen_area, self._counted)
         target = min(scans + 2.0, MAX_TARGET_COUNT)
-        root = bounded_root(self._counts, scans * overall, target, self._sizes, self.grid.wraps)
+        root = bounded_root(self._counts, scans * overall, target, self._counted)
         np.multiply(root, root, out=root)
         root /= scans
         return np.maximum(root, MIN_CLUTTER_DENSITY, out=root)

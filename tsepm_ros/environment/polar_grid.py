@@ -122,8 +122,8 @@ class BlockSums:
         """Rows of cells."""
         return len(self._sums) - 1
 
-    def windows(self, height: int, width: int, number: int) -> FloatArray:
-        """Sums of the windows of a size that begin in each row, and in the first columns.
+    def windows(self, height: int, width: int, number: int, rows: slice) -> FloatArray:
+        """Sums of the windows of a size that begin in rows (i), and in the first columns.
 
         Parameters
         ----------
@@ -131,14 +131,32 @@ class BlockSums:
             Cells.
         number : int
             Columns in which windows begin.
+        rows : slice
 
         Returns
         -------
-        (r - height + 1, number) ndarray
+        (i, number) ndarray
         """
         begin = self._before
-        strips = self._sums[:, begin + width :][:, :number] - self._sums[:, begin:][:, :number]
+        rings = self._sums[rows.start : rows.stop + height]
+        strips = rings[:, begin + width :][:, :number] - rings[:, begin:][:, :number]
         sums = strips[height:] - strips[:-height]
+        return np.maximum(sums, 0.0, out=sums)  # rounding errors
+
+    def windows_at(self, height: int, width: int, row: IntArray, column: IntArray) -> FloatArray:
+        """Sums of the windows of a size that begin in given cells, (...).
+
+        Parameters
+        ----------
+        height, width : int
+            Cells.
+        row, column : (...) ndarray of int
+            Shapes that broadcast.
+        """
+        left = self._before + column
+        right, end = left + width, row + height
+        sums = self._sums[end, right] - self._sums[end, left]
+        sums -= self._sums[row, right] - self._sums[row, left]
         return np.maximum(sums, 0.0, out=sums)  # rounding errors
 
     def nearer(self, row: IntArray, middle: IntArray, half_width: IntArray) -> FloatArray:
