@@ -84,7 +84,10 @@ class PredictiveDensity(NamedTuple):
 
 
 class _Neighbours(NamedTuple):
-    """Cells around detections, (n, 5) each, and whether they are cells of the map."""
+    """Cells around detections, (n, 5) each, and whether they are cells of the map.
+
+    Those that are not have the place of another that is.
+    """
 
     row: IntArray
     column: IntArray
@@ -92,8 +95,7 @@ class _Neighbours(NamedTuple):
 
     def sums(self, values: FloatArray) -> FloatArray:
         """Sum of the values (r, c) of the cells around each detection, (n,)."""
-        of_cells = values[np.where(self.inside, self.row, 0), np.where(self.inside, self.column, 0)]
-        return np.asarray(np.where(self.inside, of_cells, 0.0).sum(axis=1))
+        return np.asarray((values[self.row, self.column] * self.inside).sum(axis=1))
 
 
 class ClutterClumps:
@@ -175,8 +177,7 @@ class ClutterClumps:
         self._squares = keep**2 * self._squares + 1.0
         self._around *= keep
         row, column, inside = self._neighbours
-        weights = np.broadcast_to(weight[:, None], inside.shape)
-        np.add.at(self._around, (row[inside], column[inside]), weights[inside])
+        np.add.at(self._around, (row, column), weight[:, None] * inside)
 
     def _learn_scatter(self, weight: FloatArray) -> None:
         """Learn from N and M at the last scan's detections, of these weights (n,)."""
@@ -201,5 +202,5 @@ class ClutterClumps:
         column: IntArray = cells.column[:, None] + _COLUMN_OFFSETS
         if self._wraps:
             column %= columns
-        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        return _Neighbours(row, column, inside)
+        place = np.minimum(np.maximum(row, 0), rows - 1), np.minimum(np.maximum(column, 0), columns - 1)
+        return _Neighbours(*place, (row == place[0]) & (column == place[1]))

@@ -94,12 +94,13 @@ class ClutterMap:
     @property
     def counted_area(self) -> FloatArray:
         """Area in each cell in which clutter is expected, (r, c), m^2."""
-        return np.broadcast_to(self._counted_area, self.grid.shape)
+        return self._counted_area
 
     @property
     def expected(self) -> FloatArray:
         """Number of clutter detections expected in each cell in a scan, (r, c)."""
-        return np.asarray(self._level * self._densities * self._counted_area)
+        density = self._densities if self._level == 1.0 else self._level * self._densities
+        return np.asarray(density * self._counted_area)
 
     def in_zone(self, cells: Cells) -> NDArray[np.bool_]:
         """Whether cells (n,) are in a clutter zone (Environment 2018, Section 2.1).
@@ -152,7 +153,8 @@ class ClutterMap:
         self._seen_area = cell_area * seen.contains(*self.grid.middles)
         widening = max(area / seen.area, 1.0) if seen.area else 0.0
         counted = CountedArea(widening, MIN_SEEN_SHARE)
-        self._counted_area = counted.of(self._seen_area, cell_area)
+        counted_area = counted.of(self._seen_area, cell_area)
+        self._counted_area = np.broadcast_to(counted_area, self.grid.shape)
         self._counted = CountedWindows(self._windows, self._seen_area, counted)
 
     def _level_of(self, number: float) -> float:

@@ -22,6 +22,7 @@ after t of an unknown target's, over those expected, ``low(N - t) / E``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -85,7 +86,7 @@ class _Behind(Rows):
         """Of targets of which nothing is known."""
         return cls(np.zeros(number), *np.zeros((2, number, len(HALF_WIDTHS), 2)))
 
-    @property
+    @cached_property
     def factor(self) -> FloatArray:
         """Factor of each strip, at least 1."""
         target = np.minimum(self.scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
@@ -165,10 +166,12 @@ class SecondaryEchoes:
 
     def behind_targets(self, grid: PolarGrid, targets: HeldTargets, cells: Cells) -> FloatArray:
         """Factor (n,) of the map's density in cells of its grid, by held targets."""
+        if not len(targets.track_id) or not len(cells.row):
+            return np.ones(len(cells.row))
         behind = self._of_targets(targets)
         factor = 1.0 + targets.existence[:, None, None] * (behind.factor - 1.0)
         crowded = (factor > 1.0).any(axis=(1, 2))
-        if not crowded.any() or not len(cells.row):
+        if not crowded.any():
             return np.ones(len(cells.row))
         every = _Strips.of(grid, targets)
         strips = _Strips(every.middle[crowded], every.start[crowded])
