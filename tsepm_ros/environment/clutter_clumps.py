@@ -202,5 +202,8 @@ class ClutterClumps:
         column: IntArray = cells.column[:, None] + _COLUMN_OFFSETS
         if self._wraps:
             column %= columns
-        place = np.minimum(np.maximum(row, 0), rows - 1), np.minimum(np.maximum(column, 0), columns - 1)
+        place = (
+            np.minimum(np.maximum(row, 0), rows - 1),
+            np.minimum(np.maximum(column, 0), columns - 1),
+        )
         return _Neighbours(*place, (row == place[0]) & (column == place[1]))

@@ -147,9 +147,11 @@ class CountedWindows:
 
     def per_root_area(self, size: WindowSize, rows: slice) -> FloatArray:
         """``1 / sqrt(A)`` of the windows of a size that begin in rows (i, j), 1/m."""
-        known, values = self._known.get(size, (rows, None))
-        if values is None or rows.start < known.start or rows.stop > known.stop:
-            known = slice(min(rows.start, known.start), max(rows.stop, known.stop))
+        known, values = self._known.get(size, (slice(0, 0), np.zeros((0, 0))))
+        if rows.start < known.start or rows.stop > known.stop:
+            # The rows of a few windows, and all at the second time.
+            few = not len(values) and 2 * (rows.stop - rows.start) < size.rows
+            known = rows if few else slice(0, size.rows)
             values = self._per_root_area(size, known)
             self._known[size] = known, values
         return values[rows.start - known.start : rows.stop - known.start]
