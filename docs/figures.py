@@ -40,7 +40,7 @@ BLOCK = re.compile(
     r".*?(?P<end><!-- end of figures -->)",
     re.DOTALL,
 )
-DEAR: frozenset[str] = frozenset()
+DEAR = frozenset({"peers"})
 """Result files whose renewal takes an hour or more."""
 BUILD = ROOT / "build" / "figures"
 PICTURES = {
@@ -103,6 +103,13 @@ def short_curve(result: Result) -> str:
     return curve(result, ["`score` 1/h", "`score` 10/h", "`score` 100/h", "`tsepm` 5/8"])
 
 
+def with_peers(result: Result) -> str:
+    """`score` beside other trackers, at comparable rates of false tracks."""
+    rules = [f"`{peer}` {rule}" for peer in ("stonesoup", "norfair") for rule in ("6/8", "5/8")]
+    targets = [f"`score` {rate}/h" for rate in (1, 10, 30, 100)]
+    return curve(result, [*targets, *(f"`jipda` {share}" for share in (0.9, 0.7, 0.5)), *rules])
+
+
 MEASURES = {
     "detection": ("targets with a true track", "{:.3f}"),
     "false_per_run": ("false and misplaced tracks per run", "{:.2f}"),
@@ -137,6 +144,7 @@ VIEWS: dict[str, Callable[[Result], str]] = {
     "curve": curve,
     "short-curve": short_curve,
     "compared": compared,
+    "with-peers": with_peers,
 }
 
 
