@@ -1,0 +1,167 @@
+"""Processor time, memory and latency of the node beside a fast sonar.
+
+The node is a process of its own. This process publishes pings of an imaging sonar with swimmers and
+false detections at a fixed rate, and notes the time from a ping's publication to the arrival of its
+message on `tracks`. The processor time is the system's figure for all the node's threads. Beside it
+stands a bare node, which has the same imports and subscribes to the same topic: what the middleware
+costs. The clutter density and P_D are learned, as by default.
+
+    python benchmarks/node_load.py [--rate 20] [--targets 10] [--detections 25] [--seconds 60]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import detections_cloud, make_header, time_to_ns
+
+MAX_RANGE, RANGE_STD, AZIMUTH_STD = 300.0, 0.3, 0.01
+DETECTION_PROBABILITY, MAX_SPEED = 0.9, 5.0
+SETTLING = 20.0
+"""Time of pings until the tracks are held and the clutter is learned, s."""
+TICKS = os.sysconf("SC_CLK_TCK")
+NODES = {
+    "track_initiator": "from tsepm_ros.nodes.track_initiator import main; main()",
+    "bare node": """
+import rclpy, tsepm_ros.nodes.track_initiator
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+rclpy.init()
+node = Node("bare")
+tracks = node.create_publisher(PointCloud2, "tracks", 10)
+node.create_subscription(PointCloud2, "detections", tracks.publish, 10)
+rclpy.spin(node)
+""",
+}
+PARAMETERS = {
+    "max_speed": MAX_SPEED,
+    "sensor.max_range": MAX_RANGE,
+    "sensor.range_std": RANGE_STD,
+    "sensor.range_std_fraction": 0.0,
+    "sensor.azimuth_std": AZIMUTH_STD,
+}
+
+
+class Swimmers:
+    """Pings of an imaging sonar: targets on straight lines among uniform false detections."""
+
+    def __init__(self, targets: int, detections: int) -> None:
+        self._rng = np.random.default_rng(3)
+        self._detections = detections
+        self._position = self._rng.uniform(-0.6 * MAX_RANGE, 0.6 * MAX_RANGE, (targets, 2))
+        self._velocity = self._rng.uniform(-1.5, 1.5, (targets, 2))
+
+    def ping(self, stamp_ns: int, seconds: float) -> PointCloud2:
+        """The detections at a time after the start, s."""
+        rng = self._rng
+        x, y = (self._position + seconds * self._velocity).T
+        seen = rng.random(len(x)) < DETECTION_PROBABILITY
+        number, false = int(seen.sum()), max(self._detections - int(seen.sum()), 0)
+        return detections_cloud(
+            make_header(stamp_ns, "sonar"),
+            range=np.append(
+                np.abs(np.hypot(x, y)[seen] + rng.normal(0.0, RANGE_STD, number)) + 1e-3,
+                MAX_RANGE * np.sqrt(rng.uniform(1e-6, 1.0, false)),
+            ),
+            azimuth=np.append(
+                np.arctan2(y, x)[seen] + rng.normal(0.0, AZIMUTH_STD, number),
+                rng.uniform(-np.pi, np.pi, false),
+            ),
+        )
+
+
+def processor_seconds(process: int) -> float:
+    """Processor time of a process until now, s."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS
+
+
+def megabytes(process: int) -> float:
+    """Resident memory of a process, MB."""
+    status = Path(f"/proc/{process}/status").read_text()
+    return int(re.findall(r"VmRSS:\s+(\d+)", status)[0]) / 1024.0
+
+
+def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> dict[str, float]:
+    """Drive a node; its load, memory and latencies after the settling time."""
+    domain = os.getpid() % 100 + 1
+    words = [word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")]
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, "--ros-args", *words],
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+        stderr=subprocess.DEVNULL,
+    )
+    rclpy.init(domain_id=domain)
+    driver = Node("driver")
+    sent: dict[int, float] = {}
+    latency: dict[int, float] = {}
+
+    def on_tracks(message: PointCloud2) -> None:
+        stamp = time_to_ns(message.header.stamp)
+        latency[stamp] = time.monotonic() - sent[stamp]
+
+    pings = driver.create_publisher(PointCloud2, "detections", 10)
+    driver.create_subscription(PointCloud2, "tracks", on_tracks, 10)
+    threading.Thread(target=rclpy.spin, args=(driver,), daemon=True).start()
+    try:
+        while not pings.get_subscription_count():
+            time.sleep(0.05)
+        time.sleep(1.0)
+        begin, settled = time.monotonic(), round(rate * SETTLING)
+        used = 0.0
+        for index in range(settled + round(rate * seconds)):
+            time.sleep(max(begin + index / rate - time.monotonic(), 0.0))
+            if index == settled:
+                used = processor_seconds(process.pid)
+            stamp = time.time_ns()
+            cloud = swimmers.ping(stamp, index / rate)
+            sent[stamp] = time.monotonic()
+            pings.publish(cloud)
+        time.sleep(1.0)
+        load = (processor_seconds(process.pid) - used) / seconds
+        memory = megabytes(process.pid)
+    finally:
+        process.terminate()
+        process.wait()
+        rclpy.try_shutdown()
+    arrived = [1e3 * latency[stamp] for stamp in list(sent)[settled:] if stamp in latency]
+    median, high = np.percentile(arrived, [50, 99])
+    figures = {"processor %": 100.0 * load, "memory MB": memory}
+    return {
+        **figures,
+        "latency ms": float(median),
+        "p99 ms": float(high),
+        "lost": len(sent) - len(latency),
+    }
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rate", type=float, default=20.0, help="pings per second")
+    parser.add_argument("--targets", type=int, default=10)
+    parser.add_argument("--detections", type=int, default=25, help="detections a ping")
+    parser.add_argument("--seconds", type=float, default=60.0)
+    options = parser.parse_args()
+    for name, program in NODES.items():
+        swimmers = Swimmers(options.targets, options.detections)
+        figures = measure(program, swimmers, options.rate, options.seconds)
+        print(f"{name:16s}", *(f"{title} {value:6.1f}" for title, value in figures.items()))
+
+
+if __name__ == "__main__":
+    main()
