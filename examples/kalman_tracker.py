@@ -131,12 +131,16 @@ def main(args: Sequence[str] | None = None) -> None:
     rclpy.init(args=args)
     executor = SingleThreadedExecutor()
     try:
-        executor.add_node(KalmanTracker())
-        executor.spin()
+        node = KalmanTracker()
+        try:
+            executor.add_node(node)
+            executor.spin()
+        finally:
+            node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        executor.shutdown()  # before the context
+        executor.shutdown()  # executor and node end before the context
         rclpy.try_shutdown()
 
 
