@@ -201,14 +201,15 @@ class _Targets:
 
     Attributes
     ----------
-    detections : (n, window) ndarray of DETECTION
-        As they would be measured in each scan.
+    detections : list of (n,) ndarray of DETECTION
+        As they would be measured in each scan. An array a scan: no block of memory is large, and
+        the plan, made while a node runs, leaves no gap behind that the allocator keeps.
     detected : (n, window) ndarray of bool
     exponents : (n, window) ndarray or None
         Of the strengths of the detections.
     """
 
-    detections: NDArray[np.void]
+    detections: list[NDArray[np.void]]
     detected: BoolArray
     exponents: FloatArray | None
 
@@ -240,14 +241,16 @@ def _draw_targets(
     truth = np.zeros((SIMULATED_TARGETS, 4))
     truth[:, 0] = np.sqrt(square)
     truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (SIMULATED_TARGETS, 2))
-    detections = np.zeros((SIMULATED_TARGETS, window), DETECTION)
-    detections["range_rate_std"] = sensor.range_rate_std
+    scans = []
     rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, SIMULATED_TARGETS))
     for scan in range(window):
-        detections["covariance"][:, scan] = _errors(truth, sensor)
-        rate, _, _ = range_rates.expected(detections[:, scan], truth[:, 0::2], truth[:, 1::2])
-        detections["range_rate"][:, scan] = rate + sensor.range_rate_std * rate_errors[scan]
-        detections["position"][:, scan] = truth[:, 0::2] + _drawn(rng, truth, sensor)
+        detections = np.zeros(SIMULATED_TARGETS, DETECTION)
+        detections["range_rate_std"] = sensor.range_rate_std
+        detections["covariance"] = _errors(truth, sensor)
+        rate, _, _ = range_rates.expected(detections, truth[:, 0::2], truth[:, 1::2])
+        detections["range_rate"] = rate + sensor.range_rate_std * rate_errors[scan]
+        detections["position"] = truth[:, 0::2] + _drawn(rng, truth, sensor)
+        scans.append(detections)
         truth[:, 0::2] += interval * truth[:, 1::2]
         truth[:, 1::2] += rng.normal(
             0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
@@ -255,7 +258,7 @@ def _draw_targets(
     share = np.where(_faded(window, interval), fading.FADED_FACTOR, 1.0)
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
-    return _Targets(detections, detected, _drawn_exponents(ratio, window))
+    return _Targets(scans, detected, _drawn_exponents(ratio, window))
 
 
 def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
@@ -298,7 +301,7 @@ def _scores(
     """
     n, window = targets.detected.shape
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    detections = targets.detections[:, first]
+    detections = targets.detections[first]
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
@@ -310,7 +313,7 @@ def _scores(
     faded = np.full(n, fading.FADED_AT_START)
     for scan in range(first + 1, window):
         state, covariance = kalman.predict(state, covariance, interval, process_noise)
-        detections = targets.detections[:, scan]
+        detections = targets.detections[scan]
         innovation = detections["position"] - state[:, 0::2]
         innovation_covariance = covariance[:, 0::2, 0::2] + _errors(state, sensor)
         density = kalman.log_likelihood(
