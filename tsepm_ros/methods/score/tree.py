@@ -341,7 +341,8 @@ def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hyp
     rows = np.flatnonzero(kept)
     score = hypotheses.score[rows]
     last = hypotheses.last_hit[rows]
-    group = last - last.min(initial=0)
+    # Detections are numbered from the start on: their groups from the oldest that is left.
+    group = last - (last.min() if len(last) else 0)
     best = grouped.largest_of(score, group, int(group.max(initial=-1)) + 1)[group]
     kept = grouped.among_best(group, score, options.max_per_detection)
     return hypotheses[rows[kept & (score > best + RELATIVE_PRUNING)]]
