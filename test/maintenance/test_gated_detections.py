@@ -10,6 +10,7 @@ from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import CLUTTER, P_D, holding, step, tracks
 
 from tsepm_ros import Scan, SensorModel
+from tsepm_ros.maintenance.gated_detections import gate
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.sensing.conversion import convert, covariance_at
 
@@ -47,3 +48,33 @@ def test_a_fast_target_seen_exactly_is_not_lost_by_the_time_of_its_echo():
         assert hold.held.existence[0] > 0.9
     (track,) = hold.current
     assert np.hypot(*(track.position - [2000.0 + 5.0 * stamp, 1000.0])) < 5.0
+
+
+def test_with_range_rates_each_detection_updates_by_its_own_error_at_its_own_time():
+    # The nearest is exact, another is not, and comes 8 s later, where the velocity counts too.
+    modes = np.tile(tracks(1).state, (3, 1, 1))
+    spread = np.tile(tracks(1).covariance, (3, 1, 1, 1))
+    sensor = SensorModel(
+        range_std=1.0, range_std_fraction=0.0, azimuth_std=0.02, range_rate_std=0.5
+    )
+    scan = Scan(
+        0.0,
+        np.hypot([2000.0, 2040.0], 1000.0),
+        np.arctan2(1000.0, [2000.0, 2040.0]),
+        time_offset=[0.0, 8.0],
+        azimuth_std=[1e-4, 0.02],
+        features={"range_rate": [4.5, 4.5]},
+    )
+    found = convert(scan, sensor, 0)
+    gated = gate(modes, spread, modes[:2], 0.0, found, sensor)
+    assert gated.updated is not None
+    states, covariances = gated.updated
+    assert len(states) == 6
+    assert (np.linalg.eigvalsh(covariances) > 0.0).all()
+    assert np.isfinite(gated.likelihood).all()
+    for row in (0, 1):
+        alone = gate(modes, spread, modes[:2], 0.0, found[[row]], sensor)
+        assert alone.updated is not None
+        np.testing.assert_allclose(states[row::2], alone.updated[0])
+        np.testing.assert_allclose(covariances[row::2], alone.updated[1])
+        np.testing.assert_allclose(gated.likelihood[row::2], alone.likelihood)

@@ -370,9 +370,10 @@ class Fit:
 def fit(mode: Mode, plot: Plot, nearest: Plot, stamp: float, with_rates: bool, rule: Rule) -> Fit:
     """Compare a plot at its own time; S is that of the track's nearest plot at that plot's time.
 
-    So is the Kalman gain, unless plots have range rates.
+    So is the Kalman gain. Where plots have range rates, S and the gain are each plot's own.
     """
     x, p = mode.state, mode.covariance
+    nearest = plot if with_rates else nearest
     h_nearest = POSITION @ transition_matrix(nearest.detection.time - stamp)
     h = POSITION @ transition_matrix(plot.detection.time - stamp)
     r = covariance_at(h_nearest @ x, nearest.detection.sensing, rule.settings)
@@ -380,7 +381,7 @@ def fit(mode: Mode, plot: Plot, nearest: Plot, stamp: float, with_rates: bool, r
     v = plot.detection.point - h @ x
     distance = float(v @ np.linalg.inv(s) @ v)
     likelihood = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
-    kalman_gain = p @ (h if with_rates else h_nearest).T @ np.linalg.inv(s)
+    kalman_gain = p @ h_nearest.T @ np.linalg.inv(s)
     x, p = x + kalman_gain @ v, p - kalman_gain @ s @ kalman_gain.T
     gate = GATE_WITH_RANGE_RATE if has_rate(plot, rule) else GATE
     if distance <= gate and has_rate(plot, rule):

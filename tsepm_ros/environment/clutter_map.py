@@ -87,11 +87,6 @@ class ClutterMap:
         return self._level * float((self._densities * area).sum()) / total
 
     @property
-    def count(self) -> float:
-        """Number of detections behind the mean density, the data sheet's included."""
-        return DATA_SHEET_COUNT + float(self._counts.sum())
-
-    @property
     def counted_area(self) -> FloatArray:
         """Area in each cell in which clutter is expected, (r, c), m^2."""
         return self._counted_area

@@ -112,7 +112,9 @@ def gate(
     """Pairs of tracks and detections, and how well they fit in each mode.
 
     Each detection is compared at its own time. One innovation covariance serves all detections of
-    a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,).
+    a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,). Where range
+    rates are measured, each pair has its own: an update by its position must leave a proper
+    covariance, against which the range rate is compared.
 
     Parameters
     ----------
@@ -158,6 +160,10 @@ def gate(
     else:
         states, covariances = state.reshape(-1, 4), covariance.reshape(-1, 4, 4)
         candidates = detections[row]
+        is_rated = np.array([rated[part.row].any() for part in pairs])
+        own = np.flatnonzero(is_rated[owner // n])
+        of_pairs[own] = kalman.position_covariance_after(covariances[owner[own]], pair_time[own])
+        of_pairs[own] += covariance_at(candidates[own], expected[own], sensor)
         density = kalman.log_likelihood(
             states,
             covariances,
@@ -168,7 +174,6 @@ def gate(
             candidates,
             GATE_PROBABILITY,
         )
-        is_rated = np.array([rated[part.row].any() for part in pairs])
         updated = range_rates.update(
             *kalman.update(states[owner], covariances[owner], pair_time, innovation, of_pairs),
             pair_time,
