@@ -10,6 +10,8 @@ import pytest
 from tsepm_ros import SensorModel
 from tsepm_ros.environment.clutter_map import ClutterMap
 from tsepm_ros.environment.clutter_strengths import ClutterStrengths, Judged
+from tsepm_ros.environment.polar_grid import Cells
+from tsepm_ros.environment.strength_levels import RINGS
 from tsepm_ros.environment.strength_texture import LAGS
 from tsepm_ros.simulation import Simulator, load_scenario
 from tsepm_ros.simulation.strengths import ClutterStrength
@@ -18,6 +20,10 @@ BOX = load_scenario("box")
 MAP = ClutterMap(BOX.sensor)
 REACH = 120.0 * np.arange(LAGS + 1) + 380.0
 """Of two detections of one target, m."""
+
+
+def cells_of(range_: np.ndarray, azimuth: np.ndarray) -> Cells:
+    return MAP.grid.divided(MAP.grid.cells(range_, azimuth), range_, RINGS)
 
 
 class Sea:
@@ -36,7 +42,7 @@ class Sea:
             n, strength = len(scan), changed(scan.features["intensity"], scan.range)
             direction = np.array([np.cos(scan.azimuth), np.sin(scan.azimuth)])
             position = (scan.range * direction).T
-            cells = MAP.grid.cells(scan.range, scan.azimuth)
+            cells = cells_of(scan.range, scan.azimuth)
             found = self.learner.judge(strength, index, np.arange(n), cells, position)
             self.learner.update(np.ones(n), 750.0, REACH)
             judged.append(found)
@@ -229,7 +235,7 @@ def test_a_large_scan_is_bounded_in_memory():
     for scan in range(3):
         n = 20_000
         position = rng.uniform(-9000.0, 9000.0, (n, 2))
-        cells = MAP.grid.cells(np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0]))
+        cells = cells_of(np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0]))
         learner.judge(rng.exponential(size=n), scan, np.arange(n), cells, position)
         learner.update(np.ones(n), 500.0, REACH)
     assert len(learner.memory[0]) == 256 and learner.memory[1] <= 3 * 64

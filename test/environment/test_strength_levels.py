@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.environment.strength_levels import PlaceLevels, level_by_range, ping_level
+from tsepm_ros.environment.strength_levels import RINGS, PlaceLevels, level_by_range, ping_level
 
 GAIN = math.log(100.0)
 
@@ -59,7 +59,13 @@ def learned(levels, side: int = 40, pings: int = 40, size: int = 60, seed: int =
     for _ in range(pings):
         cells = rng.integers(side, size=size), rng.integers(side, size=size)
         values = np.clip(rng.normal(size=size) + levels[cells[0]], -4.0, 4.0)
-        places.update(places.cells_of(cells), values, np.ones(size), 4.0, float(values.std()))
+        places.update(
+            places.places_of(RINGS * cells[0], cells[1]),
+            values,
+            np.ones(size),
+            4.0,
+            float(values.std()),
+        )
     places.renew()
     return places
 
@@ -67,7 +73,7 @@ def learned(levels, side: int = 40, pings: int = 40, size: int = 60, seed: int =
 def test_places_of_one_level_have_none():
     places = learned(np.zeros(40))
     rows = np.arange(40)
-    found = places.at(places.cells_of((rows, rows)))
+    found = places.at(places.places_of(RINGS * rows, rows))
     assert np.abs(found).max() < 0.35
     assert np.mean(found == 0.0) > 0.5
 
@@ -75,8 +81,22 @@ def test_places_of_one_level_have_none():
 def test_a_step_with_range_is_followed():
     levels = np.where(np.arange(40) < 20, -1.15, 1.15)
     places = learned(levels)
-    found = places.at(places.cells_of((np.array([3, 8, 31, 36]), np.full(4, 7))))
+    found = places.at(places.places_of(RINGS * np.array([3, 8, 31, 36]), np.full(4, 7)))
     np.testing.assert_allclose(found, [-1.15, -1.15, 1.15, 1.15], atol=0.35)
+
+
+def test_a_step_is_found_within_a_cell():
+    """Its ring has the level of either side, and no other has a mixture of both."""
+    rng, side, step = np.random.default_rng(2), 40, 20 * RINGS + 3
+    places = PlaceLevels((side, side), True)
+    for _ in range(40):
+        ring, column = rng.integers(side * RINGS, size=200), rng.integers(side, size=200)
+        values = np.clip(rng.normal(size=200) + np.where(ring < step, -1.15, 1.15), -4.0, 4.0)
+        places.update(places.places_of(ring, column), values, np.ones(200), 4.0, 1.5)
+    places.renew()
+    near = step + np.arange(-4, 4)
+    found = places.by_range(places.places_of(near, np.full(8, 7)))
+    np.testing.assert_allclose(found[1:] - found[:-1], 2.3 * (np.arange(7) == 3), atol=0.35)
 
 
 def test_a_target_of_one_detection_a_ping_does_not_raise_its_place():
@@ -87,9 +107,9 @@ def test_a_target_of_one_detection_a_ping_does_not_raise_its_place():
         cells[0][-1] = cells[1][-1] = 20
         values = rng.normal(size=31)
         values[-1] = 4.0
-        places.update(places.cells_of(cells), values, np.ones(31), 4.0, 1.0)
+        places.update(places.places_of(RINGS * cells[0], cells[1]), values, np.ones(31), 4.0, 1.0)
     places.renew()
-    assert places.at(places.cells_of((np.array([20]), np.array([20]))))[0] < 0.3
+    assert places.at(places.places_of(RINGS * np.array([20]), np.array([20])))[0] < 0.3
 
 
 def test_windows_wrap_around_and_end_at_the_borders():
@@ -97,10 +117,12 @@ def test_windows_wrap_around_and_end_at_the_borders():
     for wraps in (True, False):
         places = PlaceLevels((10, 12), wraps)
         cells = rng.integers(10, size=500), rng.integers(12, size=500)
-        places.update(places.cells_of(cells), np.ones(500), np.ones(500), 1.0, 1e-9)
+        places.update(
+            places.places_of(RINGS * cells[0], cells[1]), np.ones(500), np.ones(500), 1.0, 1e-9
+        )
         places.renew()
         everywhere = np.repeat(np.arange(10), 12), np.tile(np.arange(12), 10)
-        found = places.at(places.cells_of(everywhere))
+        found = places.at(places.places_of(RINGS * everywhere[0], everywhere[1]))
         np.testing.assert_allclose(found, 0.0, atol=1e-6)
 
 
@@ -113,9 +135,9 @@ def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
         cells[0][-1] = cells[1][-1] = 20
         values = rng.normal(size=31)
         values[-1] = -4.0
-        places.update(places.cells_of(cells), values, np.ones(31), 4.0, 1.0)
+        places.update(places.places_of(RINGS * cells[0], cells[1]), values, np.ones(31), 4.0, 1.0)
     places.renew()
-    cell = places.cells_of((np.full(12, 20), np.full(12, 20)))
+    cell = places.places_of(np.full(12, 20 * RINGS), np.full(12, 20))
     assert places.at(cell[:1])[0] < -0.5
     places.withdraw(cell, np.full(12, -4.0), np.ones(12), np.arange(12)[::-1])
     places.renew()

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.environment.strength_law import MIN_REFERENCES, StrengthLaw
 from tsepm_ros.environment.strength_levels import (
     PING_WINDOWS,
@@ -114,7 +115,7 @@ class ClutterStrengths:
         strength: FloatArray,
         scan: int,
         index: IntArray,
-        cells: tuple[IntArray, IntArray],
+        cells: Cells,
         position: FloatArray,
     ) -> Judged | None:
         """Exponents of a scan's detections, by the scans before it.
@@ -127,8 +128,8 @@ class ClutterStrengths:
             Its index.
         index : (d,) ndarray of int
             Index of each detection in the scan.
-        cells : tuple of (d,) ndarray of int
-            Cells of the clutter map.
+        cells : Cells
+            Of the clutter map, its rows divided into `RINGS`.
         position : (d, 2) ndarray
             In the fixed frame, m.
 
@@ -148,15 +149,15 @@ class ClutterStrengths:
         raw = strength[row] if self._decibels else np.log(np.maximum(strength[row], 1e-30))
         one = np.empty(len(row), REFERENCE)
         one["key"] = keys_of(scan, index[row])
-        one["cell"] = self._places.cells_of((cells[0][row], cells[1][row]))
-        place = self._places.at(one["cell"])
+        one["at"] = self._places.places_of(cells.row[row], cells.column[row])
+        place = self._places.at(one["at"])
         raw -= place
         level = self._level_with(raw)
         value = raw - level
         one["raw"], one["value"], one["place"] = raw, value, place
         one["position"] = position[row, 0] + 1j * position[row, 1]
         one["strength"] = strength[row]
-        one["by_range"] = self._places.by_range(one["cell"])
+        one["by_range"] = self._places.by_range(one["at"])
         self._next = one, row, level
         law = self._law
         if law is None or law.count < MIN_REFERENCES:
@@ -224,7 +225,7 @@ class ClutterStrengths:
         if law is not None:
             lowest, highest, spread = self._bounds
             ping["place"] += np.minimum(np.maximum(ping["value"], lowest), highest)
-            self._places.update(ping["cell"], ping["place"], ping["weight"], highest, spread)
+            self._places.update(ping["at"], ping["place"], ping["weight"], highest, spread)
         else:
             ping["place"] = np.nan
         self._references.append(ping, level)
@@ -263,14 +264,14 @@ class ClutterStrengths:
         self._new += TAIL_CHANGE * float(gone.sum())
         levelled = np.flatnonzero(np.isfinite(rows["place"][place]))
         place, gone = place[levelled], gone[levelled]
-        cells, values = rows["cell"][place], rows["place"][place]
-        self._places.withdraw(cells, values, gone, self._references.ages(place))
+        at, values = rows["at"][place], rows["place"][place]
+        self._places.withdraw(at, values, gone, self._references.ages(place))
 
     def _learn_law(self) -> None:
         self._drop_other_laws()
         rows = self._references.rows
         self._places.renew()
-        by_range = self._places.by_range(rows["cell"])
+        by_range = self._places.by_range(rows["at"])
         change = by_range - rows["by_range"]
         if change.any():
             rows["raw"] -= change

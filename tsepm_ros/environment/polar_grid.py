@@ -74,6 +74,12 @@ class PolarGrid:
         column = np.minimum((from_start / self.width).astype(np.int64), columns - 1)
         return Cells(row, column)
 
+    def divided(self, cells: Cells, range: FloatArray, parts: int) -> Cells:
+        """Cells of ranges (n,) where each row is divided into parts of equal depth."""
+        near, far = self.edges[cells.row], self.edges[cells.row + 1]
+        part = (parts * (range - near) / (far - near)).astype(np.int64)
+        return Cells(parts * cells.row + np.minimum(np.maximum(part, 0), parts - 1), cells.column)
+
     @property
     def area(self) -> FloatArray:
         """Area of a cell of each ring, (r, 1), m^2."""

@@ -33,8 +33,14 @@ PLACE_MEMORY = 50
 """Time constant, in pings, with which the levels of places fade."""
 CELLS_TOGETHER = 2
 """Cells of a clutter map along a side of a cell here."""
+RINGS = 4
+"""Rings in a cell of a clutter map: at one of them a step with range is, not within a cell."""
+RINGS_TOGETHER = CELLS_TOGETHER * RINGS
+"""Rings in a cell here."""
 MIN_WINDOW_CELLS = 2
 """Cells along a side of the smallest window; each larger window is twice as wide."""
+LEAST_UNIT = 1e-6
+"""Of what the levels of places learned: then it is counted in units of 1 again."""
 MAX_TARGET_COUNT = 16.0
 """Detections in a window that may be of a target: at most this, or two and one a ping."""
 
@@ -87,16 +93,16 @@ def window_level(level: float, values: FloatArray, pings: int) -> float:
 def level_by_range(
     count: FloatArray, total: FloatArray, top: float, deviation: float
 ) -> FloatArray:
-    """Level of each row, (r,): changes with range, each beyond doubt, the clearest first.
+    """Level of each ring, (r,): changes with range, each beyond doubt, the clearest first.
 
-    A change is a power of the range or a step at some range; rows are even in the range's
+    A change is a power of the range or a step at some range; rings are nearly even in the range's
     logarithm. Of all changes, that which explains the most of the squares is taken, and then of
     what it leaves; none where none is beyond doubt.
 
     Parameters
     ----------
     count, total : (r,) ndarray
-        Weight of the detections of each row, and the sum of their deviations from their mean.
+        Weight of the detections of each ring, and the sum of their deviations from their mean.
     top : float
         Most that a detection deviates.
     deviation : float
@@ -105,8 +111,8 @@ def level_by_range(
     level, everything = np.zeros(len(count)), float(count.sum())
     if everything <= 0.0:
         return level
-    rows = np.arange(len(count))
-    slope = rows - count @ rows / everything
+    rings = np.arange(len(count))
+    slope = rings - count @ rings / everything
     square, farthest = max(float(count @ slope**2), 1e-9), float(np.abs(slope[count > 0.0]).max())
     below = np.cumsum(count)[:-1]
     above = np.maximum(everything - below, 0.0)
@@ -115,7 +121,7 @@ def level_by_range(
     doubt = RANGE_TARGET_COUNT * top * reach
     doubt += RANGE_DEVIATIONS * deviation * np.sqrt(squares)
     for _ in range(MAX_RANGE_CHANGES):
-        # Of a step, the sum below it; of the power, the sum over its rows.
+        # Of a step, the sum below it; of the power, the sum over its rings.
         sums = np.append(np.cumsum(total)[:-1], total @ slope)
         clear = np.abs(sums) > doubt
         if not clear.any():
@@ -123,7 +129,7 @@ def level_by_range(
         best = int(np.argmax(np.where(clear, sums**2 / np.maximum(squares, 1e-9), 0.0)))
         change = sums[best] / squares[best] * slope
         if best < len(below):
-            change = np.where(rows <= best, 1.0 / below[best], -1.0 / above[best]) * sums[best]
+            change = np.where(rings <= best, 1.0 / below[best], -1.0 / above[best]) * sums[best]
         level += change
         total = total - count * change
     return level
@@ -131,12 +137,12 @@ def level_by_range(
 
 @dataclass
 class PlaceLevels:
-    """Levels over the cells of a clutter map.
+    """Levels over the cells of a clutter map, and by range over the rings of these.
 
     Parameters
     ----------
     shape : (int, int)
-        Number of cells in range and in azimuth.
+        Number of cells of the clutter map in range and in azimuth.
     wraps : bool
         Whether the last column is next to the first.
     """
@@ -147,23 +153,25 @@ class PlaceLevels:
     def __post_init__(self) -> None:
         rows, columns = self.shape
         self.shape = -(-rows // CELLS_TOGETHER), max(columns // CELLS_TOGETHER, 1)
-        # Weights, and sums of the weighted values, by cell.
-        self._learned = np.zeros((2, self.shape[0] * self.shape[1]))
+        rings = self.shape[0] * RINGS_TOGETHER
+        # Weights, and sums of the weighted values, by ring and column, in units that fade: a ping
+        # costs what its detections cost, not what all places would.
+        self._learned = np.zeros((2, rings * self.shape[1]))
+        self._unit = 1.0
         self._pings = 0.0
         self._deviation = self._top = self._centre = 0.0
-        self._by_range = np.zeros(self.shape[0])
+        self._by_range = np.zeros(rings)
         # Of weights, and of what the levels by range leave, before each row and column.
         self._sums = np.zeros((2, (self.shape[0] + 1) * (self.shape[1] + 1)))
 
-    def cells_of(self, cells: tuple[IntArray, IntArray]) -> IntArray:
-        """Cells here, (n,), of rows and columns of the clutter map."""
+    def places_of(self, ring: IntArray, column: IntArray) -> IntArray:
+        """Places (n,) in rings and columns of the clutter map, as numbers."""
         columns = self.shape[1]
-        column = np.minimum(cells[1] // CELLS_TOGETHER, columns - 1)
-        return np.asarray(cells[0] // CELLS_TOGETHER * columns + column)
+        return np.asarray(ring * columns + np.minimum(column // CELLS_TOGETHER, columns - 1))
 
     def update(
         self,
-        cells: IntArray,
+        places: IntArray,
         values: FloatArray,
         weight: FloatArray,
         top: float,
@@ -173,8 +181,8 @@ class PlaceLevels:
 
         Parameters
         ----------
-        cells : (n,) ndarray of int
-            Of each detection, see `cells_of`.
+        places : (n,) ndarray of int
+            Of each detection, see `places_of`.
         values, weight : (n,) ndarray
             Deviation of each from the level of its ping, bounded around the level of its place, and
             its probability to be clutter.
@@ -182,52 +190,58 @@ class PlaceLevels:
             The bound above the level of the place, and the standard deviation around that.
         """
         keep = 1.0 - 1.0 / PLACE_MEMORY
-        self._learned *= keep
+        self._unit *= keep
+        if self._unit < LEAST_UNIT:
+            self._learned *= self._unit
+            self._unit = 1.0
+        weight = weight / self._unit
         self._pings = keep * self._pings + 1.0
-        np.add.at(self._learned[0], cells, weight)
-        np.add.at(self._learned[1], cells, weight * values)
+        np.add.at(self._learned[0], places, weight)
+        np.add.at(self._learned[1], places, weight * values)
         self._top, self._deviation = top, deviation
 
     def withdraw(
-        self, cells: IntArray, values: FloatArray, weight: FloatArray, age: IntArray
+        self, places: IntArray, values: FloatArray, weight: FloatArray, age: IntArray
     ) -> None:
         """Remove weight (n,) of detections of the last pings, learned so many pings ago.
 
-        What has faded since is gone already: without it, a cell would keep a sum without a weight,
+        What has faded since is gone already: without it, a place would keep a sum without a weight,
         and a level without bounds.
         """
-        weight = weight * (1.0 - 1.0 / PLACE_MEMORY) ** age
-        np.subtract.at(self._learned[0], cells, weight)
-        np.subtract.at(self._learned[1], cells, weight * values)
-        np.maximum(self._learned[0], 0.0, out=self._learned[0])
+        weight = weight * (1.0 - 1.0 / PLACE_MEMORY) ** age / self._unit
+        np.subtract.at(self._learned[0], places, weight)
+        np.subtract.at(self._learned[1], places, weight * values)
+        self._learned[0, places] = np.maximum(self._learned[0, places], 0.0)
 
-    def at(self, cells: IntArray) -> FloatArray:
-        """Level at cells (n,), 0 where no window contradicts: by range, and then by place."""
-        if not self._pings or not self._deviation or not len(cells):
-            return np.zeros(len(cells))
+    def at(self, places: IntArray) -> FloatArray:
+        """Level at places (n,), 0 where no window contradicts: by range, and then by cell."""
+        if not self._pings or not self._deviation or not len(places):
+            return np.zeros(len(places))
+        columns = self.shape[1]
+        cells = places // (RINGS_TOGETHER * columns) * columns + places % columns
         # Of weights and sums, for each cell and each side of a window, (2, n, s).
         around = self._sums.take(self._corners[cells], axis=1)
         right, left = around[:, :, 0] - around[:, :, 1], around[:, :, 2] - around[:, :, 3]
         behind = around[:, :, 4] - around[:, :, 5]
         count, total = right - left + behind
-        return self.by_range(cells) + self._level(count.T, total.T)
+        return self.by_range(places) + self._level(count.T, total.T)
 
     def renew(self) -> None:
         """Take the levels from what was learned so far; those by range first."""
-        learned = self._learned.reshape(2, *self.shape)
-        count, total = learned.sum(axis=2)
+        left = self._unit * self._learned.reshape(2, -1, self.shape[1])
+        count, total = left.sum(axis=2)
         self._centre = float(total.sum() / max(count.sum(), 1e-9))
         total -= self._centre * count
         self._by_range = level_by_range(count, total, self._top, self._deviation)
-        left = learned.copy()
         left[1] -= (self._centre + self._by_range)[:, None] * left[0]
+        left = left.reshape(2, -1, RINGS_TOGETHER, self.shape[1]).sum(axis=2)
         sums = np.zeros((2, self.shape[0] + 1, self.shape[1] + 1))
         np.cumsum(np.cumsum(left, axis=1), axis=2, out=sums[:, 1:, 1:])
         self._sums = sums.reshape(2, -1)
 
-    def by_range(self, cells: IntArray) -> FloatArray:
-        """Level by range at cells (n,), as of the last `renew`."""
-        return np.asarray(self._by_range[cells // self.shape[1]])
+    def by_range(self, places: IntArray) -> FloatArray:
+        """Level by range at places (n,), as of the last `renew`."""
+        return np.asarray(self._by_range[places // self.shape[1]])
 
     def _level(self, count: FloatArray, total: FloatArray) -> FloatArray:
         """Level (n,) that windows do not contradict, by their counts and sums (s, n).

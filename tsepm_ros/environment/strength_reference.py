@@ -26,7 +26,7 @@ INDEX_BITS = 32
 REFERENCE = np.dtype(
     [
         ("key", np.int64),  # of its scan and index there, see `keys_of`
-        ("cell", np.int64),  # of the levels of places
+        ("at", np.int64),  # place in the levels of places
         ("raw", np.float64),  # logarithm less the level of the place
         ("value", np.float64),  # less the level of the ping too
         ("by_range", np.float64),  # level of the range, part of that of the place

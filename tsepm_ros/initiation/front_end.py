@@ -199,7 +199,7 @@ class FrontEnd:
         interval = self._count_in(scan)
         detections = self._detections(scan)
         strengths = learning.judge_strengths(
-            self._clutter.strengths, detections, self._clutter.cells, self.scan_index, self._window
+            self._clutter.strengths, detections, self._clutter.rings, self.scan_index, self._window
         )
         in_zone, environment = self._zones(detections)
         clutter_sensor, of_rates = self._clutter_rates(detections)

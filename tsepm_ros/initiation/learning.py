@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from tsepm_ros.environment import strength_texture
 from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.measurement_errors import MeasurementErrors
+from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.environment.target_strength import ScanStrengths
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import measured_polar
 from tsepm_ros.sensing.coverage import EchoPoses
 from tsepm_ros.sensing.plot_features import NAMES
@@ -26,7 +27,7 @@ INTENSITY = NAMES.index("intensity")
 def judge_strengths(
     strengths: ClutterStrengths | None,
     detections: NDArray[np.void],
-    cells: tuple[IntArray, IntArray],
+    cells: Cells,
     scan_index: int,
     most_hits: int,
 ) -> ScanStrengths | None:
@@ -39,8 +40,8 @@ def judge_strengths(
     strengths : ClutterStrengths or None
         None: they do not count.
     detections : (d,) ndarray of DETECTION
-    cells : tuple of (d,) ndarray of int
-        Cells of the clutter map.
+    cells : Cells
+        See `ClutterStrengths.judge`.
     scan_index : int
     most_hits : int
         Hits that a path may have.

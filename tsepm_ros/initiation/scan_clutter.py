@@ -9,7 +9,9 @@ import numpy as np
 from tsepm_ros.environment.clutter_clumps import PredictiveDensity
 from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.learned import Learned
+from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.environment.secondary_echoes import HeldTargets
+from tsepm_ros.environment.strength_levels import RINGS
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.sensing.sensor import SensorModel
@@ -61,6 +63,11 @@ class ScanClutter:
         self.strengths: ClutterStrengths | None = None
         if common.intensity == "auto" and counts_echoes:
             self.strengths = learned.strengths
+
+    @property
+    def rings(self) -> Cells:
+        """The cells, the map's rows divided into rings."""
+        return self._learned.clutter_map.grid.divided(self.cells, self._polar[0], RINGS)
 
     @property
     def in_zone(self) -> BoolArray:
