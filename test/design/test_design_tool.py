@@ -201,6 +201,7 @@ def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
 
 
 @pytest.mark.usefixtures("_little_clutter")
+@pytest.mark.usefixtures("_little_clutter")
 def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path):
     file = tmp_path / "sonar.yaml"
     given = ["-p", "sensor.clutter_density:=1.0e-7", "-p", "sensor.max_range:=5000.0"]
@@ -227,7 +228,9 @@ def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path)
 )
 def test_what_cannot_be_designed_is_refused_at_once(capsys, arguments, named):
     assert main(["design", *arguments]) == 2
-    assert named in capsys.readouterr().err
+    written = capsys.readouterr()
+    assert named in written.err
+    assert not written.out
 
 
 def test_an_angle_that_looks_like_degrees_is_asked_about(capsys):

@@ -24,6 +24,7 @@ from tsepm_ros.design.design_report import (
 from tsepm_ros.design.first_estimate import first_estimate
 from tsepm_ros.design.remedies import remedied_detection
 from tsepm_ros.design.search import Candidate
+from tsepm_ros.design.target_scenes import target_scenes
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
@@ -93,6 +94,7 @@ def run_design(options: argparse.Namespace) -> None:
     for question in questions(groups[SensorModel], groups[Mounting]):
         print(f"note: {question}", file=sys.stderr)
     case = _case(options, groups[SensorModel], groups[CommonOptions])
+    target_scenes(case, 1, options.seed)  # refuses targets that do not stay in the coverage
     score, tsepm = groups[ScoreOptions], groups[TsepmOptions]
     target_rate = score.false_tracks_per_hour
     print(case_lines(case, target_rate), flush=True)
