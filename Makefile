@@ -7,6 +7,8 @@ VENV := .venv
 PYTHON ?=
 DEMO_ARGS ?=
 TEST_ARGS ?=
+# One more than cores: many tests wait, such as for nodes.
+WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
 # Seconds of each campaign.
 SECONDS_EACH ?= 30
 # More arguments for pip install; .ci/run uses it.
@@ -56,7 +58,7 @@ test: $(MADE)-test  ## the tests but the long statistical ones; TEST_ARGS="test/
 ifdef TEST_ARGS
 	$(VENV)/bin/python -m pytest $(TEST_ARGS)
 else
-	$(VENV)/bin/python -m pytest -n auto --dist worksteal
+	$(VENV)/bin/python -m pytest -n $(WORKERS) --dist worksteal
 endif
 
 # Branches too; processes that the tests start are measured as well, by coverage's own .pth file.
