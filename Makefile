@@ -8,7 +8,7 @@ PYTHON ?=
 DEMO_ARGS ?=
 TEST_ARGS ?=
 # One more than cores: many tests wait, such as for nodes.
-WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
+WORKERS ?= $(shell echo $$(($$(env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc) + 1)))
 # Seconds of each campaign.
 SECONDS_EACH ?= 30
 # More arguments for pip install; .ci/run uses it.
@@ -67,7 +67,7 @@ coverage: $(MADE)-test  ## lines and branches that the tests run; less than prom
 	rm -rf $(COVERAGE)
 	mkdir -p $(COVERAGE)
 	COVERAGE_FILE=$(COVERAGE)/data \
-	  $(VENV)/bin/python -m coverage run -m pytest -q -n auto --dist worksteal $(TEST_ARGS)
+	  $(VENV)/bin/python -m coverage run -m pytest -q -n $(WORKERS) --dist worksteal $(TEST_ARGS)
 	$(VENV)/bin/python -m coverage combine -q --data-file=$(COVERAGE)/data $(COVERAGE)
 	@for part in all core; do \
 	  omit=$$([ $$part = all ] || echo '--omit=tsepm_ros/nodes/*,tsepm_ros/demo/*'); \

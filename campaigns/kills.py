@@ -78,6 +78,7 @@ def _start(call: str, folder: Path, largest: int | None = None) -> subprocess.Po
         env={
             **os.environ,
             "PYTHONPATH": f"{campaign.ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+            "PYTHONDONTWRITEBYTECODE": "1",  # a compiled module that is cut would stay
         },
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

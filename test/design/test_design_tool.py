@@ -201,7 +201,6 @@ def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
 
 
 @pytest.mark.usefixtures("_little_clutter")
-@pytest.mark.usefixtures("_little_clutter")
 def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path):
     file = tmp_path / "sonar.yaml"
     given = ["-p", "sensor.clutter_density:=1.0e-7", "-p", "sensor.max_range:=5000.0"]
@@ -224,9 +223,18 @@ def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path)
         (["--speed", "50"], "speed"),
         (["--write", "/nowhere/at/all.yaml"], "write"),
         (["--speed", "10", "-p", "sensor.max_range:=500.0"], "coverage"),
+        (
+            [
+                "--speed",
+                "10",
+                *["--scans", "21", "--interval", "10", "-p", "sensor.max_range:=1020.0"],
+            ],
+            "coverage",
+        ),
     ],
 )
 def test_what_cannot_be_designed_is_refused_at_once(capsys, arguments, named):
+    """Of the last, some targets stay in the coverage, the first included."""
     assert main(["design", *arguments]) == 2
     written = capsys.readouterr()
     assert named in written.err

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tsepm_ros.environment import strength_levels
 from tsepm_ros.environment.strength_levels import RINGS, PlaceLevels, level_by_range, ping_level
 
 GAIN = math.log(100.0)
@@ -142,6 +143,26 @@ def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
     places.withdraw(cell, np.full(12, -4.0), np.ones(12), np.arange(12)[::-1])
     places.renew()
     assert abs(places.at(cell[:1])[0]) < 0.3
+
+
+@pytest.mark.parametrize("shape", [(7, 5), (1, 1), (5, 1), (2, 3)])
+def test_units_that_fade_change_nothing(monkeypatch, shape):
+    """With an update a unit, and with a unit for all."""
+    found = []
+    for least in (0.99, 0.0):
+        monkeypatch.setattr(strength_levels, "LEAST_UNIT", least)
+        rng, places = np.random.default_rng(4), PlaceLevels(shape, True)
+        for _ in range(120):
+            ring = rng.integers(shape[0] * RINGS, size=30)
+            at = places.places_of(ring, rng.integers(shape[1], size=30))
+            values = rng.normal(size=30) + 2.0 * (ring < 2 * shape[0])
+            places.update(at, values, np.ones(30), 4.0, 1.0)
+            places.withdraw(at[:5], values[:5], np.full(5, 0.5), np.zeros(5, np.int64))
+        places.renew()
+        ring = np.arange(shape[0] * RINGS)
+        found.append(places.at(places.places_of(ring, ring % shape[1])))
+    assert found[0].any()
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
 
 
 ROWS = 20

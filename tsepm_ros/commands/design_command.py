@@ -94,7 +94,7 @@ def run_design(options: argparse.Namespace) -> None:
     for question in questions(groups[SensorModel], groups[Mounting]):
         print(f"note: {question}", file=sys.stderr)
     case = _case(options, groups[SensorModel], groups[CommonOptions])
-    target_scenes(case, 1, options.seed)  # refuses targets that do not stay in the coverage
+    target_scenes(case, options.runs, options.seed)  # refuses targets that leave the coverage
     score, tsepm = groups[ScoreOptions], groups[TsepmOptions]
     target_rate = score.false_tracks_per_hour
     print(case_lines(case, target_rate), flush=True)

@@ -115,7 +115,7 @@ class ClutterStrengths:
         strength: FloatArray,
         scan: int,
         index: IntArray,
-        cells: Cells,
+        rings: Cells,
         position: FloatArray,
     ) -> Judged | None:
         """Exponents of a scan's detections, by the scans before it.
@@ -128,7 +128,7 @@ class ClutterStrengths:
             Its index.
         index : (d,) ndarray of int
             Index of each detection in the scan.
-        cells : Cells
+        rings : Cells
             Of the clutter map, its rows divided into `RINGS`.
         position : (d, 2) ndarray
             In the fixed frame, m.
@@ -149,7 +149,7 @@ class ClutterStrengths:
         raw = strength[row] if self._decibels else np.log(np.maximum(strength[row], 1e-30))
         one = np.empty(len(row), REFERENCE)
         one["key"] = keys_of(scan, index[row])
-        one["at"] = self._places.places_of(cells.row[row], cells.column[row])
+        one["at"] = self._places.places_of(rings.row[row], rings.column[row])
         place = self._places.at(one["at"])
         raw -= place
         level = self._level_with(raw)

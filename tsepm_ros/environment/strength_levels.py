@@ -34,13 +34,13 @@ PLACE_MEMORY = 50
 CELLS_TOGETHER = 2
 """Cells of a clutter map along a side of a cell here."""
 RINGS = 4
-"""Rings in a cell of a clutter map: at one of them a step with range is, not within a cell."""
+"""Rings in a cell of a clutter map; a step with range is placed between two rings."""
 RINGS_TOGETHER = CELLS_TOGETHER * RINGS
 """Rings in a cell here."""
 MIN_WINDOW_CELLS = 2
 """Cells along a side of the smallest window; each larger window is twice as wide."""
 LEAST_UNIT = 1e-6
-"""Of what the levels of places learned: then it is counted in units of 1 again."""
+"""Unit of the learned sums below which they are rescaled to a unit of 1, before they overflow."""
 MAX_TARGET_COUNT = 16.0
 """Detections in a window that may be of a target: at most this, or two and one a ping."""
 

@@ -27,7 +27,7 @@ INTENSITY = NAMES.index("intensity")
 def judge_strengths(
     strengths: ClutterStrengths | None,
     detections: NDArray[np.void],
-    cells: Cells,
+    rings: Cells,
     scan_index: int,
     most_hits: int,
 ) -> ScanStrengths | None:
@@ -40,8 +40,8 @@ def judge_strengths(
     strengths : ClutterStrengths or None
         None: they do not count.
     detections : (d,) ndarray of DETECTION
-    cells : Cells
-        See `ClutterStrengths.judge`.
+    rings : Cells
+        From `ScanClutter.rings`.
     scan_index : int
     most_hits : int
         Hits that a path may have.
@@ -57,7 +57,7 @@ def judge_strengths(
         detections["features"][:, INTENSITY],
         scan_index,
         detections["index"],
-        cells,
+        rings,
         detections["position"],
     )
     if judged is None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros.kinematics import kalman
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.discs import squared_distances
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
@@ -68,7 +68,8 @@ class GatedDetections:
     innovation : (q, 2) ndarray
         z - H x, m.
     likelihood : (q,) ndarray
-        N(z; H x, S), 1/m^2, times that of a range rate, s/m; 0 outside the gate.
+        N(z; H x, S), 1/m^2, times that of a range rate, s/m; 0 outside the gate. S is the track's,
+        or where `updated` is given the pair's own.
     time_after_scan : (3, n) ndarray
         Time after the scan's stamp of the tracks' nearest detections, s.
     innovation_covariance : (3, n, 2, 2) ndarray
@@ -76,8 +77,6 @@ class GatedDetections:
     updated : tuple of (q, 4) and (q, 4, 4) ndarray, or None
         State and covariance of each pair's track if the detection is its target's; None where no
         detection has a range rate: then the innovations suffice.
-    is_rated : (3,) ndarray of bool
-        Modes of which any pair has a range rate.
     """
 
     filter: Neighbours
@@ -88,7 +87,6 @@ class GatedDetections:
     time_after_scan: FloatArray
     innovation_covariance: FloatArray
     updated: tuple[FloatArray, FloatArray] | None
-    is_rated: BoolArray
 
     @property
     def of_filter(self) -> FloatArray:
@@ -112,9 +110,9 @@ def gate(
     """Pairs of tracks and detections, and how well they fit in each mode.
 
     Each detection is compared at its own time. One innovation covariance serves all detections of
-    a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,). Where range
-    rates are measured, each pair has its own: an update by its position must leave a proper
-    covariance, against which the range rate is compared.
+    a track, ``S = H P H' + R`` at the time and with the error of the nearest (n,). In a scan with
+    range rates each pair has its own: the update by its position must leave a proper covariance,
+    against which the range rate is compared.
 
     Parameters
     ----------
@@ -139,7 +137,6 @@ def gate(
             np.zeros(state.shape[:2]),
             covariance[..., 0::2, 0::2],
             None,
-            np.zeros(len(state), bool),
         )
     of_filter, of_fit = _neighbours(state, covariance, mean, stamp, detections)
     pairs = FILTER_MODES * [of_filter] + [of_fit]
@@ -153,17 +150,15 @@ def gate(
     )
     expected = kalman.position_after(state.reshape(-1, 4)[owner], pair_time)
     innovation = detections["position"][row] - expected
-    of_pairs = innovation_covariance.reshape(-1, 2, 2)[owner]
-    rated, updated, is_rated = range_rates.measured(detections), None, np.zeros(len(state), bool)
-    if not rated.any():
+    updated = None
+    if not range_rates.measured(detections).any():
+        of_pairs = innovation_covariance.reshape(-1, 2, 2)[owner]
         density = kalman.position_log_likelihood(innovation, of_pairs, GATE_PROBABILITY)
     else:
         states, covariances = state.reshape(-1, 4), covariance.reshape(-1, 4, 4)
         candidates = detections[row]
-        is_rated = np.array([rated[part.row].any() for part in pairs])
-        own = np.flatnonzero(is_rated[owner // n])
-        of_pairs[own] = kalman.position_covariance_after(covariances[owner[own]], pair_time[own])
-        of_pairs[own] += covariance_at(candidates[own], expected[own], sensor)
+        of_pairs = kalman.position_covariance_after(covariances[owner], pair_time)
+        of_pairs += covariance_at(candidates, expected, sensor)
         density = kalman.log_likelihood(
             states,
             covariances,
@@ -188,7 +183,6 @@ def gate(
         time_after_scan,
         innovation_covariance,
         updated,
-        is_rated,
     )
 
 

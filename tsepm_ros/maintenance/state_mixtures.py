@@ -37,17 +37,9 @@ def updated_states(
     state, covariance : (m, n, 4), (m, n, 4, 4) ndarray
     """
     if gated.updated is None:
-        mixed = _by_positions(state, covariance, gated, probability)
+        state, covariance = _by_positions(state, covariance, gated, probability)
     else:
-        mixed = _by_updates(state, covariance, gated.owner, gated.updated, probability)
-        if not gated.is_rated.all():
-            plain = _by_positions(state, covariance, gated, probability)
-            rated = gated.is_rated[:, None, None]
-            mixed = (
-                np.where(rated, mixed[0], plain[0]),
-                np.where(rated[..., None], mixed[1], plain[1]),
-            )
-    state, covariance = mixed
+        state, covariance = _by_updates(state, covariance, gated.owner, gated.updated, probability)
     # Rounding must not make it asymmetric, a part that would grow from scan to scan, or indefinite.
     return state, 0.5 * (covariance + np.swapaxes(covariance, -1, -2)) * _BEYOND_ROUNDING
 

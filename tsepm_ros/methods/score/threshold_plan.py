@@ -202,8 +202,8 @@ class _Targets:
     Attributes
     ----------
     detections : list of (n,) ndarray of DETECTION
-        As they would be measured in each scan. An array a scan: no block of memory is large, and
-        the plan, made while a node runs, leaves no gap behind that the allocator keeps.
+        As they would be measured in each scan. An array a scan: a single array of all scans, made
+        while a node runs, leaves a gap of 6 MB that the allocator keeps.
     detected : (n, window) ndarray of bool
     exponents : (n, window) ndarray or None
         Of the strengths of the detections.
