@@ -12,6 +12,7 @@ costs. The clutter density and P_D are learned, as by default.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
 import subprocess
@@ -24,6 +25,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 import numpy as np
 import rclpy
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
@@ -96,6 +98,12 @@ def megabytes(process: int) -> float:
     return int(re.findall(r"VmRSS:\s+(\d+)", status)[0]) / 1024.0
 
 
+def spin(node: Node) -> None:
+    """Spin until the context ends."""
+    with contextlib.suppress(ExternalShutdownException):
+        rclpy.spin(node)
+
+
 def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> dict[str, float]:
     """Drive a node; its load, memory and latencies after the settling time."""
     domain = os.getpid() % 100 + 1
@@ -116,7 +124,8 @@ def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> di
 
     pings = driver.create_publisher(PointCloud2, "detections", 10)
     driver.create_subscription(PointCloud2, "tracks", on_tracks, 10)
-    threading.Thread(target=rclpy.spin, args=(driver,), daemon=True).start()
+    spinning = threading.Thread(target=spin, args=(driver,))
+    spinning.start()
     try:
         while not pings.get_subscription_count():
             time.sleep(0.05)
@@ -138,6 +147,7 @@ def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> di
         process.terminate()
         process.wait()
         rclpy.try_shutdown()
+        spinning.join()
     arrived = [1e3 * latency[stamp] for stamp in list(sent)[settled:] if stamp in latency]
     median, high = np.percentile(arrived, [50, 99])
     figures = {"processor %": 100.0 * load, "memory MB": memory}
