@@ -14,17 +14,16 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import re
 import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 import numpy as np
 import rclpy
+from process_load import processor_seconds, resident_megabytes
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
@@ -35,7 +34,6 @@ MAX_RANGE, RANGE_STD, AZIMUTH_STD = 300.0, 0.3, 0.01
 DETECTION_PROBABILITY, MAX_SPEED = 0.9, 5.0
 SETTLING = 20.0
 """Time of pings until the tracks are held and the clutter is learned, s."""
-TICKS = os.sysconf("SC_CLK_TCK")
 NODES = {
     "track_initiator": "from tsepm_ros.nodes.track_initiator import main; main()",
     "bare node": """
@@ -86,18 +84,6 @@ class Swimmers:
         )
 
 
-def processor_seconds(process: int) -> float:
-    """Processor time of a process until now, s."""
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
-
-
-def megabytes(process: int) -> float:
-    """Resident memory of a process, MB."""
-    status = Path(f"/proc/{process}/status").read_text()
-    return int(re.findall(r"VmRSS:\s+(\d+)", status)[0]) / 1024.0
-
-
 def spin(node: Node) -> None:
     """Spin until the context ends."""
     with contextlib.suppress(ExternalShutdownException):
@@ -142,7 +128,7 @@ def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> di
             pings.publish(cloud)
         time.sleep(1.0)
         load = (processor_seconds(process.pid) - used) / seconds
-        memory = megabytes(process.pid)
+        memory = resident_megabytes(process.pid)
     finally:
         process.terminate()
         process.wait()

@@ -27,6 +27,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 import numpy as np
 import rclpy
 from nav_msgs.msg import Odometry
+from process_load import processor_seconds, resident_megabytes
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
@@ -47,7 +48,6 @@ from tsepm_ros.own_ship.pose_sample import PoseSample
 
 SETTLING = 5.0
 PATIENCE = 60.0
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def tracks_at(stamp: float, number: int) -> list[ConfirmedTrack]:
@@ -134,18 +134,6 @@ async def watch(url: str, browsers: int, seconds: float) -> list[tuple[int, floa
     for task in tasks:
         task.cancel()
     return received
-
-
-def processor_seconds(pid: int) -> float:
-    """Processor time of a process so far, s."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
-
-
-def resident_megabytes(pid: int) -> float:
-    """Resident memory of a process, MB."""
-    found = re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())
-    return int(found[1]) / 1024 if found else float("nan")
 
 
 def measure(options: argparse.Namespace, viewer: subprocess.Popen, log: Path) -> None:

@@ -224,11 +224,7 @@ def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path)
         (["--write", "/nowhere/at/all.yaml"], "write"),
         (["--speed", "10", "-p", "sensor.max_range:=500.0"], "coverage"),
         (
-            [
-                "--speed",
-                "10",
-                *["--scans", "21", "--interval", "10", "-p", "sensor.max_range:=1020.0"],
-            ],
+            ["--speed", "10", "--scans", "21", "--interval", "10", "-p", "sensor.max_range:=1020."],
             "coverage",
         ),
     ],
