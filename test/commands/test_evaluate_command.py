@@ -1,0 +1,61 @@
+"""The command `tsepm evaluate`."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from tsepm_ros.analysis.result_files import read_result
+from tsepm_ros.commands.cli import main
+
+
+def evaluated(tmp_path, *arguments):
+    small = ["--method", "score", "--runs", "3", "--scans", "8", "--workers", "1"]
+    assert main(["evaluate", *small, "--out", str(tmp_path), *arguments]) == 0
+
+
+def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_path):
+    path = tmp_path / "deep" / "figures.json"
+    changed = ("--seed", "3", "-p", "false_tracks_per_hour:=300.0")
+    evaluated(tmp_path, "--horizon", "6", *changed, "--result", str(path))
+    out = capsys.readouterr().out
+    assert "scenario box, 6 scans, 3 runs, seed 3" in out
+    assert "scenario box, 8 scans, 3 runs, seed 3" in out
+    text = (tmp_path / "evaluation.md").read_text()
+    for part in ("tsepm evaluate --method score", "3 runs", "seed 3", "Scenario box", "95 %"):
+        assert part in text
+    assert "false_tracks_per_hour:=300.0" in text
+    result = read_result(path)
+    assert (result.seed, result.runs) == (3, 3)
+    assert result.parameters == {"false_tracks_per_hour": 300.0}
+    assert result.command.startswith("tsepm evaluate --method score --runs 3 --scans 8 --horizon 6")
+    assert not any(name in result.command for name in ("result", "out", "workers"))
+    assert [row[:2] for row in result.rows] == [["box", "6"], ["box", "8"]]
+    assert {len(row) for row in result.rows} == {len(result.header)}
+    assert [row["scans"] for row in result.measures] == [6, 8]
+    assert all(row["options"] == result.parameters for row in result.measures)
+    path.write_text('{"seed": 1}')
+    with pytest.raises(ValueError, match="not a result file"):
+        read_result(path)
+
+
+def test_an_evaluation_draws_three_pictures_of_each_scene(tmp_path):
+    pytest.importorskip("matplotlib")
+    evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
+    pictures = ["box_nees.png", "box_operating_curve.png", "box_time_to_confirm.png"]
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == pictures
+
+
+def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tsepm_ros.pictures.operating_curve_picture", None)
+    evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
+    assert "no pictures: they need matplotlib" in capsys.readouterr().out
+    assert (tmp_path / "evaluation.csv").exists()
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_the_scene_of_an_evaluation_can_be_changed(tmp_path):
+    one_point = ("-p", "false_tracks_per_hour:=300.0")
+    evaluated(tmp_path, "--scene", "sensor.clutter_density:=2.0e-6", *one_point)
+    assert "clutter 2e-06 /m^2" in (tmp_path / "evaluation.md").read_text()

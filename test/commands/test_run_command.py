@@ -1,0 +1,266 @@
+"""The command `tsepm run`: recordings, scenarios and bags."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tsepm_ros.commands.cli import main
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_recording_gives_tracks_as_csv(capsys, recording):
+    assert main(["run", recording]) == 0
+    captured = capsys.readouterr()
+    (row,) = csv.DictReader(io.StringIO(captured.out))
+    assert float(row["stamp"]) == 24.0
+    assert float(row["state_vx"]) == pytest.approx(5.0, rel=1e-3)
+    assert float(row["state_y"]) == pytest.approx(3000.0, rel=1e-3)
+    assert "3 hits in 3 pings" in row["reason"] and "threshold" in row["reason"]
+    assert captured.err == ""
+
+
+def test_what_a_recording_loses_is_said(capsys, recording, tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text(path.read_text() + "\n90.0,-1.0,0.0\n")
+    assert main(["run", recording]) == 0
+    assert "dropped: 1 range_not_positive" in capsys.readouterr().err
+
+
+def test_what_was_only_noticed_is_said_too(capsys, recording, tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text(path.read_text() + "\n9000.0,3000.0,0.0\n")
+    assert main(["run", recording]) == 0
+    assert "note: long gap before 9000.000 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", ["rosbag2: [\n", "a: 'b\n\nc\n" * 200], ids=["list", "long"])
+def test_an_error_of_many_lines_is_said_in_one(capsys, tmp_path, content):
+    pytest.importorskip("rosbags")
+    (tmp_path / "metadata.yaml").write_text(content)
+    assert main(["run", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("refused: the bag ") and "metadata.yaml" in line
+    assert len(line) < 900
+
+
+def test_a_run_that_drops_every_scan_fails_with_the_remedy(capsys, recording, tmp_path):
+    (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n500.0,0.0,0.0\n600.0,0.0,0.0\n")
+    assert main(["run", recording]) == 1
+    error = capsys.readouterr().err
+    assert "dropped: 8 own_ship_stale" in error
+    last = error.splitlines()[-1]
+    assert last.startswith("failed: every scan was dropped, 8 as own_ship_stale")
+    assert "Compare the clocks of sonar and navigation" in last
+
+
+def test_a_run_that_drops_one_scan_of_many_does_not_fail(capsys, recording, tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text("scan," + path.read_text().replace("\n", "\n0,", 1))
+    rows = (path.read_text().splitlines())[1:]
+    lines = [f"{number},{row.removeprefix('0,')}" for number, row in enumerate(rows)]
+    path.write_text("\n".join(["scan,time_s,range_m,azimuth_rad", *lines, "9,84.0,3000.0,0.5"]))
+    assert main(["run", recording]) == 0
+    assert "dropped: 1 scan_same_stamp" in capsys.readouterr().err
+
+
+def test_a_terminal_gets_a_table_and_a_pipe_csv(capsys, recording, monkeypatch):
+    assert main(["run", recording]) == 0
+    (row,) = csv.DictReader(io.StringIO(capsys.readouterr().out))
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    assert main(["run", recording]) == 0
+    heading, line = terminal.getvalue().splitlines()
+    assert " ".join(heading.split()) == "time [s] id x [m] y [m] speed [m/s] course [deg] reason"
+    values = line.split()
+    assert values[:2] == ["24.000", row["track_id"]]
+    assert [float(value) for value in values[2:5]] == pytest.approx(
+        [float(row["state_x"]), float(row["state_y"]), 5.0], abs=0.06
+    )
+    assert line.endswith(row["reason"])
+
+
+def test_held_tracks_are_written_scan_by_scan(recording, tmp_path):
+    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
+    with (tmp_path / "out" / "current.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["stamp"]) for row in rows] == [24.0 + 12.0 * k for k in range(6)]
+    assert len({row["track_id"] for row in rows}) == 1
+    for row in rows:
+        assert float(row["state_x"]) == pytest.approx(5.0 * float(row["stamp"]), abs=1.0)
+        assert float(row["cov_00"]) > 0.0
+    assert "reason" not in rows[0]
+
+
+def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
+    rows = [f"{12.0 * k},{1000.0 + 100 * n},{10.0 * n - 45.0}" for k in range(8) for n in range(10)]
+    (tmp_path / "detections.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
+    assert main(["run", str(tmp_path), "-p", "sensor.azimuth_std:=0.5"]) == 0
+    error = capsys.readouterr().err
+    assert error.count("are they in degrees?") == 1
+    assert "note: sensor.azimuth_std is 0.5 rad, which is 29 degrees" in error
+
+
+def test_stamps_beyond_ros_times_are_one_sentence_and_leave_no_file(capsys, recording, tmp_path):
+    pytest.importorskip("rosbags")
+    path = tmp_path / "detections.csv"
+    rows = path.read_text().splitlines()
+    shifted = [f"{1.7e12 + 12 * k},{row.partition(',')[2]}" for k, row in enumerate(rows[1:])]
+    path.write_text("\n".join([rows[0], *shifted]))
+    out = tmp_path / "out"
+    assert main(["run", recording, "--out", str(out)]) == 2
+    [sentence] = capsys.readouterr().err.splitlines()
+    assert "32-bit seconds" in sentence and "milliseconds" in sentence
+    assert list(out.iterdir()) == []
+    assert main(["run", recording]) == 0, "CSV has no such limit"
+
+
+def test_a_run_that_is_killed_leaves_no_half_file_and_the_next_cleans_up(scenario, tmp_path):
+    pytest.importorskip("rosbags")
+    out = tmp_path / "out"
+    script = (
+        "import os, signal, sys\n"
+        "from tsepm_ros.commands.cli import main\n"
+        "from tsepm_ros.session.session import Session\n"
+        "before = Session.process\n"
+        "def process(self, *args, **options):\n"
+        "    for number, result in enumerate(before(self, *args, **options)):\n"
+        "        if result.scan.stamp > 50: os.kill(os.getpid(), signal.{0})\n"
+        "        yield result\n"
+        "Session.process = process\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    arguments = ["run", scenario, "--out", str(out)]
+    for number, code, left in ((signal.SIGKILL, -9, 3), (signal.SIGTERM, 143, 0)):
+        command = [sys.executable, "-c", script.format(number.name), *arguments]
+        assert subprocess.run(command, capture_output=True).returncode == code
+        assert not [name for name in os.listdir(out) if not name.startswith(".")]
+        assert len(os.listdir(out)) == left
+    assert main(arguments) == 0
+    names = sorted(os.listdir(out))
+    assert [name for name in names if name != "picture.png"] == [
+        "current.csv",
+        "tracks.csv",
+        "tracks.mcap",
+    ]
+
+
+def test_a_scenario_is_simulated_with_its_own_sensor_and_a_seed(capsys, scenario):
+    outs = []
+    for seed in ("1", "1", "2"):
+        assert main(["run", scenario, "--seed", seed]) == 0
+        outs.append(capsys.readouterr().out)
+    assert outs[0] == outs[1] != outs[2]
+    row = next(csv.DictReader(io.StringIO(outs[0])))
+    # With the default sensor (1.5 %, 1 degree) it would be 25 m and more.
+    assert np.sqrt(float(row["cov_00"])) < 15.0
+    time = float(row["stamp"])
+    assert float(row["state_x"]) == pytest.approx(1500.0 + 4.0 * time, abs=40.0)
+
+
+def test_a_folder_gets_tracks_and_what_the_run_gave_is_said(capsys, recording, tmp_path):
+    assert main(["run", recording]) == 0
+    expected = capsys.readouterr().out
+    out = tmp_path / "deep" / "out"
+    assert main(["run", recording, "--out", str(out)]) == 0
+    assert (out / "tracks.csv").read_text() == expected
+    assert "8 scans, 1 confirmed tracks; 84.0 s in" in capsys.readouterr().out
+
+
+def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, tmp_path):
+    pytest.importorskip("rosbags")
+    for folder in ("one", "other"):
+        assert main(["run", recording, "--out", str(tmp_path / folder)]) == 0
+    data = (tmp_path / "one" / "tracks.mcap").read_bytes()
+    assert (tmp_path / "other" / "tracks.mcap").read_bytes() == data
+    assert b"relative_file_paths" in data
+    assert b".part" not in data
+    assert not list((tmp_path / "one").glob(".*"))
+
+
+def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
+    pytest.importorskip("rosbags")
+    from msg_adapters import read_track_cloud, time_to_ns
+    from tsepm_ros.replay.bag import Bag
+
+    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
+    with Bag(tmp_path / "out" / "tracks.mcap") as bag:
+        heard = {
+            topic: [bag.read(message) for message in bag.messages([topic])] for topic in bag.topics
+        }
+    assert set(heard) == {"/tracks", "/tracks/current", "/fixed_echoes"}
+    for clouds in heard.values():
+        stamps = [time_to_ns(cloud.header.stamp) for cloud in clouds]
+        assert stamps == [12 * 10**9 * k for k in range(8)]
+    assert [cloud.width for cloud in heard["/tracks"]] == [0, 0, 1, 0, 0, 0, 0, 0]
+    assert [cloud.width for cloud in heard["/tracks/current"]] == [0, 0, 1, 1, 1, 1, 1, 1]
+    assert [cloud.width for cloud in heard["/fixed_echoes"]] == [0] * 8
+    with (tmp_path / "out" / "tracks.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    (point,) = read_track_cloud(heard["/tracks"][2])
+    for name in (
+        *("state_x", "state_vy", "cov_01", "score", "age", "hit_count"),
+        *("stationary_probability", "signal_to_clutter_db", "revision"),
+    ):
+        np.testing.assert_array_equal(float(row[name]), point[name])
+    assert not list(tmp_path.glob("out/tmp*"))
+
+
+def test_without_rosbags_there_is_no_mcap_and_a_sentence(capsys, recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
+    assert "no tracks.mcap: it needs rosbags" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "tracks.mcap").exists()
+    assert (tmp_path / "out" / "tracks.csv").exists()
+
+
+def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
+    bag_files = pytest.importorskip("support.bag_files")
+    entries = bag_files.simulated(namespace="/a") + bag_files.simulated(namespace="/b", seed=9)
+    path = str(bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time)))
+    given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
+    assert main(["run", path, *given]) == 2
+    error = capsys.readouterr().err
+    assert "several topics for detections: /a/detections, /b/detections" in error
+    assert "--detections" in error
+    outs = []
+    for name in ("a", "b"):
+        topics = ["--detections", f"/{name}/detections", "--odometry", f"{name}/own_ship/odometry"]
+        assert main(["run", path, *topics, *given]) == 0
+        outs.append(capsys.readouterr().out)
+    assert outs[0] != outs[1]
+    assert len(outs[0].splitlines()) > 2
+
+
+def test_a_bag_with_poses_in_tf_alone_is_refused_unless_the_sensor_stands_still(capsys, tmp_path):
+    """Tracks of a moving sensor that counts as fixed would all be wrong, without a word."""
+    bag_files = pytest.importorskip("support.bag_files")
+    entries = [entry for entry in bag_files.simulated() if entry.type_name == bag_files.POINTS]
+    tf = "tf2_msgs/msg/TFMessage"
+    message = bag_files.STORE.types[tf](transforms=[])
+    given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
+    static = bag_files.Entry(1000.0, "/tf_static", tf, message)
+    path = str(bag_files.write_bag(tmp_path / "fixed", [static, *entries]))
+    assert main(["run", path, *given]) == 0
+    moving = bag_files.Entry(1000.0, "/boat/tf", tf, message)
+    path = str(bag_files.write_bag(tmp_path / "moving", [moving, static, *entries]))
+    capsys.readouterr()
+    assert main(["run", path, *given]) == 2
+    [sentence] = capsys.readouterr().err.splitlines()
+    assert "no odometry, but transforms on /boat/tf" in sentence
+    assert "own_ship_source:=none" in sentence
+    assert main(["run", path, *given, "-p", "own_ship_source:=none"]) == 0
+    both = [moving, *bag_files.simulated()]
+    path = str(bag_files.write_bag(tmp_path / "both", sorted(both, key=lambda e: e.time)))
+    assert main(["run", path, *given]) == 0
