@@ -40,7 +40,7 @@ from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.sensing.sensor import SensorModel
 
-OUTER = (12.0, 24.0, 48.0, 96.0)
+OUTER = np.array([12.0, 24.0, 48.0, 96.0])
 """Half widths of the larger boxes, m: far below the scale on which clutter changes."""
 STREAKS = ((0, 0), (0, 1), (0, 3), (1, 3))
 """Of each kind of streak the place in `CLOSE`, and the pings in a row, the last before, in which
@@ -49,6 +49,8 @@ STEP = 10.0
 """Reach of a target within a ping, m, where none is given."""
 BOX_POINTS = 4
 """Points along each side of a larger box that tell what of it clutter is seen in."""
+_BOX = np.stack(np.meshgrid(*2 * [2.0 * (np.arange(BOX_POINTS) + 0.5) / BOX_POINTS - 1.0]))
+"""Places of these points along and across the box, in half widths."""
 EXTENTS = (1.0, 2.0, 4.0, 8.0)
 """Half widths of the smaller boxes, m."""
 HULLS = ((16.0, 16.0), (32.0, 8.0), (8.0, 32.0), (32.0, 32.0))
@@ -164,41 +166,28 @@ class DetectionSpacing:
             return
         rows = self._drawn(azimuth)
         range, azimuth = range[rows], azimuth[rows]
-        eligible = [streak[kind][rows] >= least for kind, least in STREAKS]
-        pairs = _pairs(range, azimuth)
+        eligible = np.stack([streak[kind][rows] >= least for kind, least in STREAKS])
         area = self._sensor.coverage_area if seen is None else seen.area
-        for place, outer in enumerate(OUTER):
-            near = pairs.within(2.0 * outer)
-            if not len(near.later):
-                continue
-            larger: FloatArray | None = None
-            for row, chosen in enumerate(eligible):
-                number = int(np.count_nonzero(chosen))
-                if not number or number * (2.0 * outer) ** 2 > CROWDED * area:
-                    continue
-                falls = _falls(near, chosen, outer)
-                if not len(falls.place):
-                    continue
-                if larger is None:
-                    larger = self._seen_area(range, azimuth, outer, near.earlier, seen)
-                self._log[place, row] += self._increments(range, azimuth, falls, outer, larger)
+        falls = _falls(_pairs(range, azimuth), eligible, area)
+        if len(falls.earlier):
+            larger = self._seen_area(range, azimuth, falls, seen)
+            increments = self._increments(range, azimuth, falls, larger)
+            first = np.flatnonzero(np.diff(falls.test, prepend=-1))
+            tests = self._log.reshape(-1, *self._log.shape[2:])
+            tests[falls.test[first]] += np.add.reduceat(increments, first)
 
     def _seen_area(
-        self,
-        range: FloatArray,
-        azimuth: FloatArray,
-        half: float,
-        rows: IntArray,
-        seen: Region | None,
+        self, range: FloatArray, azimuth: FloatArray, falls: _Falls, seen: Region | None
     ) -> FloatArray:
-        """Area of the boxes of a half width around some rows, as far as seen, (n,), m^2."""
-        area = np.zeros(len(range))
-        used = np.zeros(len(range), bool)
-        used[rows] = True
-        range, azimuth = range[used], azimuth[used]
-        boxes = self._area(range, azimuth, np.array(half), np.array(half))
-        area[used] = boxes if seen is None else boxes * _seen_share(seen, range, azimuth, half)
-        return area
+        """Area of the larger box of each fall, as far as seen, (f,), m^2."""
+        size = falls.test // len(STREAKS)
+        boxes, box = np.unique(size * len(range) + falls.earlier, return_inverse=True)
+        size, row = np.divmod(boxes, len(range))
+        range, azimuth, half = range[row], azimuth[row], OUTER[size]
+        area = self._area(range, azimuth, half, half)
+        if seen is not None:
+            area *= _seen_share(seen, range, azimuth, half)
+        return area[box]
 
     def _drawn(self, azimuth: FloatArray) -> IntArray:
         """Detections in random order, of many only those of a wedge.
@@ -213,28 +202,22 @@ class DetectionSpacing:
         return rng.permutation(wedge)
 
     def _increments(
-        self,
-        range: FloatArray,
-        azimuth: FloatArray,
-        falls: _Falls,
-        outer: float,
-        larger: FloatArray,
+        self, range: FloatArray, azimuth: FloatArray, falls: _Falls, larger: FloatArray
     ) -> FloatArray:
-        """Logarithms of L for the larger boxes of a half width and areas (n,), by extent and q."""
-        _, earlier, along, across, crowd = falls
+        """Logarithm of L of each fall into a box of an area (f,), by extent and q, (f, e, q)."""
+        earlier, outer = falls.earlier, OUTER[falls.test // len(STREAKS)][:, None]
         centre, angle = range[earlier][:, None], azimuth[earlier][:, None]
-        left = (larger[earlier] - crowd)[:, None]
+        left = (larger - falls.crowd)[:, None]
         widest = np.minimum(centre * self._beam, self._widest)
         reach, reach_across = self._along, self._across + widest
         inner = self._area(centre, angle, reach, reach_across)
         odds = MARGIN * inner / np.maximum(left - inner, LEAST_ODDS * outer**2)
-        hit = (along[:, None] <= reach) & (across[:, None] <= reach_across)
+        hit = (falls.along[:, None] <= reach) & (falls.across[:, None] <= reach_across)
         used = (reach < outer) & (reach_across < outer) & (odds < LARGEST_ODDS)
         # q / p1 and (1 - q) / (1 - p1) of odds that are `INSIDE` times as large.
         beside = (1.0 + odds[..., None]) / (1.0 + INSIDE * odds[..., None])
         ratio = np.where(hit[..., None], INSIDE * beside, beside)
-        increments: FloatArray = np.log(np.where(used[..., None], ratio, 1.0)).sum(axis=0)
-        return increments
+        return np.asarray(np.log(np.where(used[..., None], ratio, 1.0)))
 
     def _area(
         self, range: FloatArray, azimuth: FloatArray, along: FloatArray, across: FloatArray
@@ -263,20 +246,23 @@ class _Pairs(NamedTuple):
     along: FloatArray
     across: FloatArray
 
-    def within(self, limit: float) -> _Pairs:
-        """Those nearer than a limit on both axes."""
-        near = (self.along < limit) & (self.across < limit)
-        return _Pairs(self.earlier[near], self.later[near], self.along[near], self.across[near])
-
 
 class _Falls(NamedTuple):
-    """Detections that fall into the larger box of an earlier one, and the earliest such.
+    """Detections that fall into the larger box of an earlier one, and the earliest such, (f,) each.
 
-    How far they are apart along and across the line of sight (m), and what of the earlier one's
-    box is left out as that of yet earlier ones (m^2).
+    Attributes
+    ----------
+    test : ndarray of int
+        Place in `OUTER` times the number of `STREAKS`, and place in these; ascending.
+    earlier : ndarray of int
+        The earlier detection.
+    along, across : ndarray
+        How far they are apart along and across the line of sight, m.
+    crowd : ndarray
+        What of the earlier one's box is left out as that of yet earlier ones, m^2.
     """
 
-    place: IntArray
+    test: IntArray
     earlier: IntArray
     along: FloatArray
     across: FloatArray
@@ -285,33 +271,43 @@ class _Falls(NamedTuple):
 
 def _pairs(range: FloatArray, azimuth: FloatArray) -> _Pairs:
     places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
-    earlier, later = pairs_nearer(places, 2.0 * math.sqrt(2.0) * max(OUTER))
+    earlier, later = pairs_nearer(places, 2.0 * math.sqrt(2.0) * OUTER.max())
     along = np.abs(range[earlier] - range[later])
     middle = 0.5 * (range[earlier] + range[later])
     across = middle * np.abs(wrap(azimuth[earlier] - azimuth[later]))
     return _Pairs(earlier, later, along, across)
 
 
-def _falls(pairs: _Pairs, eligible: BoolArray, outer: float) -> _Falls:
-    """Falls into the boxes of the eligible detections (n,), of a half width (m)."""
-    kept = eligible[pairs.earlier]
-    earlier, place = pairs.earlier[kept], pairs.later[kept]
-    along, across = pairs.along[kept], pairs.across[kept]
-    both = eligible[place]
-    shared = np.maximum(2.0 * outer - along, 0.0) * np.maximum(2.0 * outer - across, 0.0)
-    crowd = np.asarray(np.bincount(place[both], shared[both], minlength=len(eligible)), float)
-    inside = np.flatnonzero((along <= outer) & (across <= outer))
+def _falls(pairs: _Pairs, eligible: BoolArray, area: float) -> _Falls:
+    """Falls into the boxes of the detections that are eligible by each kind of streak, (s, n).
+
+    Of tests whose boxes are not too many for the area (m^2) where clutter is seen.
+    """
+    number, n = eligible.sum(axis=1), eligible.shape[1]
+    possible = (number > 0) & (number * (2.0 * OUTER[:, None]) ** 2 <= CROWDED * area)
+    size, kind = possible.nonzero()
+    width = 2.0 * OUTER[size][:, None]
+    near = (pairs.along < width) & (pairs.across < width) & eligible[kind][:, pairs.earlier]
+    tried, pair = near.nonzero()
+    along, across, half = pairs.along[pair], pairs.across[pair], OUTER[size[tried]]
+    earlier, later = pairs.earlier[pair], pairs.later[pair]
+    both = eligible[kind[tried], later]
+    shared = (2.0 * half - along) * (2.0 * half - across)
+    place = tried * n + later
+    crowd = np.asarray(np.bincount(place[both], shared[both], minlength=len(size) * n), float)
+    inside = np.flatnonzero((along <= half) & (across <= half))
     inside = inside[np.lexsort((earlier[inside], place[inside]))]
-    place, first = np.unique(place[inside], return_index=True)
-    inside = inside[first]
-    earlier = earlier[inside]
-    return _Falls(place, earlier, along[inside], across[inside], crowd[earlier])
+    inside = inside[np.unique(place[inside], return_index=True)[1]]
+    tried, earlier = tried[inside], earlier[inside]
+    test = (size * len(STREAKS) + kind)[tried]
+    return _Falls(test, earlier, along[inside], across[inside], crowd[tried * n + earlier])
 
 
-def _seen_share(seen: Region, range: FloatArray, azimuth: FloatArray, half: float) -> FloatArray:
-    """Share of boxes around places (n,) in which clutter is seen, (n,)."""
+def _seen_share(
+    seen: Region, range: FloatArray, azimuth: FloatArray, half: FloatArray
+) -> FloatArray:
+    """Share of boxes of half widths (m) around places in which clutter is seen, (n,) each."""
+    along, across = _BOX.reshape(2, 1, -1) * half[:, None]
     range, azimuth = range[:, None], azimuth[:, None]
-    steps = half * (2.0 * (np.arange(BOX_POINTS) + 0.5) / BOX_POINTS - 1.0)
-    along, across = (part.ravel() for part in np.meshgrid(steps, steps))
     inside = seen.contains(np.maximum(range + along, 0.0), azimuth + across / range)
     return np.asarray(inside.mean(axis=1))

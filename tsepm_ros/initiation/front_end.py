@@ -199,7 +199,7 @@ class FrontEnd:
         interval = self._count_in(scan)
         detections = self._detections(scan)
         strengths = learning.judge_strengths(
-            self._clutter.strengths, detections, self._clutter.rings, self.scan_index, self._window
+            self._clutter, detections, self.scan_index, self._window
         )
         in_zone, environment = self._zones(detections)
         clutter_sensor, of_rates = self._clutter_rates(detections)
@@ -207,9 +207,7 @@ class FrontEnd:
         held_density, held_association = self._carry_held(scan, detections, before, environment)
         self._learn_from_held(detections, held_density < before)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
-        learning.learn_strengths(
-            self._clutter.strengths, detections, self._clutter.weight, self._reach
-        )
+        learning.learn_strengths(self._clutter, detections, self._reach)
         self._hits.append(self.scan_index, detections, self._window)
         return Observation(
             stamp=scan.stamp,

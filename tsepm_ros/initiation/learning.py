@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment import strength_texture
-from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.measurement_errors import MeasurementErrors
-from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.environment.target_strength import ScanStrengths
+from tsepm_ros.initiation.scan_clutter import ScanClutter
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import measured_polar
 from tsepm_ros.sensing.coverage import EchoPoses
 from tsepm_ros.sensing.plot_features import NAMES
@@ -25,9 +23,8 @@ INTENSITY = NAMES.index("intensity")
 
 
 def judge_strengths(
-    strengths: ClutterStrengths | None,
+    clutter: ScanClutter,
     detections: NDArray[np.void],
-    rings: Cells,
     scan_index: int,
     most_hits: int,
 ) -> ScanStrengths | None:
@@ -37,11 +34,9 @@ def judge_strengths(
 
     Parameters
     ----------
-    strengths : ClutterStrengths or None
-        None: they do not count.
+    clutter : ScanClutter
+        Without `strengths` these do not count.
     detections : (d,) ndarray of DETECTION
-    rings : Cells
-        From `ScanClutter.rings`.
     scan_index : int
     most_hits : int
         Hits that a path may have.
@@ -51,13 +46,13 @@ def judge_strengths(
     ScanStrengths or None
         None where they say nothing.
     """
-    if strengths is None:
+    if clutter.strengths is None:
         return None
-    judged = strengths.judge(
+    judged = clutter.strengths.judge(
         detections["features"][:, INTENSITY],
         scan_index,
         detections["index"],
-        rings,
+        clutter.rings,
         detections["position"],
     )
     if judged is None:
@@ -66,30 +61,24 @@ def judge_strengths(
     return ScanStrengths.of(judged.exponent, judged.samples, most_hits)
 
 
-def learn_strengths(
-    strengths: ClutterStrengths | None,
-    detections: NDArray[np.void],
-    weight: FloatArray,
-    moved: float,
-) -> None:
+def learn_strengths(clutter: ScanClutter, detections: NDArray[np.void], moved: float) -> None:
     """Learn the law of the strengths of clutter from the scan that was judged.
 
     Parameters
     ----------
-    strengths : ClutterStrengths or None
+    clutter : ScanClutter
+        With the `weight` of each detection.
     detections : (d,) ndarray of DETECTION
-    weight : (d,) ndarray
-        Probability that each is of clutter.
     moved : float
         Distance that a target moves at most from scan to scan, m.
     """
-    if strengths is None:
+    if clutter.strengths is None:
         return
     sigma, error = np.sort(detections["major_sigma"]), 0.0
     if len(sigma):  # three times the median
         error = 1.5 * float(sigma[(len(sigma) - 1) // 2] + sigma[len(sigma) // 2])
     reach = moved * np.arange(strength_texture.LAGS + 1.0) + math.sqrt(2.0) * error
-    strengths.update(weight, (strength_texture.LAGS + 1.0) * moved + error, reach)
+    clutter.strengths.update(clutter.weight, (strength_texture.LAGS + 1.0) * moved + error, reach)
 
 
 def learn_errors(

@@ -148,17 +148,16 @@ def gate(
     innovation_covariance += covariance_at(
         nearest, kalman.position_after(state, time_after_scan), sensor
     )
-    expected = kalman.position_after(state.reshape(-1, 4)[owner], pair_time)
-    innovation = detections["position"][row] - expected
-    updated = None
+    states, covariances = state.reshape(-1, 4), covariance.reshape(-1, 4, 4)
+    candidates, updated = detections[row], None
     if not range_rates.measured(detections).any():
+        innovation = candidates["position"] - kalman.position_after(states[owner], pair_time)
         of_pairs = innovation_covariance.reshape(-1, 2, 2)[owner]
         density = kalman.position_log_likelihood(innovation, of_pairs, GATE_PROBABILITY)
     else:
-        states, covariances = state.reshape(-1, 4), covariance.reshape(-1, 4, 4)
-        candidates = detections[row]
-        of_pairs = kalman.position_covariance_after(covariances[owner], pair_time)
-        of_pairs += covariance_at(candidates, expected, sensor)
+        innovation, of_pairs = kalman.innovations(
+            states[owner], covariances[owner], pair_time, candidates, sensor
+        )
         density = kalman.log_likelihood(
             states,
             covariances,
