@@ -58,7 +58,8 @@ def split(seed: int, time_limit: TimeLimit | None = None, **limits: int) -> tupl
     predicted = tree.predict(before, observed.interval, 0.001)
     probability = observed.detection_probability(predicted.state[:, 0::2])
     limits = {"max_children": 10**6, **limits}
-    return tree.split(predicted, probability, observed, ids, SONAR, ScoreOptions(), **limits)
+    parts, cut = tree.split(predicted, probability, observed, ids, SONAR, ScoreOptions(), **limits)
+    return Hypotheses.joined(*parts), cut
 
 
 @pytest.mark.parametrize("seconds", [math.inf, 1e6], ids=["no limit", "a limit not reached"])

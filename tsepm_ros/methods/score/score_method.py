@@ -53,13 +53,12 @@ from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import NO_TRACKS, ConfirmedTrack, TrackArrays
-from tsepm_ros.methods.score import fading, path_strength, speed_prior, starts, tree
+from tsepm_ros.methods.score import path_strength, speed_prior, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.revisions import doubtful, revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
 from tsepm_ros.methods.score.threshold import Threshold
-from tsepm_ros.methods.score.tree import Grown
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.sensing.sensor import SensorModel
@@ -126,21 +125,15 @@ class Score(Method):
         """
         options, limit = self.options, self.common.max_potential_tracks
         ids = self._take(observed)
-        predicted = tree.predict(self.hypotheses, observed.interval, options.process_noise)
-        detection_probability = observed.detection_probability(predicted.state[:, 0::2])
-        detection_probability = detection_probability * fading.visible_share(predicted.faded)
-        children, cut = tree.split(
-            predicted,
-            detection_probability,
+        grown, cut = tree.grow(
+            self.hypotheses,
             observed,
             ids,
             self.sensor,
             options,
+            max_speed=self.common.max_speed,
             max_children=limit,
         )
-        started = tree.start(observed, ids, self.common.max_speed, options.window)
-        missed = tree.miss(predicted, detection_probability, options.gate_probability)
-        grown = Grown(Hypotheses.joined(children, started), missed, ids)
         attainable = starts.attainable(grown, self.detections)
         wrong = doubtful(grown, observed, self.detections, self.common.max_speed)
         for _, row, *_ in wrong:
@@ -174,8 +167,8 @@ class Score(Method):
         confirmed = [*revised.new, *(start for _, start in revised.replaced)]
         corrected = [start for _, start in revised.corrected]
         tracks = self._confirmed(observed, confirmed, threshold)
-        everything = starts.given_starts(grown.joined(), [*confirmed, *corrected])
-        kept = tree.prune(everything, observed.scan_index, options)
+        after = starts.grown_given_starts(grown, [*confirmed, *corrected])
+        kept = tree.prune(after, observed.scan_index, options)
         self.hypotheses = tree.strongest(kept, limit)
         target_hits = None
         if observed.strengths is not None:
@@ -185,8 +178,8 @@ class Score(Method):
             scans=1,
             detections=len(observed.detections),
             potential_tracks=len(self.hypotheses),
-            started=len(started),
-            terminated=len(everything) - len(kept),
+            started=len(ids),
+            terminated=grown.number - len(kept),
             confirmed=len(tracks),
             cut_potential_tracks=cut + len(kept) - len(self.hypotheses),
         )

@@ -197,10 +197,11 @@ class SummedEvidence:
             if start is None:
                 members = given_starts(members, starts).scored_given_held()
                 if np.logaddexp.reduce(members.score) >= threshold + SECOND_TARGET_MARGIN:
+                    rest = grown_given_starts(grown, starts)
                     rest = replace(
-                        grown,
-                        ended=given_starts(grown.ended, starts).scored_given_held(),
-                        missed=given_starts(grown.missed, starts).scored_given_held(),
+                        rest,
+                        ended=rest.ended.scored_given_held(),
+                        missed=rest.missed.scored_given_held(),
                     )
                     start = resolved(members, rest, window, 1.0, min_time, fit)
             if start is not None:
@@ -262,6 +263,15 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     for start in starts:
         hypotheses = hypotheses.given_track(start.detections, start.probability)
     return hypotheses
+
+
+def grown_given_starts(grown: Grown, starts: Sequence[Start]) -> Grown:
+    """The tree given the new tracks."""
+    return replace(
+        grown,
+        ended=given_starts(grown.ended, starts),
+        missed=given_starts(grown.missed, starts),
+    )
 
 
 def resolved(

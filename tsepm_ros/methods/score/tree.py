@@ -81,9 +81,10 @@ class Grown:
         probability: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
         return probability
 
-    def joined(self) -> Hypotheses:
-        """All hypotheses."""
-        return Hypotheses.joined(self.ended, self.missed)
+    @property
+    def number(self) -> int:
+        """Number of hypotheses."""
+        return len(self.ended) + len(self.missed)
 
 
 def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
@@ -93,6 +94,50 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
     )
     faded = fading.predicted(hypotheses.faded, interval)
     return changed(hypotheses, state=state, covariance=covariance, faded=faded)
+
+
+def grow(
+    hypotheses: Hypotheses,
+    observed: Observation,
+    ids: IntArray,
+    sensor: SensorModel,
+    options: ScoreOptions,
+    *,
+    max_speed: float,
+    max_children: int,
+) -> tuple[Grown, int]:
+    """Grow the tree by a scan: predict, split, start and miss.
+
+    Parameters
+    ----------
+    hypotheses : Hypotheses
+        As of the scan before.
+    max_speed : float
+        v_max, m/s.
+    observed, ids, sensor, options, max_children
+        See `split`.
+
+    Returns
+    -------
+    grown : Grown
+    cut : int
+        See `split`.
+    """
+    predicted = predict(hypotheses, observed.interval, options.process_noise)
+    detection_probability = observed.detection_probability(predicted.state[:, 0::2])
+    detection_probability = detection_probability * fading.visible_share(predicted.faded)
+    children, cut = split(
+        predicted,
+        detection_probability,
+        observed,
+        ids,
+        sensor,
+        options,
+        max_children=max_children,
+    )
+    started = start(observed, ids, max_speed, options.window)
+    missed = miss(predicted, detection_probability, options.gate_probability)
+    return Grown(Hypotheses.joined(*children, started), missed, ids), cut
 
 
 def held_penalty(observed: Observation, row: IntArray, strength: FloatArray) -> FloatArray:
@@ -188,7 +233,7 @@ def split(
     *,
     max_children: int,
     block: int = MAX_PAIRS_TOGETHER,
-) -> tuple[Hypotheses, int]:
+) -> tuple[list[Hypotheses], int]:
     """Extend every hypothesis by each detection in its gate, ``d' S^-1 d <= gamma``.
 
     Hypotheses predicted outside the coverage are not extended: their misses cost nothing, so that
@@ -214,8 +259,8 @@ def split(
 
     Returns
     -------
-    children : Hypotheses
-        Those that are not deleted at once.
+    children : list of Hypotheses
+        Those that are not deleted at once, in blocks.
     cut : int
         Pairs that a limit left out.
     """
@@ -249,7 +294,7 @@ def split(
     children = [
         updated(expected, parent[part], observed, row[part], ids, score[part]) for part in parts
     ]
-    return Hypotheses.joined(*children), cut
+    return children, cut
 
 
 def child_score(
@@ -323,7 +368,7 @@ def updated(
     )
 
 
-def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hypotheses:
+def prune(grown: Grown, scan_index: int, options: ScoreOptions) -> Hypotheses:
     """Delete the hypotheses that are too old or too unlikely.
 
     A hypothesis is unlikely where its score is below the deletion threshold, or far below the best
@@ -331,11 +376,18 @@ def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hyp
 
     Parameters
     ----------
-    hypotheses : Hypotheses
+    grown : Grown
     scan_index : int
         Of the last scan.
     options : ScoreOptions
     """
+    # No hypothesis of one part has the last detection of one of the other.
+    parts = grown.ended, grown.missed
+    return Hypotheses.chosen(parts, [_kept(part, scan_index, options) for part in parts])
+
+
+def _kept(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> IntArray:
+    """Rows of the hypotheses that are not deleted."""
     kept = hypotheses.score > options.deletion_threshold
     kept &= ~pruning.expired(scan_index + 1 - hypotheses.first_scan, options.window)
     rows = np.flatnonzero(kept)
@@ -345,7 +397,7 @@ def prune(hypotheses: Hypotheses, scan_index: int, options: ScoreOptions) -> Hyp
     group = last - (last.min() if len(last) else 0)
     best = grouped.largest_of(score, group, int(group.max(initial=-1)) + 1)[group]
     kept = grouped.among_best(group, score, options.max_per_detection)
-    return hypotheses[rows[kept & (score > best + RELATIVE_PRUNING)]]
+    return rows[kept & (score > best + RELATIVE_PRUNING)]
 
 
 def strongest(hypotheses: Hypotheses, limit: int) -> Hypotheses:
