@@ -16,6 +16,8 @@ CENTRES_TOGETHER = 8_192
 """Centres of which pairs are sought together: bounds memory."""
 CANDIDATES_TOGETHER = 1_000_000
 """Pairs whose distances are taken together: bounds memory."""
+STRIP_HEIGHT = 3.0
+"""Height of a strip, in radii: lower strips take more searches, higher ones more distances."""
 STRIPS_PER_ROOT = 4.0
 """Strips at most, over the root of the number of positions."""
 
@@ -101,7 +103,7 @@ class _Strips:
         low, high = positions.min(axis=0), positions.max(axis=0)
         width, height = high - low
         most = max(int(STRIPS_PER_ROOT * math.sqrt(len(positions))), 1)
-        wanted = height / radius if radius > 0.0 else math.inf
+        wanted = height / (STRIP_HEIGHT * radius) if radius > 0.0 else math.inf
         self._number = max(min(math.ceil(wanted) if wanted < most else most, most), 1)
         self._low, self._width = low, float(width)
         self._stride = 2.0 * self._width + 1.0
