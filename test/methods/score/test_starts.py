@@ -26,6 +26,7 @@ from tsepm_ros.methods.score.starts import (
     credible_hits,
     existence,
     held_share,
+    min_purity_probability,
 )
 from tsepm_ros.methods.score.tree import Grown
 from tsepm_ros.sensing.conversion import DETECTION, convert
@@ -115,6 +116,24 @@ def test_a_start_waits_until_it_is_clear_which_detections_are_its_targets():
     (track,) = initiator.process(scan_at(36.0, [(3000.0, 252.0)]))
     assert set(track.hits) <= {(0, 0), (1, 0), (2, 0), (3, 0)}
     assert track.velocity[1] == pytest.approx(7.0, abs=1.0)
+
+
+@pytest.mark.parametrize(("rate", "waits"), [(1000.0, True), (20000.0, False)])
+def test_where_false_tracks_are_many_by_choice_a_start_need_not_be_as_pure(rate, waits):
+    # Of two ways, one is three times as likely: its second difference is 22 m less, of sigma 15 m.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, false_tracks_per_hour=rate)
+    initiator.process(scan_at(0.0, [(3000.0, 0.0)]))
+    initiator.process(scan_at(12.0, [(3000.0, 84.0), (3000.0, -84.0)]))
+    started = initiator.process(scan_at(24.0, [(3000.0, 168.0), (3000.0, -190.0)]))
+    assert initiator.potential_tracks().score.max() > initiator.method.threshold, "evidence enough"
+    assert [set(track.hits) for track in started] == ([] if waits else [{(0, 0), (1, 0), (2, 0)}])
+
+
+def test_the_purity_of_a_start_falls_from_3000_false_tracks_per_hour_on():
+    rates = (0.1, 300.0, 3000.0, 4500.0, 1e5)
+    expected = [0.9, 0.9, 0.9, 0.6, 0.5]
+    np.testing.assert_allclose([min_purity_probability(rate) for rate in rates], expected)
 
 
 @pytest.mark.parametrize("wish", [1.0, 1000.0])

@@ -4,7 +4,8 @@ With the evidence E of the hypotheses that end in one detection, summed under th
 that ends at v_max (`speed_prior`), and the threshold A::
 
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9 (or by 8 hits); of a second target
+                  target's with a probability of at least 0.9 (or by 8 hits; at high target
+                  rates less, see `min_purity_probability`); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
     hits          the detections of a probability of at least 0.9, or, where these are fewer than
                   3, the 3 most probable, each more probable than not
@@ -49,8 +50,11 @@ MIN_PURITY_PROBABILITY = 0.9
 """Minimum posterior probability that more than half of a new track's hits are its target's.
 
 A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
-choice; docs/score.md compares other values.
+choice; docs/score.md compares other values. Where false tracks are many by choice, it is lower, see
+`min_purity_probability`.
 """
+MAX_RATE_OF_PURE_STARTS = 3000.0
+"""Target false-track rate, per hour, above which a start need not be as pure: a choice."""
 MAX_UNRESOLVED_HITS = 8
 """Hits of the best hypothesis from which a start waits no longer: a choice.
 
@@ -185,6 +189,7 @@ class SummedEvidence:
         if not strong.any():
             return []
         grown = speed_prior.with_rivals(grown, decided, threshold, max_speed)
+        purity = min_purity_probability(false_tracks_per_hour)
         starts: list[Start] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda detection: -sums[detection]):
             members = ending[group == newest]
@@ -193,7 +198,7 @@ class SummedEvidence:
                 new[newest]
                 and window.held_probability(grown.ids[[newest]])[0] <= MAX_HELD_PROBABILITY
             ):
-                start = resolved(members, grown, window, MAX_HELD_SHARE, min_time, fit)
+                start = resolved(members, grown, window, MAX_HELD_SHARE, min_time, fit, purity)
             if start is None:
                 members = given_starts(members, starts).scored_given_held()
                 if np.logaddexp.reduce(members.score) >= threshold + SECOND_TARGET_MARGIN:
@@ -203,7 +208,7 @@ class SummedEvidence:
                         ended=rest.ended.scored_given_held(),
                         missed=rest.missed.scored_given_held(),
                     )
-                    start = resolved(members, rest, window, 1.0, min_time, fit)
+                    start = resolved(members, rest, window, 1.0, min_time, fit, purity)
             if start is not None:
                 starts.append(start)
                 beyond = np.array([start.evidence - threshold])
@@ -274,6 +279,17 @@ def grown_given_starts(grown: Grown, starts: Sequence[Start]) -> Grown:
     )
 
 
+def min_purity_probability(false_tracks_per_hour: float) -> float:
+    """Minimum probability that more than half of a start's hits are its target's.
+
+    Starts that wait for it are lost where clutter is dense. At high target rates a start of which
+    most hits are wrong is a false track among the many that are accepted: from
+    `MAX_RATE_OF_PURE_STARTS` on the probability falls as the inverse of the rate.
+    """
+    excess = max(false_tracks_per_hour / MAX_RATE_OF_PURE_STARTS, 1.0)
+    return max(MIN_PURITY_PROBABILITY / excess, MIN_HIT_PROBABILITY)
+
+
 def resolved(
     members: Hypotheses,
     grown: Grown,
@@ -281,11 +297,13 @@ def resolved(
     max_held_share: float,
     min_time: float,
     fit: HitFit,
+    min_purity: float = MIN_PURITY_PROBABILITY,
 ) -> Start | None:
     """The track of hypotheses with one newest detection.
 
     None while the target's hits are not resolved, up to `MAX_UNRESOLVED_HITS` hits, and
-    where more than `max_held_share` of them are due to held tracks.
+    where more than `max_held_share` of them are due to held tracks. They are resolved where more
+    than half of the hits are right with a probability of `min_purity`.
 
     The newest detection is as uncertain as the others: hypotheses of the same target that end in
     another detection, or miss the scan, are rivals.
@@ -310,7 +328,7 @@ def resolved(
     right = common > 0.5 * len(hits)
     # A strong echo may as well be the first of its target, and the hits before it clutter.
     share = softmax(np.append(rivals.score, begun.score))[: len(rivals)]
-    least = MIN_PURITY_PROBABILITY if waits else MIN_HIT_PROBABILITY
+    least = min_purity if waits else MIN_HIT_PROBABILITY
     if share[right].sum() < least:
         return None
     state, covariance = mixed(rivals[right], fit)
