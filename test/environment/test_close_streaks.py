@@ -57,3 +57,14 @@ def test_a_ping_of_very_many_detections_ends_every_streak():
     many = close_streaks.MAX_DETECTIONS + 1
     assert not any(step(streaks, np.full(many, 100.0), np.zeros(many)))
     assert step(streaks, [100.0, 102.0], [0.0, 0.0]) == [0, 0]
+
+
+def test_a_ping_of_very_many_pairs_ends_every_streak(monkeypatch):
+    lengths = []
+    for most in (2, 30):
+        monkeypatch.setattr(close_streaks, "MAX_PAIRS", most)
+        streaks = CloseStreaks(EXTENT)
+        crowd = np.linspace(100.0, 101.0, 5)  # 10 pairs
+        step(streaks, crowd, np.zeros(5))
+        lengths.append(max(step(streaks, crowd, np.zeros(5))))
+    assert lengths == [0, 1]

@@ -18,6 +18,7 @@ from plots_scenes import Swimmers, box
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
 from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.sensing import plots
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 
@@ -216,7 +217,7 @@ def test_neighbouring_rays_are_one_plot_at_once():
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
     azimuth = np.array([-0.01, 0.0, 0.01, 1.0, 2.0, 2.5])
     group = np.array([0, 0, 0, 1, 1, -1])
-    for mode, plots in (("auto", 4), ("on", 4), ("off", 6)):
+    for mode, number in (("auto", 4), ("on", 4), ("off", 6)):
         initiator = make_initiator("score", sensor=sensor, plots=mode)
         for stamp in range(8):
             place = 100.0 + stamp
@@ -224,6 +225,21 @@ def test_neighbouring_rays_are_one_plot_at_once():
             initiator.process(Scan(float(stamp), range_, azimuth, group=group))
             assert initiator.statistics.detections == 6
             # The second run is 50 m long, a shore: cut in pieces.
-            assert initiator.statistics.plots == plots
+            assert initiator.statistics.plots == number
         newest = {track.hits[-1][1] for track in initiator.current}
         assert mode == "off" or 1 in newest <= {1, 3, 4, 5}
+
+
+def test_the_detections_of_a_scan_are_grouped_once(monkeypatch):
+    calls: list[int] = []
+    grouped = plots.grouped
+    monkeypatch.setattr(plots, "grouped", lambda *arguments: calls.append(1) or grouped(*arguments))
+    scene = Swimmers(pings=14)
+    initiator = initiator_of(scene)
+    for index, ping in enumerate(scene.draw(1)):
+        before = len(calls)
+        was_active = initiator.front_end.plots.active
+        initiator.process(ping.scan)
+        if index == 13:
+            assert was_active, "learned by then"
+            assert len(calls) == before + 1

@@ -9,7 +9,7 @@ import pytest
 from support.plain_plots import plain_groups
 
 from tsepm_ros.sensing import plots
-from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, grouped, plots_of
+from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, crowded, grouped, plots_of
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -51,6 +51,14 @@ def test_a_saturated_receiver_is_cut_in_cells_in_time():
     for one in np.unique(label):
         assert np.ptp(range_[label == one]) <= 4.0
         assert np.ptp(azimuth[label == one]) * 100.0 <= 4.0
+
+
+def test_more_pairs_than_a_limit_are_seen_without_making_them():
+    range_, azimuth = np.linspace(100.0, 109.0, 10), np.zeros(10)
+    extent = PlotExtent(1.5, 1.5)  # each with the next two, as far as its diagonal: 17 pairs
+    assert not crowded(range_, azimuth, extent, 50), "all pairs are fewer"
+    assert not crowded(range_, azimuth, extent, 17)
+    assert crowded(range_, azimuth, extent, 16)
 
 
 def test_detections_in_one_place_are_one_plot():

@@ -6,12 +6,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.sensing.plots import PlotExtent, pairs_within
+from tsepm_ros.sensing.plots import PlotExtent, crowded, pairs_within
 
 NEAREST = 8
 """Places nearest to a detection at which it looks for streaks."""
 MAX_DETECTIONS = 2000
 """Detections of a ping beyond which it ends every streak: bounds the time."""
+MAX_PAIRS = 200_000
+"""Pairs of detections within the extent beyond which it does so too."""
 
 
 class CloseStreaks:
@@ -49,7 +51,7 @@ class CloseStreaks:
         """
         n = len(range)
         length = np.zeros(n, np.int64)
-        if n > MAX_DETECTIONS:
+        if n > MAX_DETECTIONS or crowded(range, azimuth, self._extent, MAX_PAIRS):
             self._position, self._length = np.zeros((0, 2)), length[:0]
             return length
         if n and len(self._position):

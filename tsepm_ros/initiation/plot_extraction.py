@@ -57,6 +57,7 @@ class PlotExtraction:
         self.seen = False
         self.scatter = EchoScatter.nothing()
         self._spacing = DetectionSpacing(self.sensor, self.common.target_extent)
+        self._grouped: tuple[Scan, PlotExtent, IntArray] | None = None
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> PlotExtraction:
         """The same under other options; it starts over where they concern it."""
@@ -133,8 +134,13 @@ class PlotExtraction:
     def observe(self, scan: Scan) -> None:
         """Learn from a scan how detections scatter about their plots."""
         scan = self._without_runs(scan)
-        label = plots.grouped(scan.range, scan.azimuth, self.extent)
-        self.scatter = self.scatter.after(scan, label, self.sensor)
+        self.scatter = self.scatter.after(scan, self._group(scan, self.extent), self.sensor)
+
+    def _group(self, scan: Scan, extent: PlotExtent) -> IntArray:
+        """The group of each detection; that of the same scan and extent is not sought again."""
+        if self._grouped is None or self._grouped[0] is not scan or self._grouped[1] != extent:
+            self._grouped = scan, extent, plots.grouped(scan.range, scan.azimuth, extent)
+        return self._grouped[2]
 
     def plots_of(self, scan: Scan, joined: Join | None = None) -> Plots | None:
         """The plots of a scan's detections; None where none has more than one, or is asked for.
@@ -150,7 +156,7 @@ class PlotExtraction:
             return runs
         scan = scan if runs is None else runs.scan
         extent = self.extent
-        label, wander = plots.grouped(scan.range, scan.azimuth, extent), None
+        label, wander = self._group(scan, extent), None
         if joined is not None:
             label, wander = joined(scan, label)
         found = plots.plots_of(scan, label, self.scatter.errors(extent), self.sensor, wander)

@@ -35,7 +35,7 @@ from tsepm_ros.numerics.linkage import complete_linkage
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 from tsepm_ros.sensing.sensor import SensorModel
 
-MAX_PAIRS = 2_000_000
+MAX_PAIRS = 500_000
 """Pairs of detections that are looked at, at most; see `grouped`."""
 
 
@@ -158,21 +158,27 @@ def _ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
     return ratio
 
 
+def crowded(range: FloatArray, azimuth: FloatArray, extent: PlotExtent, most: int) -> bool:
+    """Whether more than a number of pairs of detections (n,) may be within an extent."""
+    n = len(range)
+    if n * n <= 2 * most:
+        return False
+    places, reach = _places(range, azimuth, extent)
+    tree = cKDTree(places)
+    return bool(tree.count_neighbors(tree, reach) - n > 2 * most)
+
+
 def grouped(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntArray:
     """The group of each detection, (n,): the first detection of it; see `complete_linkage`.
 
     Where there are more than `MAX_PAIRS` pairs, those in one cell of a grid are a group.
     """
-    n = len(range)
-    if n * n > 2 * MAX_PAIRS:
-        places, reach = _places(range, azimuth, extent)
-        tree = cKDTree(places)
-        if tree.count_neighbors(tree, reach) > 2 * MAX_PAIRS:
-            return cells(np.zeros(n, np.int64), range, azimuth, extent)
+    if crowded(range, azimuth, extent, MAX_PAIRS):
+        return cells(np.zeros(len(range), np.int64), range, azimuth, extent)
     # Detections of one place are joined first, whatever lies beside them.
     _, first, place = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
-    if len(first) == n:
-        return complete_linkage(n, *pairs_within(range, azimuth, extent))
+    if len(first) == len(range):
+        return complete_linkage(len(first), *pairs_within(range, azimuth, extent))
     order = np.argsort(first)
     first, rank = first[order], np.argsort(order)
     label = complete_linkage(len(first), *pairs_within(range[first], azimuth[first], extent))
