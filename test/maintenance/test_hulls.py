@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.maintenance.hulls import PLACE, Hull, Hulls, in_two_places
+from tsepm_ros.maintenance import hulls as module
+from tsepm_ros.maintenance.hulls import PLACE, Hull, Hulls, beside_earlier, in_two_places
 from tsepm_ros.sensing.scan import Scan
 
 CLUTTER = 2e-4
@@ -126,3 +127,31 @@ def test_starts_beside_a_young_track_wait_until_its_hull_is_learned():
     hull = learned(along_a_hull, 60.0, 2)
     beside = tracks((150.0, 25.0), (200.0, 0.0))
     assert hull.waiting(beside, old, 0.0, 1.0).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 30, 200])
+def test_what_waits_is_beside_an_earlier_one_that_does_not(number):
+    rng = np.random.default_rng(number)
+    places = rng.uniform(0.0, 300.0, (number, 2))
+    places[: number // 4] = places[0] if number else 0.0  # many in one place
+    kept: list[np.ndarray] = []
+    expected = []
+    for place in places:
+        beside = any(np.hypot(*(place - one)) < 20.0 for one in kept)
+        expected.append(beside)
+        if not beside:
+            kept.append(place)
+    assert beside_earlier(places, 20.0).tolist() == expected
+
+
+def test_of_very_many_tracks_the_oldest_learn_their_hulls(monkeypatch):
+    monkeypatch.setattr(module, "MOST_TRACKS", 1)
+    held = tracks((150.0, 0.0), (0.0, 150.0))
+    hulls, rng = Hulls(), np.random.default_rng(2)
+    for _ in range(20):
+        both = [along_a_hull(rng, 60.0), along_a_hull(rng, 60.0)[:, ::-1]]
+        scan = scan_of(np.concatenate(both))
+        hulls.learn(scan, np.full(len(scan), CLUTTER), held, LONGEST_PLOT, AZIMUTH_STD)
+    beside = tracks((150.0, 25.0), (25.0, 150.0))
+    old = tracks((150.0, 0.0), (0.0, 150.0), age=40.0)
+    assert hulls.waiting(beside, old, 0.0, 1.0).tolist() == [True, False]

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -41,6 +42,8 @@ MOST_IN_PLACES = 0.75
 """Share of a hull's detections in the two places that have most, at most: a choice."""
 REMEMBERED = 100
 """Detections that are counted in places."""
+MOST_TRACKS = 1000
+"""Held tracks whose hulls are learned, the oldest: bounds the time."""
 WAITING_SCANS = 16
 """Scans for which other starts beside a track wait: its hull is being learned.
 
@@ -174,7 +177,8 @@ class Hulls:
     ) -> None:
         """Learn from the detections of a ping around the held tracks.
 
-        What is within an older track's hull is that one's.
+        What is within an older track's hull is that one's. Of very many tracks, only the oldest
+        learn.
 
         Parameters
         ----------
@@ -192,7 +196,8 @@ class Hulls:
         position, free = placed(scan), np.ones(len(scan), bool)
         sensor = np.reshape(scan.sensor_pose, (-1, 3))[0, :2] if len(scan) else np.zeros(2)
         learned, found = {}, {}
-        for track_id, place in zip(tracks.track_id.tolist(), tracks.state[:, 0::2], strict=True):
+        places = tracks.state[:MOST_TRACKS, 0::2]
+        for track_id, place in zip(tracks.track_id[:MOST_TRACKS].tolist(), places, strict=True):
             hull = self._hulls.get(track_id, Hull.unknown())
             hull = hull.after(position[free] - place, clutter[free])
             if hull.found(
@@ -277,11 +282,28 @@ class Hulls:
             ],
             bool,
         )
+        places = np.ascontiguousarray(new.state[:, 0::2])
         waits = np.zeros(len(new), bool)
-        for row, place in enumerate(new.state[:, 0::2]):
-            older = np.concatenate([position[young], new.state[:row, 0::2][~waits[:row]]])
-            waits[row] = bool((np.hypot(*(older - place).T) < reach).any())
+        if young.any():
+            waits = cKDTree(position[young]).query(places)[0] < reach
+        rest = np.flatnonzero(~waits)
+        waits[rest] = beside_earlier(places[rest], reach)
         for track_id, place in zip(ids, position, strict=True):
             if track_id in self._found:
-                waits |= self._found[track_id].gate(new.state[:, 0::2] - place, PLACE)
+                waits |= self._found[track_id].gate(places - place, PLACE)
         return waits
+
+
+def beside_earlier(positions: FloatArray, reach: float) -> BoolArray:
+    """Which positions (n, 2) are within a reach, m, of an earlier one that itself is not."""
+    beside = np.zeros(len(positions), bool)
+    if len(positions) < 2:
+        return beside
+    nearest = cKDTree(positions).query(positions, k=[2])[0][:, 0]
+    left = np.flatnonzero(nearest < reach)
+    while len(left):
+        first, left = positions[left[0]], left[1:]
+        near = np.hypot(*(positions[left] - first).T) < reach
+        beside[left[near]] = True
+        left = left[~near]
+    return beside
