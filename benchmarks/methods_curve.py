@@ -44,10 +44,14 @@ def three_digits(value: float) -> str:
 
 
 def with_interval(row: Row, name: str) -> str:
-    """A figure and its interval; empty without a figure."""
+    """A figure and its interval; empty without a figure.
+
+    Without the interval of a positive figure that reaches below 0: of few values with a long tail.
+    """
     figure = estimate(row, name)
     value, low, high = map(three_digits, (figure.value, figure.low, figure.high))
-    return f"{value} ({low}-{high})" if value and low and high else value
+    known = value and low and high and figure.low >= 0.0
+    return f"{value} ({low}-{high})" if known else value
 
 
 def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str]) -> None:

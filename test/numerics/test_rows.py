@@ -39,3 +39,10 @@ def test_a_changed_table_keeps_its_other_columns_and_the_first_table(echoes):
 def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
     with pytest.raises(TypeError, match=r"Echoes has no \{'bearing'\}"):
         changed(echoes, range=echoes.range, bearing=echoes.azimuth)
+
+
+def test_rows_are_chosen_of_several_tables(echoes):
+    rows = [np.array([2, 0]), np.zeros(0, np.int64), np.array([1])]
+    chosen = Echoes.chosen([echoes, echoes, echoes], rows)
+    assert type(chosen) is Echoes
+    assert (chosen.range.tolist(), chosen.azimuth.tolist()) == ([3.0, 1.0, 2.0], [0.3, 0.1, 0.2])

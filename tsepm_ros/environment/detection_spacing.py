@@ -239,7 +239,10 @@ class DetectionSpacing:
 
 
 class _Pairs(NamedTuple):
-    """Pairs of detections whose larger boxes may overlap, and how far they are apart, m."""
+    """Pairs of detections whose larger boxes may overlap, and how far they are apart, m.
+
+    By the later detection, then by the earlier.
+    """
 
     earlier: IntArray
     later: IntArray
@@ -272,6 +275,8 @@ class _Falls(NamedTuple):
 def _pairs(range: FloatArray, azimuth: FloatArray) -> _Pairs:
     places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
     earlier, later = pairs_nearer(places, 2.0 * math.sqrt(2.0) * OUTER.max())
+    order = np.lexsort((earlier, later))
+    earlier, later = earlier[order], later[order]
     along = np.abs(range[earlier] - range[later])
     middle = 0.5 * (range[earlier] + range[later])
     across = middle * np.abs(wrap(azimuth[earlier] - azimuth[later]))
@@ -296,8 +301,7 @@ def _falls(pairs: _Pairs, eligible: BoolArray, area: float) -> _Falls:
     place = tried * n + later
     crowd = np.asarray(np.bincount(place[both], shared[both], minlength=len(size) * n), float)
     inside = np.flatnonzero((along <= half) & (across <= half))
-    inside = inside[np.lexsort((earlier[inside], place[inside]))]
-    inside = inside[np.unique(place[inside], return_index=True)[1]]
+    inside = inside[np.flatnonzero(np.diff(place[inside], prepend=-1))]
     tried, earlier = tried[inside], earlier[inside]
     test = (size * len(STREAKS) + kind)[tried]
     return _Falls(test, earlier, along[inside], across[inside], crowd[tried * n + earlier])

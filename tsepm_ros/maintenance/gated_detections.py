@@ -149,12 +149,14 @@ def gate(
         nearest, kalman.position_after(state, time_after_scan), sensor
     )
     states, covariances = state.reshape(-1, 4), covariance.reshape(-1, 4, 4)
-    candidates, updated = detections[row], None
+    updated = None
     if not range_rates.measured(detections).any():
-        innovation = candidates["position"] - kalman.position_after(states[owner], pair_time)
+        expected = kalman.position_after(states[owner], pair_time)
+        innovation = detections["position"][row] - expected
         of_pairs = innovation_covariance.reshape(-1, 2, 2)[owner]
         density = kalman.position_log_likelihood(innovation, of_pairs, GATE_PROBABILITY)
     else:
+        candidates = detections[row]
         innovation, of_pairs = kalman.innovations(
             states[owner], covariances[owner], pair_time, candidates, sensor
         )

@@ -5,7 +5,7 @@ start, and others. With i over the rivals of the hypotheses that end in a held t
 detection, and the n hits that the track was published with::
 
     right         P = sum of w_i over i with more than n / 2 of these hits,  w_i ~ exp(s_i)
-    wrong         P <= 0.1, as soon as other hits are resolved as for a start
+    wrong         P <= 0.1, as soon as other hits are resolved with a probability of 0.9
 
 Where the right hits are partly those that were published, the start is corrected. Where none is,
 the track was of no target or of another, and the target is a new one, which replaces it. A start

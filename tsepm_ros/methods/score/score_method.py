@@ -17,7 +17,8 @@ of hypothesis i, a scan goes through::
     threshold     A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     confirm       E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9 (or by 8 hits); of a second target
+                  target's with a probability of at least 0.9, or by 8 hits (a lower
+                  probability at target rates above 3000 per hour); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
       state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')

@@ -4,8 +4,8 @@ With the evidence E of the hypotheses that end in one detection, summed under th
 that ends at v_max (`speed_prior`), and the threshold A::
 
     confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9 (or by 8 hits; at high target
-                  rates less, see `min_purity_probability`); of a second target
+                  target's with a probability of at least 0.9, or by 8 hits (a lower
+                  probability at target rates above 3000 per hour); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
     hits          the detections of a probability of at least 0.9, or, where these are fewer than
                   3, the 3 most probable, each more probable than not
@@ -271,7 +271,7 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
 
 
 def grown_given_starts(grown: Grown, starts: Sequence[Start]) -> Grown:
-    """The tree given the new tracks."""
+    """The tree with the scores of its hypotheses given the new tracks."""
     return replace(
         grown,
         ended=given_starts(grown.ended, starts),
@@ -280,11 +280,11 @@ def grown_given_starts(grown: Grown, starts: Sequence[Start]) -> Grown:
 
 
 def min_purity_probability(false_tracks_per_hour: float) -> float:
-    """Minimum probability that more than half of a start's hits are its target's.
+    """Minimum probability that more than half of a start's hits are its target's, 0.5 to 0.9.
 
-    Starts that wait for it are lost where clutter is dense. At high target rates a start of which
-    most hits are wrong is a false track among the many that are accepted: from
-    `MAX_RATE_OF_PURE_STARTS` on the probability falls as the inverse of the rate.
+    It falls as the inverse of the target rate (per hour) above `MAX_RATE_OF_PURE_STARTS`: such
+    rates are those of published methods, for comparison. A start with wrong hits is then a false
+    track among many, whose low existence probability leaves the target's detections free.
     """
     excess = max(false_tracks_per_hour / MAX_RATE_OF_PURE_STARTS, 1.0)
     return max(MIN_PURITY_PROBABILITY / excess, MIN_HIT_PROBABILITY)
