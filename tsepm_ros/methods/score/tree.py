@@ -121,19 +121,12 @@ def grow(
     -------
     grown : Grown
     cut : int
-        See `split`.
     """
     predicted = predict(hypotheses, observed.interval, options.process_noise)
     detection_probability = observed.detection_probability(predicted.state[:, 0::2])
     detection_probability = detection_probability * fading.visible_share(predicted.faded)
     children, cut = split(
-        predicted,
-        detection_probability,
-        observed,
-        ids,
-        sensor,
-        options,
-        max_children=max_children,
+        predicted, detection_probability, observed, ids, sensor, options, max_children=max_children
     )
     started = start(observed, ids, max_speed, options.window)
     missed = miss(predicted, detection_probability, options.gate_probability)
