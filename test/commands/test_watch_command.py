@@ -13,7 +13,6 @@ import sys
 import time
 import urllib.request
 
-import numpy as np
 import pytest
 from support.patience import WAIT
 
@@ -21,15 +20,11 @@ from tsepm_ros.commands.cli import main
 
 
 @pytest.fixture
-def recording(tmp_path):
-    """A target at 5 m/s along x, 3 km north, seen 8 times by a sensor at rest."""
-    rows = ["time_s,range_m,azimuth_rad"]
-    for k in range(8):
-        x, y = 5.0 * 12.0 * k, 3000.0
-        rows.append(f"{12.0 * k},{np.hypot(x, y)},{np.arctan2(y, x)}")
+def recording(recording, tmp_path):
+    """The recording in a folder with a name, which is the page's title."""
     folder = tmp_path / "trial"
     folder.mkdir()
-    (folder / "detections.csv").write_text("\n".join(rows))
+    (tmp_path / "detections.csv").rename(folder / "detections.csv")
     return str(folder)
 
 
