@@ -1,12 +1,15 @@
 """Promised properties of the default method `score`, measured; a Markdown table each.
 
 - false-rate: false tracks per hour over their target rate, on clutter alone over the coverage;
-- starts: errors of pure starts over their Cramer-Rao bound, and NEES, on scenes of the box;
+- starts: errors of pure starts over their Cramer-Rao bound, and NEES, on scenes of the box, with
+  the speed limit and without;
+- speeds: NEES of true starts by the target's speed, and over all velocities up to `max_speed`;
 - equal-false-rate: `score` against `tsepm` 5/8, in P_D at equal false + misplaced starts per run
   and in these at equal P_D, on scenes of the box with one change, and on two corners;
 - design: P_D and false tracks predicted by `tsepm design` against those of whole scenes.
 
-With 95 % intervals. The runs of starts and equal-false-rate are kept; interrupted studies continue.
+With 95 % intervals. The runs of starts, speeds and equal-false-rate are kept; interrupted studies
+continue.
 
     python benchmarks/promises.py false-rate [--runs 40] [--seed 1] [--workers 2]
 """
@@ -19,8 +22,10 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import fixed_threads
+import numpy as np
 
 from tsepm_ros import SensorModel
 from tsepm_ros.analysis.code_version import package_version
@@ -34,6 +39,7 @@ from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
+from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.progress import with_progress
 from tsepm_ros.simulation import Scenario, load_scenario
@@ -49,6 +55,8 @@ STARTS_AT = {1e-8: 2.5, 1e-6: 1.0}
 """Densities of the starts, with factors of the number of runs."""
 RATES = (1, 10, 100, 1000, 10000)
 """Target false-track rates of the sweep of `score`, per hour."""
+SPEED_PARTS = range(4)
+"""Parts of the disc of velocities, each with a speed of its own."""
 WARM_UP = 16
 """Scans of clutter alone before the target of a scene appears."""
 LEFT_OUT = 10
@@ -78,10 +86,11 @@ CHANGED: dict[str, dict[str, float]] = {
 """Changes of the box by `equal-false-rate`; the box has 1e-6, 0.9, 1.5 % and 1 degree."""
 
 
-def score_at(rate: float) -> OperatingPoint:
-    """The default method at a target false-track rate, per hour."""
-    options = {"false_tracks_per_hour": float(rate)}
-    return OperatingPoint("score", f"{rate:g}/h", options, version=package_version())
+def score_at(rate: float, **options: Any) -> OperatingPoint:
+    """The default method at a target false-track rate, per hour, perhaps with other options."""
+    label = ", ".join([f"{rate:g}/h", *(f"{name} {value}" for name, value in options.items())])
+    options = {"false_tracks_per_hour": float(rate), **options}
+    return OperatingPoint("score", label, options, version=package_version())
 
 
 def rate_ratio(density: float, rate: float, hours: float, seed: int, workers: Workers) -> Estimate:
@@ -131,10 +140,43 @@ def starts_table(options: argparse.Namespace, densities: Mapping[float, float] =
         for degrees in (1, 3):
             azimuth = math.radians(degrees)
             box = scene("box", options.warm_up, clutter_density=density, azimuth_std=azimuth)
-            [result] = evaluated(box, [score_at(rate) for rate in (1, 10)], runs, options)
+            points = [score_at(1), score_at(10), score_at(10, limit_speed=False)]
+            [result] = evaluated(box, points, runs, options)
             for point, measures in zip(result.points, result.measures, strict=True):
                 cells = [measures.text(name, interval="detection" not in name) for name in shown]
                 yield f"{density:g}", f"{degrees} deg", point.label, str(runs), *cells
+
+
+def speeds_table(options: argparse.Namespace, densities: Sequence[float] = (1e-8, 1e-6)) -> Rows:
+    """NEES of true starts for targets of several speeds, and over all velocities.
+
+    The speeds stand for parts of the disc |v| <= `max_speed` of equal area.
+    """
+    yield "density [1/m^2]", "speed [m/s]", "runs", "P_D", "NEES, true"
+    number = len(SPEED_PARTS)
+    for density in densities:
+        nees = []
+        for part in SPEED_PARTS:
+            speed = CommonOptions().max_speed * math.sqrt((part + 0.5) / number)
+            name = f"box at {speed:.1f} m per s"
+            box = scene(name, options.warm_up, clutter_density=density)
+            state = box.targets[0].copy()
+            state[1::2] *= speed / np.hypot(*state[1::2])
+            moving = replace(box, targets=(state,))
+            [measures] = evaluated(moving, [score_at(10)], options.runs, options)[0].measures
+            nees.append(measures.nees)
+            cells = [measures.text(column) for column in ("detection", "nees")]
+            yield f"{density:g}", f"{speed:.1f}", str(options.runs), *cells
+        yield f"{density:g}", "all", str(number * options.runs), "", f"{mean_of(nees):.2f}"
+
+
+def mean_of(estimates: Sequence[Estimate]) -> Estimate:
+    """Mean of independent estimates, with its interval."""
+    number = len(estimates)
+    mean = sum(one.value for one in estimates) / number
+    down = math.hypot(*(one.value - one.low for one in estimates)) / number
+    up = math.hypot(*(one.high - one.value for one in estimates)) / number
+    return Estimate(mean, mean - down, mean + up)
 
 
 def evaluated(
@@ -274,6 +316,7 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
 COMMANDS = {
     "false-rate": (false_rate_table, 40, "maximum number of expected false tracks"),
     "starts": (starts_table, 600, "runs of a scene; 2.5 times as many at 1e-8"),
+    "speeds": (speeds_table, 100, "runs of a scene"),
     "equal-false-rate": (equal_rate_table, 100, "runs of a scene"),
     "design": (design_table, 200, "targets simulated, and whole scenes"),
 }

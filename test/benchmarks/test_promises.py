@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import promises
 import pytest
 from promises import CHANGED, closeness, difference, equal_rate_row
@@ -118,13 +119,29 @@ def test_the_wish_is_kept_about():
 @pytest.mark.statistical
 def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path):
     header, *rows = promises.starts_table(options(tmp_path, runs=4), {1e-8: 2.5})
-    assert [row[:4] for row in rows[:2]] == [
-        ("1e-08", "1 deg", "1/h", "10"),
-        ("1e-08", "1 deg", "10/h", "10"),
+    one_degree = [dict(zip(header, row, strict=True)) for row in rows[:3]]
+    assert [(row["azimuth error"], row["target"], row["runs"]) for row in one_degree] == [
+        ("1 deg", "1/h", "10"),
+        ("1 deg", "10/h", "10"),
+        ("1 deg", "10/h, limit_speed False", "10"),
     ]
-    assert all(len(row) == len(header) for row in rows)
-    assert 0.5 < float(rows[0][5].split()[0]) < 2.0
-    assert len(list((tmp_path / "runs").iterdir())) == len(rows) == 4
+    _, limited, unlimited = (float(row["velocity error / bound"].split()[0]) for row in one_degree)
+    assert limited < 0.8 < unlimited < 1.3
+    assert len(list((tmp_path / "runs").iterdir())) == len(rows) == 6
+
+
+def test_the_mean_over_all_speeds_has_the_interval_of_independent_estimates():
+    mean = promises.mean_of([Estimate(3.0, 2.7, 3.4), Estimate(5.0, 4.6, 5.3)])
+    assert (mean.value, mean.low, mean.high) == pytest.approx((4.0, 3.75, 4.25))
+
+
+def test_speeds_stand_for_equal_parts_of_all_velocities(tmp_path):
+    _, *rows, over_all = promises.speeds_table(options(tmp_path, runs=2), [1e-8])
+    speeds = np.array([float(row[1]) for row in rows])
+    assert np.square(speeds / 10.0) == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8], abs=0.02)
+    assert [row[3].split()[0] for row in rows] == ["1.0000"] * 4
+    nees = [float(row[4].split()[0]) for row in rows]
+    assert float(over_all[4].split()[0]) == pytest.approx(np.mean(nees), abs=0.02)
 
 
 def test_equal_rates_are_measured_at_both_horizons(tmp_path):

@@ -1,4 +1,4 @@
-"""Where the sensor was: interpolation, coverage, and echoes received on the move."""
+"""Where the sensor was: interpolation, rates, attitude, and coverage."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation, Slerp
-from support.builders import whitened
 
-from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import (
     MIN_SAMPLE_PERIOD,
     PoseCoverage,
     PoseHistory,
-    echo_poses,
 )
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 
@@ -363,141 +359,6 @@ def test_the_covariance_is_that_of_the_nearest_sample():
     assert PoseHistory().covariance(0.0) is None
 
 
-# Echoes on the move: an independent simulation. The ship turns on a circle, the target runs
-# straight; the ping is followed with root finding.
-SOUND = 1500.0
-
-
-def ship_pose(time: float, scale: float) -> np.ndarray:
-    """8 m/s and 0.6 degrees per second at scale 1, starting off the origin."""
-    speed, rate, start = 8.0 * scale, 0.01 * scale, 0.4
-    yaw = start + rate * time
-    radius = speed / rate
-    return np.array(
-        [
-            200.0 + radius * (math.sin(yaw) - math.sin(start)),
-            -50.0 - radius * (math.cos(yaw) - math.cos(start)),
-            yaw,
-        ]
-    )
-
-
-def target_position(time: float, scale: float, azimuth: float) -> np.ndarray:
-    start = 7000.0 * np.array([math.cos(azimuth), math.sin(azimuth)])
-    return start + scale * time * np.array([-5.0, 7.0])
-
-
-def echo(stamp: float, scale: float, azimuth: float) -> tuple[float, float]:
-    """Range (mean of the legs) and azimuth against the heading at arrival."""
-    sent = ship_pose(stamp, scale)[:2]
-
-    def outward(t):
-        return math.dist(target_position(t, scale, azimuth), sent) - SOUND * (t - stamp)
-
-    reflected = brentq(outward, stamp, stamp + 30.0, xtol=1e-13)
-    there = target_position(reflected, scale, azimuth)
-
-    def back(t):
-        return math.dist(ship_pose(t, scale)[:2], there) - SOUND * (t - reflected)
-
-    arrived = brentq(back, reflected, reflected + 30.0, xtol=1e-13)
-    x, y, yaw = ship_pose(arrived, scale)
-    return 0.5 * SOUND * (arrived - stamp), math.atan2(there[1] - y, there[0] - x) - yaw
-
-
-def placing_error(scale: float, azimuth: float, *, naive: bool = False) -> float:
-    """Distance of the placed echo from the target at the time for which it is valid."""
-    stamp = 60.0
-    range_, bearing = echo(stamp, scale, azimuth)
-    offset = np.array([range_ / SOUND])
-    if naive:
-        pose = ship_pose(stamp, scale)
-    else:
-        (pose,) = echo_poses(
-            lambda times: np.array([ship_pose(t, scale) for t in times]),
-            stamp,
-            offset,
-            np.array([bearing]),
-        )
-    angle = bearing + pose[2]
-    placed = pose[:2] + range_ * np.array([math.cos(angle), math.sin(angle)])
-    return math.dist(placed, target_position(stamp + offset[0], scale, azimuth))
-
-
-DIRECTIONS = pytest.mark.parametrize("azimuth", [0.0, 0.9, 1.8, 3.0, -1.2, -2.2])
-
-
-@DIRECTIONS
-def test_an_echo_is_placed_where_the_target_was(azimuth):
-    # What is left is of second order in speed over sound speed: (8 / 1500)^2 * 7000 m = 0.2 m.
-    assert placing_error(1.0, azimuth) < 0.5
-
-
-@DIRECTIONS
-def test_half_the_speed_leaves_a_quarter_of_the_error(azimuth):
-    whole, half = placing_error(1.0, azimuth), placing_error(0.5, azimuth)
-    assert half < 0.3 * whole
-
-
-@DIRECTIONS
-def test_the_pose_at_the_stamp_would_be_hundreds_of_metres_off(azimuth):
-    assert placing_error(1.0, azimuth, naive=True) > 300.0
-
-
-def test_a_sensor_that_does_not_move_needs_no_correction():
-    pose = np.array([3.0, 4.0, 0.5])
-    found = echo_poses(lambda t: np.tile(pose, (len(t), 1)), 0.0, np.array([1.0, 6.0]), np.zeros(2))
-    np.testing.assert_allclose(found, [pose, pose], rtol=1e-12)
-
-
-@pytest.mark.parametrize("offset", [None, np.zeros(3), np.zeros(0)], ids=["none", "zero", "empty"])
-def test_without_time_offsets_there_is_one_pose_for_the_scan(offset):
-    asked = []
-
-    def poses_at(times):
-        asked.extend(times.tolist())
-        return np.array([[1.0, 2.0, 0.3]])
-
-    n = 0 if offset is None else len(offset)
-    assert echo_poses(poses_at, 7.0, offset, np.zeros(n)).tolist() == [1.0, 2.0, 0.3]
-    assert asked == [7.0]
-
-
-def test_the_pose_is_asked_for_at_the_times_of_sending_and_arrival():
-    asked = []
-
-    def poses_at(times):
-        asked.append(times.tolist())
-        return np.zeros((len(times), 3))
-
-    echo_poses(poses_at, 100.0, np.array([1.0, 3.0]), np.zeros(2))
-    assert asked == [[100.0], [102.0, 106.0]]
-
-
-def test_an_echo_may_be_sent_after_the_stamp():
-    asked = []
-
-    def poses_at(times):
-        asked.append(times.tolist())
-        return np.stack([times, np.zeros(len(times)), np.zeros(len(times))], axis=1)
-
-    delay = np.array([0.5, 2.0])
-    offset = np.array([1.5, 2.0])
-    found = echo_poses(poses_at, 100.0, offset, np.zeros(2), transmit_offset=delay)
-    assert asked == [[100.5, 102.0], [102.5, 102.0]]  # what is sent when it arrives is seen at once
-    np.testing.assert_allclose(found, [[101.5, 0.0, 0.0], [102.0, 0.0, 0.0]])
-
-
-def test_north_referenced_azimuths_leave_the_heading_out():
-    def poses_at(times):
-        return np.stack([2.0 * times, np.zeros(len(times)), np.full(len(times), 1.2)], axis=1)
-
-    found = echo_poses(poses_at, 0.0, np.array([2.0]), np.array([0.0]), heading=False)
-    # Sent at x = 0, back at x = 8, looking along x: half of the way was made good by the range.
-    np.testing.assert_allclose(found, [[4.0, 0.0, 0.0]], atol=1e-12)
-    assert echo_poses(poses_at, 5.0, None, np.zeros(1), heading=False).tolist() == [10.0, 0.0, 0.0]
-
-
 def test_beyond_the_newest_sample_its_own_rates_count():
     history = PoseHistory(max_extrapolation=1.0)
     history.add(PoseSample(0.0, 5.0, 0.0, 0.0, rates=(2.0, 1.0, 0.1)))
@@ -559,60 +420,6 @@ def test_odometry_without_roll_and_pitch_is_level():
 def test_an_attitude_that_is_not_finite_is_refused(name):
     with pytest.raises(ValueError, match=r"^pose must be finite"):
         PoseSample(1.0, 2.0, 3.0, 4.0, **{name: math.nan}).check()
-
-
-HEADINGS = [
-    pytest.param(0.0, (100 + 8, 200 + 3), id="east"),
-    pytest.param(math.pi / 2, (100 - 3, 200 + 8), id="north"),
-    pytest.param(math.pi, (100 - 8, 200 - 3), id="west"),
-    pytest.param(-math.pi / 2, (100 + 3, 200 - 8), id="south"),
-]
-
-
-@pytest.mark.parametrize(("yaw", "place"), HEADINGS)
-def test_the_lever_arm_turns_with_the_vessel(yaw, place):
-    mounting = Mounting(x=8.0, y=3.0, yaw=0.5)
-    found = mounting.sensor_poses(np.array([[100.0, 200.0, yaw, 0.0, 0.0]]))
-    np.testing.assert_allclose(found, [[*place, yaw + 0.5]], atol=1e-12)
-
-
-def test_the_lever_arm_of_a_tilted_vessel_is_that_of_the_full_rotation():
-    rng = np.random.default_rng(4)
-    yaw, pitch, roll = angles = rng.uniform(-1.0, 1.0, (3, 50))
-    vessel = np.stack([*rng.uniform(-9e3, 9e3, (2, 50)), yaw, roll, pitch], axis=1)
-    found = Mounting(x=-30.0, y=4.0).sensor_poses(vessel)
-    arm = Rotation.from_euler("ZYX", angles.T).apply([-30.0, 4.0, 0.0])
-    np.testing.assert_allclose(found[:, :2] - vessel[:, :2], arm[:, :2], atol=1e-11)
-
-
-def test_without_a_mounting_poses_stay_to_the_bit():
-    vessel = np.random.default_rng(5).uniform(-1.0, 1.0, (20, 5))
-    np.testing.assert_array_equal(Mounting().sensor_poses(vessel), vessel[:, :3])
-    assert not Mounting().given
-    assert Mounting(yaw=0.1).given
-    assert not Mounting(yaw=0.1).offset
-
-
-@pytest.mark.parametrize("name", ["x", "y", "yaw"])
-@pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
-def test_a_mounting_that_cannot_be_is_refused(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be"):
-        Mounting(**{name: value})
-
-
-def test_the_covariance_of_the_sensor_is_that_of_its_errors():
-    rng = np.random.default_rng(6)
-    root = np.array([[2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [0.01, -0.02, 0.02]])
-    covariance = root @ root.T
-    vessel = np.zeros((200_000, 5))
-    vessel[:, :3] = [10.0, 20.0, 0.7] + rng.standard_normal((200_000, 3)) @ root.T
-    mounting = Mounting(x=100.0, y=-40.0, yaw=1.0)
-    arm = mounting.sensor_poses(np.array([[0.0, 0.0, 0.7, 0.0, 0.0]]))[0, :2]
-    expected = sensor_covariance(covariance, arm)
-    # Entries of a whitened sample covariance of 2e5 deviate by 0.003; what is left is 2nd order.
-    found = whitened(mounting.sensor_poses(vessel), expected)
-    np.testing.assert_allclose(found, np.eye(3), atol=0.02)
-    assert not np.allclose(whitened(vessel[:, :3], expected), np.eye(3), atol=0.3)
 
 
 def test_a_span_that_begins_in_a_gap_and_ends_after_the_newest_sample_is_never_covered():

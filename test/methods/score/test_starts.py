@@ -16,6 +16,7 @@ from support.score_scenes import clutter, in_plain_loops, score
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.score.grown import Grown
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_method import Score
 from tsepm_ros.methods.score.score_options import ScoreOptions
@@ -28,7 +29,6 @@ from tsepm_ros.methods.score.starts import (
     held_share,
     min_purity_probability,
 )
-from tsepm_ros.methods.score.tree import Grown
 from tsepm_ros.sensing.conversion import DETECTION, convert
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.estimation import fit

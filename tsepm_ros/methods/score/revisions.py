@@ -26,6 +26,7 @@ from scipy.special import softmax
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import speed_prior
+from tsepm_ros.methods.score.grown import Grown
 from tsepm_ros.methods.score.starts import (
     MIN_PURITY_PROBABILITY,
     HitFit,
@@ -33,7 +34,6 @@ from tsepm_ros.methods.score.starts import (
     resolved,
     rivals_of,
 )
-from tsepm_ros.methods.score.tree import Grown
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.sensing.detection_window import DetectionWindow
 

@@ -18,9 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 from tsepm_ros.kinematics import speed_limit
+from tsepm_ros.methods.score.grown import Grown
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import MIN_HITS
-from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown
+from tsepm_ros.methods.score.tree import RELATIVE_PRUNING
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray
 from tsepm_ros.numerics.rows import changed

@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -28,9 +29,10 @@ from scipy.special import softmax
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
 from tsepm_ros.maintenance.track_maintenance import MIN_EXISTENCE
 from tsepm_ros.methods.score import speed_prior
+from tsepm_ros.methods.score.grown import Grown
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import MIN_HITS
-from tsepm_ros.methods.score.tree import RELATIVE_PRUNING, Grown
+from tsepm_ros.methods.score.tree import RELATIVE_PRUNING
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import mixture
@@ -203,11 +205,7 @@ class SummedEvidence:
                 members = given_starts(members, starts).scored_given_held()
                 if np.logaddexp.reduce(members.score) >= threshold + SECOND_TARGET_MARGIN:
                     rest = grown_given_starts(grown, starts)
-                    rest = replace(
-                        rest,
-                        ended=rest.ended.scored_given_held(),
-                        missed=rest.missed.scored_given_held(),
-                    )
+                    rest = rest.of_each(Hypotheses.scored_given_held)
                     start = resolved(members, rest, window, 1.0, min_time, fit, purity)
             if start is not None:
                 starts.append(start)
@@ -272,11 +270,7 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
 
 def grown_given_starts(grown: Grown, starts: Sequence[Start]) -> Grown:
     """The tree with the scores of its hypotheses given the new tracks."""
-    return replace(
-        grown,
-        ended=given_starts(grown.ended, starts),
-        missed=given_starts(grown.missed, starts),
-    )
+    return grown.of_each(partial(given_starts, starts=starts))
 
 
 def min_purity_probability(false_tracks_per_hour: float) -> float:

@@ -16,8 +16,7 @@ the gate's probability and s_i the score of the hypothesis::
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score import fading, likelihood_ratio, path_strength
 from tsepm_ros.methods.score.expected_detections import ExpectedDetections
+from tsepm_ros.methods.score.grown import Grown
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics import grouped
@@ -42,49 +42,6 @@ RELATIVE_PRUNING = math.log(1e-4)
 """Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
 NEARING_SHARE = 0.2
 """Share of a time limit after which only the nearest detections of a hypothesis are sought."""
-PRIOR_TARGET_ODDS = 0.001
-"""Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
-
-
-@dataclass(frozen=True)
-class Grown:
-    """The tree after a scan, not yet pruned.
-
-    Attributes
-    ----------
-    ended : Hypotheses
-        Those that end in a detection of the scan.
-    missed : Hypotheses
-        Those that leave the scan out.
-    ids : (d,) ndarray of int
-        Ids of the scan's detections, ascending.
-    """
-
-    ended: Hypotheses
-    missed: Hypotheses
-    ids: IntArray
-
-    @cached_property
-    def newest(self) -> IntArray:
-        """Place in the scan of the last hit of each of `ended`, (n,)."""
-        return self.ended.last_hit - (self.ids[0] if len(self.ids) else 0)
-
-    @cached_property
-    def evidence(self) -> FloatArray:
-        """``ln sum_i exp(s_i)`` over the hypotheses that end in each detection, (d,)."""
-        return grouped.summed(self.ended.score, self.newest, len(self.ids))
-
-    @property
-    def target_probability(self) -> FloatArray:
-        """Probability that each detection is that of a target not confirmed yet, (d,)."""
-        odds = self.evidence + math.log(PRIOR_TARGET_ODDS)
-        probability: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
-        return probability
-
-    @property
-    def number(self) -> int:
-        """Number of hypotheses."""
-        return len(self.ended) + len(self.missed)
 
 
 def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
