@@ -4,12 +4,14 @@
   errors common to a ping and independent ones, beside one echo; 95 % intervals;
 - two: two swimmers apart;
 - vessels: starts and tracks of a vessel at 3 m/s with 3 to 8 highlights a ping along its hull;
+- pool: swimmers held around a fast imaging sonar, by their echoes and the false detections;
 - box: the largest likelihood ratio over the pings of the paper's box, uniform and lumpy, and
   whether the tracks of the first `--tracked` pings are those of `plots` off to the bit;
 - time: of the grouping, by the number of detections.
 
     python benchmarks/plots.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
                                         [--sensor given|unknown]
+    python benchmarks/plots.py pool [--runs 20] [--pings 240]
     python benchmarks/plots.py box [--pings 100000] [--tracked 2000]
 """
 
@@ -26,7 +28,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
-from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Swimmers, box
+from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Pool, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.environment.detection_spacing import DetectionSpacing
@@ -37,6 +39,8 @@ from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, grouped, plots_of
 from tsepm_ros.sensing.scan import Scan
 
 MAX_SPEED = 5.0
+POOL_SPEED = 3.0
+"""Of the method in the pool, m/s."""
 REACH = 120.0
 """Of a target between two pings of the paper's box, at the default maximum speed, m."""
 KINDS = ("uniform", "smooth", "rough", "blocks")
@@ -199,6 +203,58 @@ def vessels(options: argparse.Namespace) -> None:
         )
 
 
+@dataclass(frozen=True)
+class Watched:
+    """What is held in the second half of a run in the pool, on average over its pings.
+
+    Attributes
+    ----------
+    held : float
+        Share of the swimmers with a track within 1.5 m.
+    elsewhere : float
+        Tracks more than 3 m from every swimmer.
+    plots : bool
+        Whether plots are made in the end.
+    """
+
+    held: float
+    elsewhere: float
+    plots: bool
+
+
+def watched(scene: Pool, seed: int, **options: object) -> Watched:
+    """Run the default method in the pool, with the density learned."""
+    initiator = make_initiator("score", sensor=scene.sensor, max_speed=POOL_SPEED, **options)
+    held, elsewhere = [], []
+    for number, ping in enumerate(scene.draw(seed)):
+        initiator.process(ping.scan)
+        if 2 * number < scene.pings:
+            continue
+        apart = ping.truth[:, None, 0::2] - initiator.current.state[:, 0::2]
+        distance = np.hypot(apart[..., 0], apart[..., 1])
+        held.append(np.mean(distance.min(axis=1, initial=np.inf) < 1.5))
+        elsewhere.append(np.sum(distance.min(axis=0, initial=np.inf) > 3.0))
+    return Watched(float(np.mean(held)), float(np.mean(elsewhere)), initiator.plots.active)
+
+
+def pool(options: argparse.Namespace) -> None:
+    """Print how many swimmers in the pool are held, by their echoes and the false detections."""
+    print("| echoes | false detections | with plots | held: mean, least | tracks elsewhere |")
+    print("|---|---|---|---|---|")
+    for echoes in (1, 2, 3):
+        for false in (4.0, 16.0, 50.0, 100.0):
+            scene = Pool(echoes=echoes, false=false, pings=options.pings)
+            seeds = range(options.seed, options.seed + options.runs)
+            runs = [watched(scene, seed, plots=options.plots) for seed in shown(seeds)]
+            held = [one.held for one in runs]
+            print(
+                f"| {echoes} | {false:g} | {sum(one.plots for one in runs)} of {len(runs)} "
+                f"| {np.mean(held):.3f}, {min(held):.2f} "
+                f"| {np.mean([one.elsewhere for one in runs]):.2f} |",
+                flush=True,
+            )
+
+
 def paper_box(options: argparse.Namespace) -> None:
     """Print the largest likelihood ratios, and whether tracks are the same to the bit."""
     for kind in options.kinds:
@@ -264,7 +320,8 @@ def times(options: argparse.Namespace) -> None:
 def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    jobs = {"swimmers": swimmers, "two": two, "vessels": vessels, "box": paper_box, "time": times}
+    jobs = {"swimmers": swimmers, "two": two, "vessels": vessels, "pool": pool, "box": paper_box}
+    jobs["time"] = times
     parser.add_argument("job", choices=jobs)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
@@ -276,7 +333,7 @@ def main() -> None:
     parser.add_argument("--tracked", type=int, default=2000)
     parser.add_argument("--kinds", nargs="+", default=KINDS)
     options = parser.parse_args()
-    options.pings = options.pings or (100_000 if options.job == "box" else 40)
+    options.pings = options.pings or {"box": 100_000, "pool": 240}.get(options.job, 40)
     jobs[options.job](options)
 
 

@@ -146,6 +146,53 @@ class Swimmers:
         )
 
 
+@dataclass(frozen=True)
+class Pool:
+    """Swimmers around a fast imaging sonar: 100 m all round, 20 pings a second.
+
+    Attributes
+    ----------
+    swimmers : int
+        Anywhere within 60 m on each axis, with up to 1 m/s on each.
+    echoes : int
+        Of a swimmer in a ping that detects it, over 1.2 m on each axis; 1: from its middle.
+    false : float
+        False detections a ping.
+    pings : int
+    """
+
+    swimmers: int = 5
+    echoes: int = 3
+    false: float = 16.0
+    pings: int = 240
+
+    @property
+    def sensor(self) -> SensorModel:
+        """Errors of 0.2 m and 0.01 rad."""
+        return SensorModel(max_range=100.0, range_std=0.2, range_std_fraction=0.0, azimuth_std=0.01)
+
+    def draw(self, seed: int) -> Iterator[Ping]:
+        """Draw the pings."""
+        rng = np.random.default_rng([seed, 9])
+        place = rng.uniform(-60.0, 60.0, (self.swimmers, 2))
+        velocity = rng.uniform(-1.0, 1.0, (self.swimmers, 2))
+        for number in range(self.pings):
+            now = place + 0.05 * number * velocity
+            seen = np.repeat(np.flatnonzero(rng.random(self.swimmers) < 0.9), self.echoes)
+            x, y = (now[seen] + rng.uniform(-0.6, 0.6, (len(seen), 2)) * (self.echoes > 1)).T
+            count = rng.poisson(self.false)
+            error = rng.standard_normal((2, len(seen)))
+            range_ = np.append(
+                np.hypot(x, y) + 0.2 * error[0], 100.0 * np.sqrt(rng.uniform(1e-4, 1.0, count))
+            )
+            azimuth = np.append(
+                np.arctan2(y, x) + 0.01 * error[1], rng.uniform(-np.pi, np.pi, count)
+            )
+            origin = np.append(seen, np.full(count, CLUTTER))
+            truth = np.stack([now[:, 0], velocity[:, 0], now[:, 1], velocity[:, 1]], axis=1)
+            yield Ping(Scan(0.05 * number, np.maximum(range_, 0.1), azimuth), origin, truth)
+
+
 def densities(kind: str, rng: np.random.Generator) -> NDArray[np.float64]:
     """Clutter of the box by cells of 50 m, of mean 1, (120, 120).
 

@@ -163,6 +163,11 @@ class ClutterMap:
         return max(float(low / mean), 1.0)
 
     @property
+    def begun(self) -> bool:
+        """Whether a scan was learned from."""
+        return self._scans > 0.0
+
+    @property
     def memory(self) -> tuple[FloatArray, float]:
         """Counts by ring and column, and the number of scans; both fading."""
         return self._counts.copy(), self._scans

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.initiation import learning
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
-from tsepm_ros.initiation.plot_extraction import Join, PlotExtraction
+from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.recent_hits import RecentHits
 from tsepm_ros.initiation.scan_clutter import ScanClutter
 from tsepm_ros.kinematics.track import TrackArrays
@@ -166,7 +165,8 @@ class FrontEnd:
             return []
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
         seen = self.learned.seen_extent.region
-        if not self.plots.learn(self._covered(scan)[0], interval, seen):
+        tracks = self.maintenance.held.tracks.predicted(scan.stamp)
+        if not self.plots.learn(self._covered(scan)[0], interval, seen, tracks):
             return []
         again = recent[max(len(recent) - window + 1, 0) :]
         for one in [*again, scan]:
@@ -358,7 +358,7 @@ class FrontEnd:
         self.outside_coverage = len(scan) - len(rows) - self.on_land
         if self.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        made = self.plots.plots_of(found, self._joining(found) if self.plots.hulls else None)
+        made = self.plots.plots_of(found, self._joined if self.plots.hulls else None)
         measured = found if made is None else made.scan
         self._clutter = self._clutter_at(measured.range, measured.azimuth)
         detections = convert(measured, self.sensor, self.scan_index)
@@ -373,13 +373,14 @@ class FrontEnd:
             self.learned, self.common, self.sensor, self.most_tracks_true, range, azimuth
         )
 
-    def _joining(self, scan: Scan) -> Join:
-        """What joins the groups of a scan that are one hull's; the hulls are learned first."""
+    def _joined(self, scan: Scan, label: IntArray) -> tuple[IntArray, FloatArray]:
+        """The groups of a scan, those of a hull as one; the hulls are learned first."""
         tracks = self.maintenance.held.tracks.predicted(scan.stamp)
-        longest = self.plots.extent.along
         clutter = self._clutter_at(scan.range, scan.azimuth).density()
-        self._hulls.learn(scan, clutter, tracks, longest, self.sensor.azimuth_std)
-        return partial(self._hulls.joined, tracks=tracks)
+        around = self._clutter_at(*self._poses.polar(tracks.state[:, 0::2])).known_density()
+        extent, std = self.plots.extent, self.sensor.azimuth_std
+        self._hulls.learn(scan, label, clutter, tracks, around, extent, std)
+        return self._hulls.joined(scan, label, tracks)
 
     def waiting(self, tracks: TrackArrays) -> BoolArray:
         """Which newly confirmed tracks (n,) wait until it is clear that they are no older one's."""

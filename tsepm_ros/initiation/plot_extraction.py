@@ -7,12 +7,16 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tsepm_ros.environment.detection_spacing import DetectionSpacing
 from tsepm_ros.environment.echo_scatter import EchoScatter
 from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.discs import squared_distances
+from tsepm_ros.numerics.gaussian import inverse
 from tsepm_ros.sensing import plots
 from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, Plots
 from tsepm_ros.sensing.scan import Scan
@@ -24,6 +28,14 @@ LONGEST_RUN = 30.0
 """Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
 SUSPICION = 10.0
 """Likelihood ratio from which on a second start beside a new track waits: a choice."""
+BESIDE = 64.0
+"""Distance of tracks from older ones beside them, m: the widest box in which a target is sought."""
+DEVIATIONS = 4.0
+"""Standard deviations within which a detection is a track's."""
+MOVES_APART = 13.8
+"""Squared distance of two velocities, in their covariances, from which on they differ: 99.9 %."""
+MOST_TRACKS = 200
+"""Held tracks that are compared, the first confirmed: bounds the time."""
 WHOLE = 2.0
 """Extent of a plot over the half width of the boxes in which its detections were seen."""
 
@@ -108,7 +120,7 @@ class PlotExtraction:
             return PlotExtent(given + cell, given, beam)
         return self._spacing.extent.scaled(WHOLE)
 
-    def learn(self, scan: Scan, interval: float, seen: Region) -> bool:
+    def learn(self, scan: Scan, interval: float, seen: Region, tracks: TrackArrays) -> bool:
         """Learn from a scan's detections; returns whether plots look different from now on.
 
         Parameters
@@ -118,12 +130,16 @@ class PlotExtraction:
             Time since the scan before, s.
         seen : Region
             Where clutter was seen before.
+        tracks : TrackArrays
+            Held, in the order of their confirmation, at the scan's stamp.
         """
         if self.common.plots == "off":
             return False
         scan = self._without_runs(scan)
         reach = self.common.max_speed * interval
-        self._spacing.observe(scan.range, scan.azimuth, plots.placed(scan), reach, seen)
+        place = plots.placed(scan)
+        rows = np.flatnonzero(~of_neighbours(scan, place, tracks, self.sensor))
+        self._spacing.observe(scan.range[rows], scan.azimuth[rows], place[rows], reach, seen)
         before = self.seen
         self.seen = before or self.log_ratio >= math.log(LIKELIHOOD_RATIO)
         if before and self.active:
@@ -185,6 +201,49 @@ class PlotExtraction:
             f"{extent.along:.3g} m{beam} of each other are combined into one plot, "
             f"{self.scatter.mean_size:.2g} on average"
         )
+
+
+def of_neighbours(
+    scan: Scan, place: FloatArray, tracks: TrackArrays, sensor: SensorModel
+) -> BoolArray:
+    """Which detections (n,) are those of tracks that move apart from an older one beside them.
+
+    Targets side by side, each with one detection, are close together from ping to ping. That does
+    not show that a target has several detections. Tracks that move together may be of one target,
+    and their detections count. The selection uses the present ping, so that the bound of the test
+    for several detections holds approximately.
+
+    Parameters
+    ----------
+    scan : Scan
+        n detections.
+    place : (n, 2) ndarray
+        In the fixed frame, m.
+    tracks : TrackArrays
+        Held, in the order of their confirmation, at the scan's stamp.
+    sensor : SensorModel
+        Errors where the scan gives none of its own.
+    """
+    found = np.zeros(len(scan), bool)
+    number = min(len(tracks), MOST_TRACKS)
+    if not len(scan) or number < 2:
+        return found
+    state, covariance = tracks.state[:number], tracks.covariance[:number]
+    near = squared_distances(state[:, 0::2], state[:, 0::2]) <= BESIDE**2
+    younger, older = np.nonzero(np.tril(near, -1))
+    velocity = state[younger, 1::2] - state[older, 1::2]
+    spread = covariance[younger, 1::2, 1::2] + covariance[older, 1::2, 1::2]
+    squared = np.einsum("pi,pij,pj->p", velocity, inverse(spread), velocity)
+    beside = np.unique(younger[squared > MOVES_APART])
+    if not len(beside):
+        return found
+    away, row = cKDTree(place).query(state[beside, 0::2])
+    range_ = scan.range[row]
+    along = sensor.range_variance(range_) if scan.range_std is None else scan.range_std[row] ** 2
+    angle = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std[row]
+    error = along + (angle * range_) ** 2 + covariance[beside, 0, 0] + covariance[beside, 2, 2]
+    found[row[away <= DEVIATIONS * np.sqrt(error)]] = True
+    return found
 
 
 def _concerning(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...]:

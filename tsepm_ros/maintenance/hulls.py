@@ -6,12 +6,20 @@ g the mean number of the hull's detections and lambda the clutter density: one s
 maximisation a ping. A hull is what is longer than a plot and has detections all along it. Two
 targets side by side have nearly all of theirs in two places, seen from either's track.
 
+Clutter lies around every track, too. N plots lie in the gate ``d' X^-1 d <= GATE`` and beyond the
+track's own plot, where E of clutter are expected; both fade from ping to ping. A hull needs::
+
+    N > MARGIN E,    N >= LEAST_NUMBER
+
+Detections near another held track do not count: several targets may lie along a line by chance.
+
 In a later ping the detections within X of a hull's track are one plot, whose centroid wanders with
 X over their number.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,7 +27,7 @@ from scipy.spatial import cKDTree
 
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.sensing.plots import placed
+from tsepm_ros.sensing.plots import PlotExtent, placed
 from tsepm_ros.sensing.scan import Scan
 
 MEMORY = 20.0
@@ -34,6 +42,10 @@ START_NUMBER = 4.0
 """Detections of a hull in a ping before the first: a choice."""
 GATE = 6.0
 """Squared distance, of X, within which a detection is the hull's; the end of a line has 3."""
+MARGIN = 1.5
+"""Factor within which clutter around a track may be denser than it is known: a choice."""
+LEAST_NUMBER = 2.0
+"""Plots beside the track's own, over some `MEMORY` pings, that a hull has at least."""
 LEAST_FREEDOM = 10.0
 """Degrees of freedom from which on a hull is told from two targets."""
 PLACE = 6.0
@@ -63,6 +75,8 @@ class Hull:
         Pings since the first.
     pings, number : float
         Pings with several detections, and their detections; older ones fade.
+    beyond, expected : float
+        N and E.
     apart, weight : (m, 2), (m,) ndarray
         The last detections, seen from the track, m, and the weight of each.
     """
@@ -70,6 +84,8 @@ class Hull:
     freedom: float
     scatter: FloatArray
     scans: int = 0
+    beyond: float = 0.0
+    expected: float = 0.0
     pings: float = 1.0
     number: float = START_NUMBER
     apart: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
@@ -92,13 +108,18 @@ class Hull:
 
     @property
     def decided(self) -> bool:
-        """Whether enough is known to tell a hull from targets side by side."""
-        return self.freedom >= LEAST_FREEDOM
+        """Whether enough is known to tell a hull from clutter and from targets side by side."""
+        return self.freedom >= LEAST_FREEDOM and self.beyond_clutter
 
     @property
     def open(self) -> bool:
         """Whether that may still become known."""
         return not self.decided and self.scans <= WAITING_SCANS
+
+    @property
+    def beyond_clutter(self) -> bool:
+        """Whether there are more plots beside the track's own than clutter explains."""
+        return self.beyond > MARGIN * self.expected and self.beyond >= LEAST_NUMBER
 
     def found(self, longest_plot: float, place: float) -> bool:
         """Whether it is a hull, longer than plots are.
@@ -119,22 +140,52 @@ class Hull:
         """Which positions (n, 2), seen from the track and with errors (m), are within it, (n,)."""
         return _squared(apart, self.covariance + std**2 * np.eye(2)) <= GATE
 
-    def after(self, apart: FloatArray, clutter: FloatArray) -> Hull:
-        """With the detections (n, 2) of a ping, seen from the track, in clutter (n,), 1/m^2."""
-        squared = _squared(apart, self.covariance)
+    def after(
+        self,
+        apart: FloatArray,
+        label: IntArray,
+        clutter: FloatArray,
+        density: float,
+        plot_radius: float,
+    ) -> Hull:
+        """With the detections of a ping.
+
+        Parameters
+        ----------
+        apart : (n, 2) ndarray
+            Seen from the track, m.
+        label : (n,) ndarray of int
+            Group of each: a plot.
+        clutter : (n,) ndarray
+            Clutter density at each, plots per m^2.
+        density : float
+            Clutter density around the track, plots per m^2; NaN: not known, and nothing is counted.
+        plot_radius : float
+            Distance within which the track's own plot lies, m.
+        """
+        covariance = self.covariance
+        squared = _squared(apart, covariance)
         near = squared <= GATE
-        apart, squared, clutter = apart[near], squared[near], clutter[near]
-        area = 2.0 * np.pi * np.sqrt(np.linalg.det(self.covariance))
-        density = self.number / self.pings / area * np.exp(-0.5 * squared)
-        weight = density / (density + clutter)
-        total = float(weight.sum())
+        apart, label, squared, clutter = apart[near], label[near], squared[near], clutter[near]
+        area = 2.0 * math.pi * math.sqrt(np.linalg.det(covariance))
         kept = 1.0 - 1.0 / MEMORY
+        counted = replace(self, scans=self.scans + 1)
+        if math.isfinite(density):
+            beyond = np.unique(label[np.hypot(*apart.T) > plot_radius])
+            minor, major = np.sqrt(GATE * np.linalg.eigvalsh(covariance)).tolist()
+            counted = replace(
+                counted,
+                beyond=kept * self.beyond + len(beyond),
+                expected=kept * self.expected + density * area_outside(minor, major, plot_radius),
+            )
+        likely = self.number / self.pings / area * np.exp(-0.5 * squared)
+        weight = likely / (likely + clutter)
+        total = float(weight.sum())
         if total <= 1.0:
-            return replace(self, scans=self.scans + 1)
+            return counted
         off = apart - weight @ apart / total
         return replace(
-            self,
-            scans=self.scans + 1,
+            counted,
             freedom=kept * self.freedom + total - 1.0,
             scatter=kept * self.scatter + (off * weight[:, None]).T @ off,
             pings=kept * self.pings + 1.0,
@@ -147,6 +198,18 @@ class Hull:
 def _squared(apart: FloatArray, covariance: FloatArray) -> FloatArray:
     """Squared distances of (n, 2), (n,)."""
     return np.asarray(np.einsum("ni,in->n", apart, np.linalg.solve(covariance, apart.T)))
+
+
+def area_outside(minor: float, major: float, radius: float) -> float:
+    """Area of an ellipse of these half axes outside a disc about its centre.
+
+    Exact where the disc lies in the ellipse; of a thin one the part beyond the radius along it.
+    """
+    if radius <= minor:
+        return math.pi * (minor * major - radius**2)
+    part = min(radius / major, 1.0)
+    inside = 2.0 * (math.asin(part) + part * math.sqrt(1.0 - part**2))
+    return minor * major * (math.pi - inside)
 
 
 def in_two_places(along: FloatArray, weight: FloatArray, width: float) -> float:
@@ -170,39 +233,50 @@ class Hulls:
     def learn(
         self,
         scan: Scan,
+        label: IntArray,
         clutter: FloatArray,
         tracks: TrackArrays,
-        longest_plot: float,
+        around: FloatArray,
+        extent: PlotExtent,
         azimuth_std: float,
     ) -> None:
         """Learn from the detections of a ping around the held tracks.
 
-        What is within an older track's hull is that one's. Of very many tracks, only the oldest
-        learn.
+        What is within an older track's hull, or near another track, is that one's. Of very many
+        tracks, only the oldest learn.
 
         Parameters
         ----------
         scan : Scan
             n detections.
+        label : (n,) ndarray of int
+            Group of each: a plot.
         clutter : (n,) ndarray
-            Clutter density at each, 1/m^2.
+            Clutter density at each, plots per m^2.
         tracks : TrackArrays
-            Held, oldest first, at the scan's stamp.
-        longest_plot : float
-            m.
+            Held, in the order of their confirmation, at the scan's stamp: k.
+        around : (k,) ndarray
+            Clutter density around each, plots per m^2; NaN: not known yet.
+        extent : PlotExtent
+            Of a plot.
         azimuth_std : float
             rad.
         """
         position, free = placed(scan), np.ones(len(scan), bool)
         sensor = np.reshape(scan.sensor_pose, (-1, 3))[0, :2] if len(scan) else np.zeros(2)
         learned, found = {}, {}
-        places = tracks.state[:MOST_TRACKS, 0::2]
-        for track_id, place in zip(tracks.track_id[:MOST_TRACKS].tolist(), places, strict=True):
+        apart = np.hypot(*(tracks.state[:, 0::2] - sensor).T)
+        width = np.maximum(PLACE, 3.0 * azimuth_std * apart)
+        owner = _owner(position, tracks.state[:, 0::2], 0.5 * np.maximum(width, extent.along))
+        radius = 0.5 * np.maximum(extent.along, extent.across_at(apart))
+        for row, track_id in enumerate(tracks.track_id[:MOST_TRACKS].tolist()):
+            place = tracks.state[row, 0::2]
+            own = free & ((owner == row) | (owner < 0))
             hull = self._hulls.get(track_id, Hull.unknown())
-            hull = hull.after(position[free] - place, clutter[free])
-            if hull.found(
-                longest_plot, max(PLACE, 3.0 * azimuth_std * np.hypot(*(place - sensor)))
-            ):
+            hull = hull.after(
+                position[own] - place, label[own], clutter[own], float(around[row]), radius[row]
+            )
+            if hull.found(extent.along, float(width[row])):
                 free &= ~hull.gate(position - place)
                 found[track_id] = hull
             learned[track_id] = hull
@@ -292,6 +366,14 @@ class Hulls:
             if track_id in self._found:
                 waits |= self._found[track_id].gate(places - place, PLACE)
         return waits
+
+
+def _owner(position: FloatArray, places: FloatArray, reach: FloatArray) -> IntArray:
+    """The nearest of tracks (k, 2) to each position (n, 2), by row; -1 beyond its reach (k,), m."""
+    if not len(places) or not len(position):
+        return np.full(len(position), -1)
+    away, row = cKDTree(places).query(position)
+    return np.where(away <= reach[row], row, -1)
 
 
 def beside_earlier(positions: FloatArray, reach: float) -> BoolArray:

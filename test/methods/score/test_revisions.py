@@ -8,6 +8,7 @@ from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.01, clutter_density=1e-5)
 X = 3000.0
@@ -75,3 +76,40 @@ def test_hits_are_more_probable_than_not_at_any_rate(wish):
     (track,) = found
     assert not {(1, 0), (1, 1)} <= set(track.hits)
     assert {(0, 0), (3, 0)} <= set(track.hits)
+
+
+@pytest.mark.parametrize("listed", [1, 25])
+def test_a_track_of_a_downstream_tracker_has_no_hits_to_doubt(listed):
+    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
+    rng, covariance = np.random.default_rng(1), np.diag([900.0, 1.0, 900.0, 1.0])
+    for k in range(25):
+        if k < listed:
+            state = np.array([X, 0.0, 84.0 * k, 7.0])
+            report = ConfirmedTrack(
+                track_id=77,
+                stamp=12.0 * k,
+                state=state,
+                covariance=covariance,
+                hits=(),
+                evaluation=0.0,
+            )
+            initiator.maintenance.follow(12.0 * k, TrackArrays.of([report]))
+        place = tuple(np.add(target(k), 3.0 * rng.standard_normal(2)))
+        assert not len(initiator.process(scan_at(12.0 * k, [place])))
+        assert not len(initiator.revised)
+    assert initiator.current.track_id.tolist() == [77]
+
+
+def test_a_track_is_not_corrected_once_its_hits_leave_the_window():
+    # The hypotheses with its first hits are deleted then, right or not.
+    rng = np.random.default_rng(2)
+    for _ in range(3):
+        initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
+        started = []
+        for k in range(40):
+            seen = [tuple(np.add(target(k), 30.0 * rng.standard_normal(2)))]
+            seen += [tuple(place) for place in rng.uniform(-4000.0, 4000.0, (60, 2))]
+            started += list(initiator.process(scan_at(12.0 * k, seen)))
+            assert not len(initiator.revised)
+        near = [track for track in started if abs(track.position[0] - X) < 300.0]
+        assert len({track.track_id for track in near}) <= 1

@@ -8,10 +8,11 @@ detection, and the n hits that the track was published with::
     wrong         P <= 0.1, as soon as other hits are resolved with a probability of 0.9
 
 Where the right hits are partly those that were published, the start is corrected. Where none is,
-the track was of no target or of another, and the target is a new one, which replaces it. A start
-with more than half of a held track's published hits is that track's too: the track has lost its
-target, and is corrected. Tracks within the reach ``v_max a`` of another, of age a, are left as they
-are: of two targets side by side the hits are exchanged by turns, and the targets are held.
+the track was of no target or of another, and the target is a new one, which replaces it. That is
+decided while all published hits are in the window of the hypotheses. A start with more than half
+of a held track's published hits is that track's too: the track has lost its target, and is
+corrected. Tracks within the reach ``v_max a`` of another, of age a, are left as they are: of two
+targets side by side the hits are exchanged by turns, and the targets are held.
 """
 
 from __future__ import annotations
@@ -50,15 +51,12 @@ class Doubtful(NamedTuple):
     row : int
         Its detection in the scan.
     hits : (h,) ndarray of int
-        Its published hits in the window.
-    published : int
-        Number of all its published hits.
+        Its published hits.
     """
 
     track_id: int
     row: int
     hits: IntArray
-    published: int
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ def revisions(
     max_speed: float,
     fit: HitFit,
 ) -> Revisions:
-    """Corrections of the held tracks' starts, as far as their hits are in the window.
+    """Corrections of the held tracks' starts, while their hits are in the window.
 
     Parameters
     ----------
@@ -113,13 +111,13 @@ def revisions(
     new, corrected = _claimed(starts, observed.held, window)
     replaced: list[tuple[int, Start]] = []
     tested: Grown | None = None
-    for track_id, row, hits, published in wrong:
+    for track_id, row, hits in wrong:
         if grown.evidence[row] + speed_prior.LOG_GAIN < threshold:
             continue
         if any(grown.ids[row] in start.detections for start in starts):
             continue
         tested = tested or speed_prior.ended_at(grown, threshold, max_speed)
-        start = _instead(hits, published, tested, row, window, threshold, min_time, fit)
+        start = _instead(hits, tested, row, window, threshold, min_time, fit)
         if start is None:
             continue
         shared = np.isin(start.probable, hits).any()
@@ -132,7 +130,9 @@ def doubtful(
 ) -> list[Doubtful]:
     """Held tracks whose best hypothesis lacks half of their published hits or more.
 
-    Only tracks of which most hits are in the window, and with no other held track in reach.
+    They have no other held track in reach, and all their hits in the window: hypotheses with older
+    hits have been deleted, whether they were right or not. A track from a downstream tracker has no
+    hits to doubt.
     """
     found: list[Doubtful] = []
     held = observed.held
@@ -147,8 +147,8 @@ def doubtful(
     for track_id, row, of in zip(ids[which[alone]], rows[which[alone]], place[alone], strict=True):
         published = held.hits[of]
         hits = window.find(published)
-        if 2 * len(hits) > len(published) and not _best_has_most_of(hits, grown, row):
-            found.append(Doubtful(int(track_id), int(row), hits, len(published)))
+        if 0 < len(hits) == len(published) and not _best_has_most_of(hits, grown, row):
+            found.append(Doubtful(int(track_id), int(row), hits))
     return found
 
 
@@ -178,7 +178,6 @@ def _best_has_most_of(hits: IntArray, grown: Grown, row: int) -> bool:
 
 def _instead(
     hits: IntArray,
-    published: int,
     grown: Grown,
     row: int,
     window: DetectionWindow,
@@ -192,10 +191,10 @@ def _instead(
     if evidence < threshold:
         return None
     rivals = rivals_of(members, grown, evidence)
-    most = 2 * np.isin(rivals.hits, hits).sum(axis=1) > published
+    most = 2 * np.isin(rivals.hits, hits).sum(axis=1) > len(hits)
     if softmax(rivals.score)[most].sum() > 1.0 - MIN_PURITY_PROBABILITY:
         return None
     start = resolved(members, grown, window, ALL, min_time, fit)
-    if start is None or 2 * np.isin(start.hits, hits).sum() > published:
+    if start is None or 2 * np.isin(start.hits, hits).sum() > len(hits):
         return None
     return start

@@ -137,7 +137,7 @@ class Score(Method):
         )
         attainable = starts.attainable(grown, self.detections)
         wrong = doubtful(grown, observed, self.detections, self.common.max_speed)
-        for _, row, *_ in wrong:
+        for _, row, _ in wrong:
             attainable[row] = max(attainable[row], grown.evidence[row] + speed_prior.LOG_GAIN)
         threshold = self._threshold.value_if_near(
             attainable.max(initial=-np.inf),
