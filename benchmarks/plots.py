@@ -21,7 +21,7 @@ import argparse
 import math
 import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -68,9 +68,10 @@ class Run:
         return [start for start in self.starts if start.ping >= self.on]
 
 
-def shown(seeds: Sequence[int]) -> Iterable[int]:
+def seeds_of(options: argparse.Namespace) -> Iterable[int]:
     """Seeds of the runs, with progress on a terminal."""
-    return with_progress(seeds, len(seeds), "runs")
+    first, number = options.seed, options.runs
+    return with_progress(range(first, first + number), number, "runs")
 
 
 def run(
@@ -124,9 +125,8 @@ def lateness(one: Run, single: Run) -> float:
 def swimmers(options: argparse.Namespace) -> None:
     """Print the table of swimmers."""
     plain = Swimmers(echoes=(1, 1), pings=options.pings, false=options.false)
-    seeds = range(options.seed, options.seed + options.runs)
     known_of = options.density, options.sensor
-    single = [run(plain, seed, *known_of, plots="off") for seed in shown(seeds)]
+    single = [run(plain, seed, *known_of, plots="off") for seed in seeds_of(options)]
     # Pings with one echo: as if plots were on from the start.
     known = [replace(one, on=0.0) for one in single]
     print(
@@ -141,7 +141,9 @@ def swimmers(options: argparse.Namespace) -> None:
         for spread in (1.0, 3.0):
             for common in (True, False):
                 scene = replace(plain, echoes=echoes, spread=spread, common=common)
-                runs = [run(scene, seed, *known_of, plots=options.plots) for seed in shown(seeds)]
+                runs = [
+                    run(scene, seed, *known_of, plots=options.plots) for seed in seeds_of(options)
+                ]
                 name = "-".join(map(str, sorted(set(echoes))))
                 kind = "common" if common else "independent"
                 row(name, f"{spread:g} m", kind, runs, runs, single)
@@ -171,8 +173,7 @@ def two(options: argparse.Namespace) -> None:
     for apart in (10.0, 20.0, 40.0):
         for spread, common in ((1.0, True), (3.0, True), (3.0, False)):
             scene = Swimmers(spread=spread, common=common, apart=(apart, 0.0), pings=options.pings)
-            seeds = range(options.seed, options.seed + options.runs)
-            runs = [run(scene, seed, options.density, options.sensor) for seed in shown(seeds)]
+            runs = [run(scene, seed, options.density, options.sensor) for seed in seeds_of(options)]
             both = np.mean([math.isfinite(max(first(one, 0), first(one, 1))) for one in runs])
             held = sorted(one.held for one in runs)
             kind = "common" if common else "independent"
@@ -187,10 +188,9 @@ def vessels(options: argparse.Namespace) -> None:
         scene = Swimmers(
             echoes=(3, 8), hull=hull, speed=3.0, false=options.false, pings=options.pings
         )
-        seeds = range(options.seed, options.seed + options.runs)
         runs = [
             run(scene, seed, options.density, options.sensor, plots=options.plots)
-            for seed in shown(seeds)
+            for seed in seeds_of(options)
         ]
         on, begin = [one.on for one in runs], [first(one) for one in runs]
         starts = [len(one.starts) for one in runs]
@@ -244,8 +244,7 @@ def pool(options: argparse.Namespace) -> None:
     for echoes in (1, 2, 3):
         for false in (4.0, 16.0, 50.0, 100.0):
             scene = Pool(echoes=echoes, false=false, pings=options.pings)
-            seeds = range(options.seed, options.seed + options.runs)
-            runs = [watched(scene, seed, plots=options.plots) for seed in shown(seeds)]
+            runs = [watched(scene, seed, plots=options.plots) for seed in seeds_of(options)]
             held = [one.held for one in runs]
             print(
                 f"| {echoes} | {false:g} | {sum(one.plots for one in runs)} of {len(runs)} "

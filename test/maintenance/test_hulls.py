@@ -73,15 +73,7 @@ def learned(draw, length: float, seed: int, pings: int = 12) -> Hulls:
 
 def learn(hulls: Hulls, position: np.ndarray, clutter: np.ndarray, held: TrackArrays) -> None:
     around, alone = np.full(len(held), CLUTTER), np.arange(len(position))
-    hulls.learn(
-        scan_of(position),
-        alone,
-        clutter,
-        held,
-        around,
-        PlotExtent(LONGEST_PLOT, LONGEST_PLOT),
-        AZIMUTH_STD,
-    )
+    hulls.learn(scan_of(position), alone, clutter, held, around, EXTENT, AZIMUTH_STD)
 
 
 @pytest.mark.parametrize("length", [40.0, 60.0])

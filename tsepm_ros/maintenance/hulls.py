@@ -294,7 +294,7 @@ class Hulls:
         label : (n,) ndarray of int
             Group of each.
         tracks : TrackArrays
-            Held, oldest first, at the scan's stamp.
+            Held, in the order of their confirmation, at the scan's stamp.
 
         Returns
         -------
