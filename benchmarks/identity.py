@@ -7,7 +7,8 @@
 north) and prints for each, and in sum: the mean delay from the first scan to the first track on
 each target, the share of the scans since then with a track on it, changes of its track's id, the
 maximum published speed of a new and of a held track, and tracks that started elsewhere. With
-`--list` every one of these is named with its place, speed and way.
+`--list` every one of these is named with its place, speed and way, and where its hits are, seen
+from the target of the nearest bearing.
 
 `scenes` does so for simulated targets that cross, overtake, turn and pass fixed echoes, in clutter,
 for a radar of a scan in 1.7 s and a sonar of a ping in 12 s; echoes of targets closer together
@@ -39,6 +40,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.progress import with_progress
 from tsepm_ros.replay.offline import process_recording
 from tsepm_ros.replay.recording import Recording, read_recording
+from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 
@@ -198,7 +200,7 @@ def watched_recording(folder: Path, settings: Settings, gate: float) -> tuple[Wa
         watched.take(result.stamp, truth_at(recording, result.stamp), result.new, result.current)
         for track in result.current:
             held.setdefault(track.track_id, []).append((index, track))
-    return watched, [f"{folder.name} {line}" for line in elsewhere_lines(watched, held)]
+    return watched, [f"{folder.name} {line}" for line in elsewhere_lines(watched, held, recording)]
 
 
 def recordings(given: argparse.Namespace) -> None:
@@ -218,10 +220,33 @@ def recordings(given: argparse.Namespace) -> None:
             print("\n".join(["", *(line for _, lines in found for line in lines)]))
 
 
+def behind_target(recording: Recording, hits: Iterable[tuple[int, int]]) -> str:
+    """The target whose bearing is nearest to that of hits, and their ranges over its range."""
+    compared: dict[int, list[tuple[float, float]]] = {}
+    for index, row in hits:
+        scan = recording.scans[index]
+        here = np.array([np.interp(scan.time, *column) for column in own_positions(recording)])
+        for target, state in truth_at(recording, scan.time).items():
+            east, north = state[0::2] - here
+            turn = scan.fields["bearing"][row] - math.atan2(east, north)
+            ratio = scan.fields["range"][row] / math.hypot(east, north)
+            compared.setdefault(target, []).append((abs(wrap(turn)), ratio))
+    means = {target: np.mean(values, axis=0) for target, values in compared.items()}
+    nearest = min(means, key=lambda target: means[target][0])
+    turn, ratio = means[nearest]
+    return f"{math.degrees(turn):.0f} degrees from target {nearest}, {ratio:.1f} times its range"
+
+
+def own_positions(recording: Recording) -> list[tuple[list[float], list[float]]]:
+    """Times, s, and positions, m, of the own ship on each axis."""
+    time = [motion.time for motion in recording.own_ship]
+    return [(time, [float(motion.state[axis]) for motion in recording.own_ship]) for axis in (0, 2)]
+
+
 def elsewhere_lines(
-    watched: Watched, held: dict[int, list[tuple[int, ConfirmedTrack]]]
+    watched: Watched, held: dict[int, list[tuple[int, ConfirmedTrack]]], recording: Recording
 ) -> Iterator[str]:
-    """Tracks elsewhere: place, speed and way."""
+    """Tracks elsewhere: place, speed, way, and where their hits are, seen from the nearest target."""
     for id_ in watched.elsewhere:
         (first, start), (last, end) = held[id_][0], held[id_][-1]
         speeds = [float(np.hypot(*track.velocity)) for _, track in held[id_]]
@@ -229,7 +254,7 @@ def elsewhere_lines(
             f"id {id_:2d} scans {first}-{last} from {start.position.round().astype(int)} to "
             f"{end.position.round().astype(int)}: {math.dist(start.position, end.position):.0f} m, "
             f"{len(start.hits)} hits, {speeds[0]:.1f} m/s, then {np.median(speeds):.1f} "
-            f"(most {max(speeds):.1f})"
+            f"(most {max(speeds):.1f}); hits {behind_target(recording, start.hits)}"
         )
 
 

@@ -117,6 +117,7 @@ CONTENDERS = {
     "tsepm-3/4": Entry("tsepm", "TsepmContender", 3, 4),
     "tsepm-5/8": Entry("tsepm", "TsepmContender", 5, 8),
     "tsepm-8/12": Entry("tsepm", "TsepmContender", 8, 12),
+    "tsepm-default-5/8": Entry("tsepm", "DefaultTsepmContender", 5, 8),
     "oracle-5/8": Entry("oracle", "OracleContender", 5, 8),
     "stonesoup-5/8": Entry("stone_soup", "StoneSoupContender", 5, 8),
     "stonesoup-tuned-5/8": Entry("stone_soup", "TunedStoneSoupContender", 5, 8),

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, ClassVar
+
 from contenders import Contender, FloatArray, Hits, RawScan, Sea
 from tsepm_ros import Scan, make_initiator
 from tsepm_ros.kinematics.track import TrackArrays
 
 
 class TsepmContender(Contender):
-    """The published method in this package."""
+    """The published method in this package, as published: with what the peers are given as well."""
+
+    options: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {
+            "clutter_density": "given",
+            "detection_probability": "given",
+            "plots": "off",
+            "limit_speed": False,
+        }
+    )
 
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
         super().__init__(sea, min_hits, window)
@@ -19,6 +32,7 @@ class TsepmContender(Contender):
             min_hits=min_hits,
             window=window,
             gate_probability=sea.gate_probability,
+            **self.options,
         )
         self._new = TrackArrays.of([])
 
@@ -48,3 +62,9 @@ class TsepmContender(Contender):
             "cut_potential": last.cut_potential_tracks,
             "cut_raw": last.cut_confirmations,
         }
+
+
+class DefaultTsepmContender(TsepmContender):
+    """The same with the defaults: density and P_D learned, plots sought, speeds limited."""
+
+    options = MappingProxyType({})

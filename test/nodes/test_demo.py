@@ -25,10 +25,12 @@ def demo(*arguments):
 def test_the_demo_starts_every_target_and_draws_it(tmp_path):
     picture = tmp_path / "demo.png"
     patience = ("--parameter", f"own_ship_timeout:={WAIT}")
-    done = demo("--rate", "300", "--picture", str(picture), *patience)
+    named = ("-p", "clutter_density:=estimated")
+    done = demo("--rate", "300", "--picture", str(picture), *patience, *named)
     assert done.returncode == 0, done.stderr
     assert "4 of 4 targets in " in done.stdout
     assert "ping" not in done.stderr, "no progress in a pipe"
+    assert "remap" not in done.stderr, "a parameter is no remapping of the demo's own node"
     assert picture.read_bytes().startswith(PNG)
 
 

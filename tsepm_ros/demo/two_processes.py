@@ -123,8 +123,9 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     initiator = ["track_initiator", "-p", "own_ship_source:=odometry"]
     for parameter in options.parameter:
         initiator += ["-p", parameter]
-    # No handlers of rclpy: a signal is an exception, as in the other commands.
-    rclpy.init(domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    # Without the arguments of this command, which rclpy would read as remappings, and without
+    # its handlers: a signal is an exception, as in the other commands.
+    rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     collector = TopicCollector(namespace=NAMESPACE)
     executor = SingleThreadedExecutor()
     executor.add_node(collector)
