@@ -246,7 +246,7 @@ def own_positions(recording: Recording) -> list[tuple[list[float], list[float]]]
 def elsewhere_lines(
     watched: Watched, held: dict[int, list[tuple[int, ConfirmedTrack]]], recording: Recording
 ) -> Iterator[str]:
-    """Tracks elsewhere: place, speed, way, and where their hits are, seen from the nearest target."""
+    """Tracks elsewhere: place, speed and way, and their hits, seen from the nearest target."""
     for id_ in watched.elsewhere:
         (first, start), (last, end) = held[id_][0], held[id_][-1]
         speeds = [float(np.hypot(*track.velocity)) for _, track in held[id_]]

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from tsepm_ros.diagnostics.health import Health
+from tsepm_ros.diagnostics.health import MAX_RECORDS, Health
 from tsepm_ros.diagnostics.health_figures import Connections, Latency
 from tsepm_ros.diagnostics.rules import SENSOR
 from tsepm_ros.diagnostics.status import Level, Status
@@ -396,3 +396,24 @@ def test_reset_forgets_drops_scans_and_arrivals():
     run.figures = GOOD
     assert run.said("detections", 13.0) == (Level.WARN, "no scan yet")
     assert run.health.latency == Latency()
+
+
+def test_a_long_scan_of_a_fast_sonar_is_told_for_the_window():
+    """At 20 pings a second, 60 s are 1200 scans."""
+    run = Run(max_latency=1.0, window=60.0)
+    run.scan(0.0, core=2.9, to_all=2.9)
+    for k in range(1, 1000):
+        run.scan(3.0 + 0.05 * k)
+    assert run.said("latency", 53.0)[0] != Level.OK
+    assert "1 gap" in run.said("detections", 53.0)[1]
+    for k in range(1000, 1400):
+        run.scan(3.0 + 0.05 * k)
+    assert run.said("latency", 73.0)[0] == Level.OK
+    assert len(run.health._scans) <= 1202
+
+
+def test_what_is_remembered_of_scans_is_bounded():
+    run = Run(window=86_400.0)
+    for k in range(MAX_RECORDS + 10):
+        run.health.arrived(0.01 * k, 0.01 * k)
+    assert len(run.health._arrivals) == MAX_RECORDS

@@ -64,3 +64,20 @@ def test_without_min_speed_the_topic_is_there_and_empty_and_a_reset_clears_it(wo
     world.call(Trigger, "/track_initiator/reset", Trigger.Request())
     world.until(lambda: len(echoes) > len(sent), "the empty message")
     assert [marker.action for marker in markers[-1].markers] == [Marker.DELETEALL]
+
+
+def test_a_late_viewer_sees_the_present_fixed_echoes(world):
+    """Not those drawn last for an earlier viewer, which have ended since."""
+    boat = Boat(world, method="score", **OPTIONS)
+    echoes = world.listen(PointCloud2, "fixed_echoes", LATCHED)
+    early = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until_connected()
+    boat.send(pings(24, targets=TARGETS, clutter=5))
+    world.until(lambda: early and len(early[-1].markers) > 1, "markers of an echo")
+    late = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until(lambda: late and echoes[-1].width == 1, "markers of a late viewer")
+    assert len(late[-1].markers) == 3
+    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    after = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until(lambda: after, "markers after the reset")
+    assert [marker.action for marker in after[-1].markers] == [Marker.DELETEALL]

@@ -6,6 +6,7 @@ import json
 import time
 
 import pytest
+from std_srvs.srv import Trigger
 from support.boat import Boat
 from support.sonar_driver import pings
 
@@ -29,6 +30,19 @@ def test_what_was_learned_is_there_after_a_restart(world, tmp_path):
     assert density(world) == pytest.approx(learned, rel=0.1)
     assert learned != 1e-6
     world.until_logged("is used from")
+
+
+def test_a_reset_forgets_the_file(world, tmp_path):
+    path = tmp_path / "learned.json"
+    boat = Boat(world, learned_file=str(path))
+    boat.send(pings())
+    world.end(boat.node)
+    assert path.exists()
+    again = Boat(world, learned_file=str(path))
+    response = world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    assert "what was learned" in response.message
+    world.end(again.node)
+    assert not path.exists()
 
 
 @pytest.mark.parametrize("content", ["{", '{"format": 99}'])

@@ -170,8 +170,10 @@ def test_potential_tracks_are_drawn_by_their_evidence(world):
 
 
 def test_potential_tracks_come_only_while_switched_on(world):
+    """Those published last are removed at the end, for later viewers too."""
     boat = Boat(world)
     potential = world.listen(PointCloud2, "potential_tracks")
+    markers = world.listen(MarkerArray, "potential_tracks/markers", LATCHED)
     world.until_connected()
     sent = pings(9, clutter=20)
 
@@ -190,7 +192,15 @@ def test_potential_tracks_come_only_while_switched_on(world):
     switch(False)
     boat.send(sent[6:])
     world.statuses()  # after the last scan: whatever was published has come
-    assert [stamp_ns(message) for message in potential] == [p.stamp_ns for p in sent[3:6]]
+    stamps = [ping.stamp_ns for ping in sent[3:6]]
+    *potential, removed = potential
+    assert [stamp_ns(message) for message in potential] == stamps
+    assert (stamp_ns(removed), removed.width) == (stamps[-1], 0)
+    world.until(lambda: len(markers) == 4, "markers")
+    late = world.listen(MarkerArray, "potential_tracks/markers", LATCHED)
+    world.until(lambda: late, "markers of a late viewer")
+    for message in (markers[-1], late[-1]):
+        assert [marker.action for marker in message.markers] == [Marker.DELETEALL]
 
     same = initiator()
     for ping in sent[:6]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -46,7 +47,7 @@ def test_a_chance_gap_in_azimuth_is_no_sector():
 def test_a_coverage_too_small_is_named_only_where_much_is_lost():
     extent = Extent(3.0, 812.0, -math.pi, math.pi)
     lost = SensorFigures(sensor=SHORT, outside=90, detections=200, outside_extent=extent)
-    said = findings(lost)["outside_coverage"]
+    said = findings(lost)["coverage_too_small"]
     assert "45 %" in said
     assert "sensor.max_range to 820" in said
     few = SensorFigures(sensor=SHORT, outside=90, detections=20000, outside_extent=extent)
@@ -58,7 +59,7 @@ def test_the_minimum_range_is_named_where_detections_are_nearer(given, named):
     extent = Extent(3.0, 812.0, -math.pi, math.pi)
     sensor = SensorModel(min_range=given, max_range=300.0)
     lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
-    assert ("sensor.min_range to 3" in findings(lost)["outside_coverage"]) is named
+    assert ("sensor.min_range to 3" in findings(lost)["coverage_too_small"]) is named
 
 
 @pytest.mark.parametrize(("factor", "said"), [(0.6, True), (0.8, False), (1.4, False), (1.6, True)])
@@ -101,3 +102,46 @@ def test_a_session_says_each_finding_once_and_again_after_a_reset():
     session.reset()
     play(100.0)
     assert [subject for subject, _ in heard] == ["coverage", "coverage"]
+
+
+def test_what_is_mended_as_told_is_no_longer_named():
+    """Coverage and errors at once; other errors than those of the parameters count anew."""
+    heard: list[tuple[str, str]] = []
+    sensor = SensorModel(
+        max_range=300.0,
+        range_std=0.5,
+        range_std_fraction=0.0,
+        azimuth_std=0.05,
+        clutter_density=1e-5,
+    )
+    session = Session(Settings(sensor=sensor), lambda *told: heard.append(told))
+    rng = np.random.default_rng(3)
+
+    def play(first: int, last: int) -> None:
+        for ping in range(first, last):
+            clutter = 600.0 * np.sqrt(rng.random(20)), rng.uniform(-math.pi, math.pi, 20)
+            target = 100.0 + 0.5 * ping + 0.5 * rng.normal(), 0.3 + 0.01 * rng.normal()
+            both = [np.append(*pair) for pair in zip(clutter, target, strict=True)]
+            session.add_scan(arrived(Scan(float(ping), *both)), 0.0)
+            list(session.process())
+
+    play(0, 100)
+    assert {"coverage_too_small", "errors"} <= {subject for subject, _ in heard}
+    said = dict(heard)
+    assert "sensor.max_range to 600" in said["coverage_too_small"]
+    assert "sensor.azimuth_std to 0.0" in said["errors"]
+    mended = dataclasses.replace(sensor, max_range=600.0, azimuth_std=0.01)
+    session.configure(dataclasses.replace(session.settings, sensor=mended))
+    heard.clear()
+    play(100, 110)
+    assert session.figures().sensor_findings == {}
+    play(110, 200)
+    assert [subject for subject, _ in heard if subject != "coverage"] == []
+    assert session.figures().sensor_findings.keys() <= {"coverage"}
+
+
+def test_detections_without_errors_name_no_values():
+    exact = FittedErrors(1e-6, 0.0, 1e-9, 1e-5, 1e-7, 150.0)
+    said = findings(SensorFigures(errors=exact))["errors"]
+    assert "simulated" in said
+    assert "set sensor" not in said

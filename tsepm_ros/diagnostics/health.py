@@ -11,6 +11,7 @@ from collections import deque
 
 from tsepm_ros.diagnostics.entries import statuses
 from tsepm_ros.diagnostics.health_figures import (
+    LAST_SCANS,
     Arrival,
     Connections,
     Counts,
@@ -24,8 +25,8 @@ from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.session.snapshot import SessionSnapshot
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
-MAX_SCANS = 50
-"""Maximum number of scans for intervals and the density of detections."""
+MAX_RECORDS = 10_000
+"""Scans of the window that are remembered at most: bounds memory and time."""
 
 NO_CONNECTIONS = Connections()
 """Connections of a session without a node."""
@@ -53,8 +54,8 @@ class Health:
     def reset(self) -> None:
         """Discard the history."""
         self.latency = Latency()
-        self._scans: deque[ScanRecord] = deque(maxlen=MAX_SCANS)
-        self._arrivals: deque[Arrival] = deque(maxlen=MAX_SCANS)
+        self._scans: deque[ScanRecord] = deque(maxlen=MAX_RECORDS)
+        self._arrivals: deque[Arrival] = deque(maxlen=MAX_RECORDS)
         self._heard: dict[str, Now] = {}
         self._counts: deque[tuple[float, Counts]] = deque()
 
@@ -65,11 +66,13 @@ class Health:
     def arrived(self, stamp: float, now: Now) -> None:
         """Record the stamp (s) of an arriving scan, processed or not."""
         self._arrivals.append(Arrival(_first(now), stamp))
+        self._forget(self._arrivals)
 
     def processed(self, detections: int, latency: Latency, now: Now) -> None:
         """Record a processed scan."""
         self.latency = latency
         self._scans.append(ScanRecord(_first(now), detections, latency))
+        self._forget(self._scans)
 
     def report(
         self, snapshot: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
@@ -99,6 +102,12 @@ class Health:
             time=_first(now),
         )
         return statuses(figures)
+
+    def _forget(self, records: deque[Arrival] | deque[ScanRecord]) -> None:
+        """Forget the records before the window, except the last `LAST_SCANS` of all."""
+        begin = records[-1].time - self.options.window
+        while len(records) > LAST_SCANS and records[0].time < begin:
+            records.popleft()
 
     def _since(self, task: str, now: Now) -> float:
         return waited(self._heard[task], now) if task in self._heard else math.nan

@@ -13,6 +13,9 @@ from tsepm_ros.session.drop_reasons import DETECTIONS, reason_of
 from tsepm_ros.session.snapshot import SessionSnapshot
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
 
+LAST_SCANS = 50
+"""Scans of which intervals and the density of detections are judged."""
+
 
 @dataclass(frozen=True)
 class Latency:
@@ -136,9 +139,9 @@ class HealthFigures:
     recent : Counts
         Counts of the window.
     scans : sequence of ScanRecord
-        The last processed scans, of any age.
+        The processed scans of the window, and the last `LAST_SCANS` of any age.
     arrivals : sequence of Arrival
-        The last arrivals, of any age.
+        The arrivals of the window, and the last `LAST_SCANS` of any age.
     since_scan, since_own_ship : float
         Time since the arrival of the last message, s; nan before the first message.
     time : float
@@ -163,8 +166,9 @@ class HealthFigures:
 
     @property
     def interval(self) -> float:
-        """Median of the stamps' intervals, s; nan while unknown."""
-        intervals = [b.stamp - a.stamp for a, b in pairwise(self.arrivals) if b.stamp > a.stamp]
+        """Median of the last stamps' intervals, s; nan while unknown."""
+        last = self.arrivals[-LAST_SCANS:]
+        intervals = [b.stamp - a.stamp for a, b in pairwise(last) if b.stamp > a.stamp]
         return statistics.median(intervals) if intervals else math.nan
 
     @property
@@ -181,11 +185,11 @@ class HealthFigures:
     def gaps(self) -> int:
         """Number of intervals that ended in the window and exceed `max_interval`."""
         begin = self.time - self.options.window
-        number, before = 0, 0.0
+        number, before, longest = 0, 0.0, self.max_interval
         for a, b in pairwise(self.arrivals):
             interval = b.stamp - a.stamp
             # An increase after a decrease is the return from a single bad stamp.
-            number += b.time >= begin and before >= 0 and interval > self.max_interval
+            number += b.time >= begin and before >= 0 and interval > longest
             before = interval
         return number
 
@@ -208,8 +212,8 @@ class HealthFigures:
 
     @property
     def exposure(self) -> float:
-        """Coverage area, summed over the scans, m^2."""
-        return len(self.scans) * self.snapshot.coverage_area
+        """Coverage area, summed over the last scans, m^2."""
+        return len(self.scans[-LAST_SCANS:]) * self.snapshot.coverage_area
 
     @property
     def clutter_expected(self) -> float:
@@ -218,8 +222,8 @@ class HealthFigures:
 
     @property
     def detections(self) -> int:
-        """Detections of the scans."""
-        return sum(scan.detections for scan in self.scans)
+        """Detections of the last scans."""
+        return sum(scan.detections for scan in self.scans[-LAST_SCANS:])
 
     @property
     def detection_density(self) -> float:

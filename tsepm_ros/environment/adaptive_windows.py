@@ -88,7 +88,7 @@ class _BoundedRoot:
         self._of_larger = rings[-1:] + self._margin
         self._enough = self._enough_to_raise()
         spread = spread_windows(windows, step_of(root / MAX_DEVIATIONS))
-        high = _root_bound(spread.counts(self._sums), 1.0)
+        high = root_bound(spread.counts(self._sums), 1.0)
         high *= spread.per_root_area
         self._spread, self._above = spread, spread.below(high, root)
 
@@ -116,12 +116,12 @@ class _BoundedRoot:
         raising = span(most[rows] > enough[rows])
         if raising is None:
             return
-        low = _root_bound(np.maximum(count[raising] - self._target, 0.0), -1.0)
+        low = root_bound(np.maximum(count[raising] - self._target, 0.0), -1.0)
         first = rows.start + raising.start
         low *= self._counted.per_root_area(size, slice(first, first + len(low)))
         if low.max() > self._least:
             part = self.root[first : first + len(low) + size.height - 1]
-            np.maximum(part, _largest_around(low, size), out=part)
+            np.maximum(part, largest_around(low, size), out=part)
             self._moved()
 
     def lower_by(self, size: WindowSize) -> None:
@@ -136,11 +136,11 @@ class _BoundedRoot:
             return
         first = max(rows.start, cells.start - size.height + 1)
         rows = slice(first, min(rows.stop, cells.stop))
-        high = _root_bound(self._sums.windows(size.height, size.width, size.columns, rows), 1.0)
+        high = root_bound(self._sums.windows(size.height, size.width, size.columns, rows), 1.0)
         high *= self._counted.per_root_area(size, rows)
         if high.min() < self._largest:
             part = self.root[cells]
-            bound = _largest_around(high, size)[cells.start - first : cells.stop - first]
+            bound = largest_around(high, size)[cells.start - first : cells.stop - first]
             np.minimum(part, bound, out=part)
             self._moved()
 
@@ -151,7 +151,7 @@ class _BoundedRoot:
             self._enough = self._enough_to_raise()
 
 
-def _root_bound(count: FloatArray, sign: float) -> FloatArray:
+def root_bound(count: FloatArray, sign: float) -> FloatArray:
     """Root of the low (-1) or high (1) bound of counts: ``sqrt(N + c^2 / 4) -+ c / 2``."""
     bound = count + 0.25 * MAX_DEVIATIONS**2
     np.sqrt(bound, out=bound)
@@ -159,7 +159,7 @@ def _root_bound(count: FloatArray, sign: float) -> FloatArray:
     return bound
 
 
-def _largest_around(values: FloatArray, size: WindowSize) -> FloatArray:
+def largest_around(values: FloatArray, size: WindowSize) -> FloatArray:
     """The largest value of the windows (i, j) that hold each cell of their rows.
 
     Returns (i + height - 1, c); one column where it is the same in all.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, bounded_root, poisson_bound
 from tsepm_ros.environment.polar_grid import Cells, PolarGrid
+from tsepm_ros.environment.ring_windows import raise_rings
 from tsepm_ros.environment.seen_extent import Extent, Region
 from tsepm_ros.environment.window_areas import CountedArea, CountedWindows, Windows
 from tsepm_ros.numerics.arrays import FloatArray
@@ -39,7 +40,8 @@ class ClutterMap:
     The estimate begins with the mean density, ``(w + N) / (w / lambda_0 + n A)`` for N detections
     of clutter in n scans (both fading), the area A in which clutter is seen, and the data sheet's
     lambda_0 with the weight of w detections.
-    Each size of window then bounds it, see `adaptive_windows`. A scan of so many detections that
+    Each size of window then bounds it, see `adaptive_windows`; dense rings raise it, see
+    `ring_windows`. A scan of so many detections that
     its own bound exceeds their mean number raises the density everywhere, as long as such scans
     last.
 
@@ -199,6 +201,7 @@ class ClutterMap:
             return np.full(self.grid.shape, overall)
         target = min(scans + 2.0, MAX_TARGET_COUNT)
         root = bounded_root(self._counts, scans * overall, target, self._counted)
+        raise_rings(root, self._counts, target, self._counted)
         np.multiply(root, root, out=root)
         root /= scans
         return np.maximum(root, MIN_CLUTTER_DENSITY, out=root)

@@ -16,6 +16,9 @@ from tsepm_ros.environment.secondary_echoes import SecondaryEchoes
 from tsepm_ros.environment.seen_extent import EVERYWHERE, Extent, SeenExtent
 from tsepm_ros.sensing.sensor import SensorModel
 
+ERRORS = "range_std", "range_std_fraction", "azimuth_std"
+"""Fields of a sensor that innovations are compared with."""
+
 
 @dataclass(frozen=True)
 class Learned:
@@ -66,13 +69,18 @@ class Learned:
         clumps = ClutterClumps(shape, wraps)
         return cls(clutter_map, clumps, SeenExtent(Extent.of(sensor)), strengths)
 
-    def under(self, sensor: SensorModel) -> Learned:
-        """The models for a sensor; the clutter map is kept only for the same coverage."""
+    def under(self, sensor: SensorModel, before: SensorModel) -> Learned:
+        """The models for a sensor in place of the one before.
+
+        The clutter map is kept only for the same coverage, innovations only for the same errors.
+        """
+        same_errors = all(getattr(sensor, name) == getattr(before, name) for name in ERRORS)
+        kept = self if same_errors else replace(self, errors=MeasurementErrors())
         if self.clutter_map.fits(sensor):
-            return self
+            return kept
         fresh = Learned.initial(sensor)
         return replace(
-            self,
+            kept,
             clutter_map=fresh.clutter_map,
             clumps=fresh.clumps,
             seen_extent=fresh.seen_extent,

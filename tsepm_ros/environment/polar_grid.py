@@ -13,7 +13,9 @@ from tsepm_ros.sensing.sensor import SensorModel
 CELL = 1.0 / 24.0
 """Width of a cell, rad, and its depth as a fraction of its range."""
 INNER_RANGE = 100.0
-"""Range within which the cells keep their depth, m."""
+"""Range within which all rings have one depth, m."""
+INNER_RINGS = 12
+"""Their number from the sensor on: twice the depth of the first ring beyond."""
 
 
 class Cells(NamedTuple):
@@ -55,7 +57,8 @@ class PolarGrid:
         inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
         rings = math.ceil(math.log(sensor.max_range / inner) / CELL)
         edges = np.geomspace(inner, sensor.max_range, rings + 1)
-        self.edges = edges if inner == sensor.min_range else np.append(sensor.min_range, edges)
+        near = math.ceil(INNER_RINGS * (1.0 - sensor.min_range / inner))
+        self.edges = np.append(np.linspace(sensor.min_range, inner, near, endpoint=False), edges)
         self.shape = len(self.edges) - 1, columns
         self.wraps = sensor.all_round
 

@@ -137,11 +137,12 @@ class CountedWindows:
     Attributes
     ----------
     windows : Windows
+    seen : (r, c) ndarray
     """
 
     def __init__(self, windows: Windows, seen: FloatArray, counted: CountedArea) -> None:
-        self.windows = windows
-        self._seen, self._counted = seen, counted
+        self.windows, self.seen = windows, seen
+        self._counted = counted
         self._sums: BlockSums | None = None
         self._known: dict[WindowSize, tuple[slice, FloatArray]] = {}
 
@@ -158,10 +159,20 @@ class CountedWindows:
 
     def _per_root_area(self, size: WindowSize, rows: slice) -> FloatArray:
         if self._sums is None:
-            self._sums = BlockSums(self._seen, self.windows.grid.wraps, self._seen.shape[1] - 1)
+            self._sums = BlockSums(self.seen, self.windows.grid.wraps, self.seen.shape[1] - 1)
         seen = self._sums.windows(size.height, size.width, size.columns, rows)
         whole = self.windows.area[size.part][rows, None]
+        return self.per_root_of(seen, whole)
+
+    def per_root_of(self, seen: FloatArray, whole: FloatArray) -> FloatArray:
+        """``1 / sqrt(A)`` of parts with a seen and a whole area, m^2; shapes that broadcast."""
         return np.asarray(1.0 / np.sqrt(self._counted.of(seen, whole)))
+
+    @cached_property
+    def per_root_ring_area(self) -> FloatArray:
+        """``1 / sqrt(A)`` of each ring of cells (r,), 1/m."""
+        cell = self.windows.grid.area[:, 0]
+        return self.per_root_of(self.seen.sum(axis=1), self.seen.shape[1] * cell)
 
     @cached_property
     def root_of_least_area(self) -> FloatArray:
@@ -169,8 +180,8 @@ class CountedWindows:
 
         Of a ring of cells, a window has all but those of the other columns.
         """
-        windows, (rings, columns) = self.windows, self._seen.shape
-        ring, cell = self._seen.sum(axis=1), windows.grid.area[:, 0]
+        windows, (rings, columns) = self.windows, self.seen.shape
+        ring, cell = self.seen.sum(axis=1), windows.grid.area[:, 0]
         least = np.zeros((len(windows.sizes), rings + 1))
         others = np.array([[columns - size.width] for size in windows.sizes]) * cell
         np.cumsum(np.maximum(ring - others, 0.0), axis=1, out=least[:, 1:])

@@ -94,7 +94,7 @@ class FrontEnd:
 
     def configure(self, sensor: SensorModel, common: CommonOptions, most_tracks_true: bool) -> None:
         """Change the options before the next scan; what was learned and still holds is kept."""
-        self.learned = self.learned.under(sensor)
+        self.learned = self.learned.under(sensor, self.sensor)
         self.plots = self.plots.under(sensor, common)
         self.sensor = sensor
         self.common = common

@@ -66,6 +66,15 @@ class LearnedFile:
             f"{self._session.initiator.estimated_detection_probability:.2f}"
         )
 
+    def forget(self) -> None:
+        """Remove the file; a failure is logged."""
+        if self._path is None:
+            return
+        try:
+            self._path.unlink(missing_ok=True)
+        except OSError as error:
+            self._warn(f"learned_file {self._path} cannot be removed: {error}")
+
     def write(self) -> None:
         """Write what was learned, if a scan was processed; a failure is logged once."""
         initiator = self._session.initiator

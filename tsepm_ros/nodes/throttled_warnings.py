@@ -19,13 +19,19 @@ class ThrottledWarnings:
     """
 
     def __init__(self, node: Node) -> None:
-        self._logger = node.get_logger()
+        self._node = node
         self._warned: dict[str, float] = {}
 
     def warn(self, reason: str, sentence: str, total: int) -> None:
-        """Log a fault and the number of its occurrences, unless it was logged just before."""
+        """Log a fault and the number of its occurrences, unless it was logged just before.
+
+        Nothing is logged while the node ends.
+        """
+        if not self._node.context.ok():
+            return
         now = time.monotonic()
         if now - self._warned.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
             return
         self._warned[reason] = now
-        self._logger.warning(f"{sentence} ({total} so far: {reason})" if total else sentence)
+        counted = f"{sentence} ({total} so far: {reason})" if total else sentence
+        self._node.get_logger().warning(counted)

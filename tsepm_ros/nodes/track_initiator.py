@@ -186,8 +186,9 @@ class TrackInitiator(ParameterisedNode):
         self._session.reset()
         self._diagnostics.reset()
         self._outputs.clear(header)
+        self._learned.forget()
         response.success = True
-        response.message = "scans, tracks and counts were cleared"
+        response.message = "scans, tracks, counts and what was learned were cleared"
         return response
 
     def _rehearse(self, parameters: Mapping[type[Any], Any]) -> None:
@@ -199,7 +200,7 @@ class TrackInitiator(ParameterisedNode):
         self._ask(parameters)
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._input.options = options
-        self._outputs.with_potential_tracks = options.publish_potential_tracks
+        self._outputs.show_potential_tracks(options.publish_potential_tracks)
         self._health.options = parameters[DiagnosticsOptions]
         self._diagnostics.set_period(options.diagnostics_period)
 

@@ -52,17 +52,13 @@ class TrackOutputs:
     with_potential_tracks : bool
         Whether potential tracks are published too.
 
-    Attributes
-    ----------
-    with_potential_tracks : bool
-        May be changed at any time.
     """
 
     def __init__(
         self, node: Node, session: Session, watch: QosWatch, with_potential_tracks: bool
     ) -> None:
         self._session = session
-        self.with_potential_tracks = with_potential_tracks
+        self._with_potential_tracks = with_potential_tracks
 
         def publisher(
             message_type: type[Any],
@@ -80,6 +76,8 @@ class TrackOutputs:
             )
 
         self._shown: tuple[Header, Sequence[ConfirmedTrack]] = make_header(0, ""), ()
+        self._echoes: Sequence[ConfirmedTrack] = ()
+        self._drawn: set[Publisher] = set()
         self._redraw = True
         self._tracks = publisher(PointCloud2, "tracks", 100)
         self._current = publisher(PointCloud2, "tracks/current", _latched(1))
@@ -88,9 +86,16 @@ class TrackOutputs:
             MarkerArray, "tracks/markers", _latched(10), self._on_viewer_change
         )
         self._fixed_echoes = publisher(PointCloud2, "fixed_echoes", _latched(1))
-        self._fixed_echo_markers = publisher(MarkerArray, "fixed_echoes/markers", _latched(1))
+        self._fixed_echo_markers = publisher(
+            MarkerArray, "fixed_echoes/markers", _latched(1), self._on_viewer_of_echoes
+        )
         self._potential = publisher(PointCloud2, "potential_tracks", 10)
-        self._potential_markers = publisher(MarkerArray, "potential_tracks/markers", _latched(1))
+        self._potential_markers = publisher(
+            MarkerArray,
+            "potential_tracks/markers",
+            _latched(1),
+            self._on_viewer_of_potential_tracks,
+        )
         self._placed = publisher(PointCloud2, "detections/placed", 100)
 
     def publish(self, result: ScanResult, entered: float) -> Latency:
@@ -121,25 +126,33 @@ class TrackOutputs:
         if self._odometry.get_subscription_count():
             for track in result.starts:
                 self._odometry.publish(track_odometry(header, track))
-        self._shown = header, result.current
+        self._shown, self._echoes = (header, result.current), result.fixed_echoes
         if self._markers.get_subscription_count():
             self._markers.publish(
                 track_markers(header, result.current, result.ended, afresh=self._redraw)
             )
             self._redraw = False
         if self._fixed_echo_markers.get_subscription_count():
-            self._fixed_echo_markers.publish(fixed_echo_markers(header, result.fixed_echoes))
-        if self.with_potential_tracks:
+            self._draw(self._fixed_echo_markers, fixed_echo_markers(header, self._echoes))
+        if self._with_potential_tracks:
             self._publish_potential(header)
 
     def clear(self, header: Header) -> None:
         """Publish empty tracks and markers."""
-        self._shown = header, ()
+        self._shown, self._echoes = (header, ()), ()
         self._markers.publish(clear_markers(header))
         self._potential_markers.publish(clear_markers(header))
         self._fixed_echo_markers.publish(clear_markers(header))
         self._current.publish(track_cloud(header, []))
         self._fixed_echoes.publish(track_cloud(header, []))
+
+    def show_potential_tracks(self, shown: bool) -> None:
+        """Publish potential tracks from now on, or no longer; the last ones are removed then."""
+        if self._with_potential_tracks and not shown:
+            header, _ = self._shown
+            self._potential.publish(track_cloud(header, []))
+            self._potential_markers.publish(clear_markers(header))
+        self._with_potential_tracks = shown
 
     def _publish_placed(self, header: Header, scan: Scan) -> None:
         detections = convert(scan, self._session.settings.sensor, 0)
@@ -153,7 +166,12 @@ class TrackOutputs:
         tracks = self._session.initiator.potential_tracks()
         self._potential.publish(track_cloud(header, tracks))
         if self._potential_markers.get_subscription_count():
-            self._potential_markers.publish(potential_track_markers(header, tracks))
+            self._draw(self._potential_markers, potential_track_markers(header, tracks))
+
+    def _draw(self, publisher: Publisher, markers: MarkerArray) -> None:
+        """Publish latched markers, which later viewers get as well."""
+        publisher.publish(markers)
+        self._drawn.add(publisher)
 
     def _on_viewer_change(self, event: Any) -> None:
         """Publish all markers for a new viewer, after deletion of those of an earlier run.
@@ -164,3 +182,16 @@ class TrackOutputs:
             header, tracks = self._shown
             self._markers.publish(track_markers(header, tracks, afresh=True))
             self._redraw = True
+
+    def _on_viewer_of_echoes(self, event: Any) -> None:
+        """Publish the present fixed echoes for a new viewer, in place of those drawn last."""
+        drawn = self._fixed_echo_markers in self._drawn
+        if event.current_count_change > 0 and (drawn or len(self._echoes)):
+            header, _ = self._shown
+            self._draw(self._fixed_echo_markers, fixed_echo_markers(header, self._echoes))
+
+    def _on_viewer_of_potential_tracks(self, event: Any) -> None:
+        """Remove the potential tracks drawn last for a new viewer; the next scan draws its own."""
+        if event.current_count_change > 0 and self._potential_markers in self._drawn:
+            header, _ = self._shown
+            self._potential_markers.publish(clear_markers(header))

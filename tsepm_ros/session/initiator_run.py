@@ -100,7 +100,8 @@ class InitiatorRun:
             self.start_over()
             raise
         seconds = time.perf_counter() - begin
-        self.check.observe(scan.stamp, len(new))
+        outside = self.initiator.statistics.outside_coverage
+        self.check.observe(scan.stamp, len(new), outside, len(scan))
         return new, seconds
 
     def figures(self) -> dict[str, Any]:

@@ -19,8 +19,12 @@ MAX_OUTSIDE_SHARE = 0.05
 """Share of the detections outside the coverage that is accepted."""
 MIN_OUTSIDE = 20
 """Detections outside the coverage from which on it is said."""
+OUTSIDE_SCANS = 100
+"""Scans, the last, over which these are counted."""
 ERROR_FACTOR = 1.5
 """Factor by which the errors as given may differ from those of the innovations."""
+LEAST_FACTOR = 0.01
+"""Factor below which detections have no errors of a sensor: they are simulated, or rounded."""
 RATE_WINDOW = 3600.0
 """Time over which confirmations are counted, s."""
 RATE_FACTOR = 10.0
@@ -45,9 +49,9 @@ class SensorFigures:
     seen_detections : int
         Detections from which this is known.
     outside : int
-        Detections outside the coverage.
+        Detections outside the coverage, in the last `OUTSIDE_SCANS`.
     detections : int
-        All detections.
+        All detections of these.
     outside_extent : Extent or None
         Ranges and sector of all detections, where some are outside the coverage.
     errors : FittedErrors or None
@@ -76,7 +80,7 @@ def findings(figures: SensorFigures) -> dict[str, str]:
     """Sentences by subject, for what does not fit."""
     found = {
         "coverage": coverage_too_large(figures),
-        "outside_coverage": coverage_too_small(figures),
+        "coverage_too_small": coverage_too_small(figures),
         "errors": errors_differ(figures),
         "confirmations": many_confirmations(figures),
     }
@@ -115,6 +119,11 @@ def errors_differ(figures: SensorFigures) -> str:
     errors = figures.errors
     if errors is None:
         return ""
+    if min(errors.range_factor, errors.azimuth_factor) < LEAST_FACTOR:
+        return (
+            "as the detections of held tracks show, errors of range or azimuth are less than "
+            f"{100.0 * LEAST_FACTOR:g} % of those of the parameters: are the detections simulated?"
+        )
     parts = []
     if not 1.0 / ERROR_FACTOR <= errors.range_factor <= ERROR_FACTOR:
         parts.append(
@@ -195,10 +204,22 @@ class SensorCheck:
         self._said: set[str] = set()
         self._scans = 0
         self._confirmed: deque[float] = deque(maxlen=10_000)
+        self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
         self._first_stamp: float | None = None
 
-    def observe(self, stamp: float, confirmed: int) -> None:
-        """Count the tracks that a scan confirmed; stamps in s, ascending."""
+    def observe(self, stamp: float, confirmed: int, outside: int, detections: int) -> None:
+        """Count what a scan brought.
+
+        Parameters
+        ----------
+        stamp : float
+            s, ascending.
+        confirmed : int
+            New tracks.
+        outside, detections : int
+            Detections outside the coverage, and all.
+        """
+        self._outside.append((outside, detections))
         if self._first_stamp is None:
             self._first_stamp = stamp
         self._confirmed.extend([stamp] * confirmed)
@@ -211,14 +232,14 @@ class SensorCheck:
         seen, all_seen = learned.seen_extent, learned.all_extent
         stamp, first = initiator.stamp, self._first_stamp
         duration = 0.0 if stamp is None or first is None else stamp - first
-        totals = initiator.totals
+        outside = sum(number for number, _ in self._outside)
         return SensorFigures(
             sensor=sensor,
             seen=seen.estimate if seen.certain else None,
             seen_detections=seen.detections,
-            outside=totals.outside_coverage,
-            detections=totals.detections + totals.outside_coverage,
-            outside_extent=all_seen.estimate if totals.outside_coverage else None,
+            outside=outside,
+            detections=sum(number for _, number in self._outside),
+            outside_extent=all_seen.estimate if outside else None,
             errors=learned.errors.fitted,
             confirmed=len(self._confirmed),
             duration=min(duration, RATE_WINDOW),
@@ -236,5 +257,6 @@ class SensorCheck:
         return new
 
     def say_again(self) -> None:
-        """Say every finding again: the figures as given may have changed."""
+        """Say every finding again, and count anew: the figures as given may have changed."""
         self._said = set()
+        self._outside.clear()

@@ -130,9 +130,9 @@ def test_replays_are_equal_to_the_bit_and_strengths_may_vanish():
     lost = [*scans[:20], *with_strength(scans[20:], None)]
     one, other = started(lost)[0], started(lost)[0]
     assert_same_tracks(one, other)
-    assert [track.signal_to_clutter_db for track in one] == [
-        track.signal_to_clutter_db for track in other
-    ]
+    np.testing.assert_array_equal(
+        *([track.signal_to_clutter_db for track in tracks] for tracks in (one, other))
+    )
 
 
 def test_another_unit_gives_nearly_the_same_evidence():

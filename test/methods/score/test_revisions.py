@@ -42,17 +42,30 @@ def test_a_start_on_clutter_and_one_hit_of_a_target_is_corrected_under_its_id():
     assert (held.track_id, held.revision) == (started[0].track_id, 1)
 
 
-def test_a_target_that_a_track_of_clutter_meets_gets_a_track_of_its_own():
+def test_a_target_seen_beside_the_clutter_of_a_track_replaces_it():
+    # The clutter meets the target's path, of which two hits are as old as those of the track.
     clutter = {k: (X - 85.0 * (3 - k), 0.0) for k in range(3)}
     initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
     started = []
     for k in range(9):
-        seen = [clutter[k]] if k in clutter else [target(k - 3)]
+        seen = [clutter[k]] if k in clutter else []
+        seen += [target(k - 3)] if k >= 1 else []
         started += initiator.process(scan_at(12.0 * k, seen))
         assert len(initiator.revised) == 0
     assert [set(track.hits) <= {(0, 0), (1, 0), (2, 0)} for track in started] == [True, False]
-    assert {scan for scan, _ in started[1].hits} <= set(range(3, 9))
     assert initiator.current.track_id.tolist() == [started[1].track_id], "it replaces the other"
+
+
+@pytest.mark.parametrize("turn", [1, 5])
+def test_a_target_that_turns_after_its_start_keeps_its_id(turn):
+    # The straight path of the hits after the turn has none of those before.
+    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
+    for k in range(16):
+        before, after = min(k, 2 + turn), max(k - 2 - turn, 0)
+        seen = [(X - 84.0 * (3 + turn) + 84.0 * before, 84.0 * after)]
+        initiator.process(scan_at(12.0 * k, seen))
+    assert initiator.totals.confirmed == 1
+    assert initiator.current.track_id.tolist() == [0]
 
 
 def test_a_track_whose_hits_are_right_is_never_corrected():

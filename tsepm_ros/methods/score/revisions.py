@@ -8,7 +8,8 @@ detection, and the n hits that the track was published with::
     wrong         P <= 0.1, as soon as other hits are resolved with a probability of 0.9
 
 Where the right hits are partly those that were published, the start is corrected. Where none is,
-the track was of no target or of another, and the target is a new one, which replaces it. That is
+the track was of no target or of another, and the target is a new one, which replaces it. Hits that
+are all later than the published ones contradict none: the target may have turned since. That is
 decided while all published hits are in the window of the hypotheses. A start with more than half
 of a held track's published hits is that track's too: the track has lost its target, and is
 corrected. Tracks within the reach ``v_max a`` of another, of age a, are left as they are: of two
@@ -120,8 +121,10 @@ def revisions(
         start = _instead(hits, tested, row, window, threshold, min_time, fit)
         if start is None:
             continue
-        shared = np.isin(start.probable, hits).any()
-        (corrected if shared else replaced).append((track_id, start))
+        if np.isin(start.probable, hits).any():
+            corrected.append((track_id, start))
+        elif window[start.hits]["scan"].min() <= window[hits]["scan"].max():
+            replaced.append((track_id, start))
     return Revisions(new, corrected, replaced)
 
 
