@@ -15,6 +15,13 @@ exceeds 1 / a is at most a (Ville 1939), however many pings there are.
 Clutter need not be uniform: p1 has `MARGIN` times the odds of p, so that this holds as long as
 within a box detections are at most so much denser in the middle than around it.
 
+Clutter on an arc or on a ray is close together along or across the line of sight only. The odds of
+p are therefore multiplied by how much more often than by area the detections at the sides of the
+smaller box are within its depth, and those before and behind it within its width: see
+`StripCounts`. The factor is learned, and the bound holds approximately there. Echoes of one target
+are near in both. Nearer to the sensor than a larger box's half width, that box does not count:
+reverberation decays over such a distance.
+
 The larger boxes are cut to the coverage and to where clutter is seen, and where they overlap those
 of earlier detections, the next detection counts for the earliest only: of the later one's box that
 part is left out (the union bound, which makes p larger).
@@ -34,6 +41,7 @@ import numpy as np
 
 from tsepm_ros.environment.close_streaks import CloseStreaks
 from tsepm_ros.environment.seen_extent import Region
+from tsepm_ros.environment.strip_counts import StripCounts
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_nearer
 from tsepm_ros.sensing.plots import PlotExtent
@@ -102,8 +110,9 @@ class DetectionSpacing:
         fields = [(one.along, one.across, one.beam, one.widest) for one in self._extents]
         self._along, self._across, self._beam, self._widest = np.array(fields).T
         shape = len(OUTER), len(STREAKS), len(self._extents), len(INSIDE)
-        self._log = np.full(shape, -np.inf)
+        self._log, self._fit = np.full((2, *shape), -np.inf)
         self._streaks = [CloseStreaks(extent) for extent in CLOSE]
+        self._strips = StripCounts((len(OUTER), len(self._extents)))
         self._pings = 0
 
     @property
@@ -127,8 +136,11 @@ class DetectionSpacing:
 
     @property
     def _evidence(self) -> FloatArray:
-        """Logarithm of what speaks for each extent, up to a constant."""
-        return np.asarray(np.logaddexp.reduce(self._log, axis=(0, 1, 3)))
+        """Logarithm of what speaks for each extent, up to a constant.
+
+        By the areas alone: a target's own echoes lie beside boxes that are too small for it.
+        """
+        return np.asarray(np.logaddexp.reduce(self._fit, axis=(0, 1, 3)))
 
     def observe(
         self,
@@ -154,7 +166,7 @@ class DetectionSpacing:
         self._pings += 1
         # Adds up to less than 1 over all pings: 1 / (s ln(s + 1)^2), of which the first has 0.6.
         begins = -math.log(self._pings) - 2.0 * math.log(math.log1p(self._pings)) - 1.25
-        self._log = np.logaddexp(self._log, begins)
+        self._log, self._fit = np.logaddexp(self._log, begins), np.logaddexp(self._fit, begins)
         if position is None:
             position = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
         covered = self._sensor.covers(range, azimuth)
@@ -173,8 +185,9 @@ class DetectionSpacing:
             larger = self._seen_area(range, azimuth, falls, seen)
             increments = self._increments(range, azimuth, falls, larger)
             first = np.flatnonzero(np.diff(falls.test, prepend=-1))
-            tests = self._log.reshape(-1, *self._log.shape[2:])
-            tests[falls.test[first]] += np.add.reduceat(increments, first)
+            for log, increment in zip((self._fit, self._log), increments, strict=True):
+                tests = log.reshape(-1, *log.shape[2:])
+                tests[falls.test[first]] += np.add.reduceat(increment, first)
 
     def _seen_area(
         self, range: FloatArray, azimuth: FloatArray, falls: _Falls, seen: Region | None
@@ -203,21 +216,26 @@ class DetectionSpacing:
 
     def _increments(
         self, range: FloatArray, azimuth: FloatArray, falls: _Falls, larger: FloatArray
-    ) -> FloatArray:
-        """Logarithm of L of each fall into a box of an area (f,), by extent and q, (f, e, q)."""
-        earlier, outer = falls.earlier, OUTER[falls.test // len(STREAKS)][:, None]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Logarithm of L of each fall into a box of an area (f,), by extent and q, (f, e, q).
+
+        With the odds of p by the areas alone, and of clutter that may lie on arcs and rays.
+        """
+        size = falls.test // len(STREAKS)
+        earlier, outer = falls.earlier, OUTER[size][:, None]
         centre, angle = range[earlier][:, None], azimuth[earlier][:, None]
         left = (larger - falls.crowd)[:, None]
         widest = np.minimum(centre * self._beam, self._widest)
         reach, reach_across = self._along, self._across + widest
         inner = self._area(centre, angle, reach, reach_across)
         odds = MARGIN * inner / np.maximum(left - inner, LEAST_ODDS * outer**2)
-        hit = (falls.along[:, None] <= reach) & (falls.across[:, None] <= reach_across)
-        used = (reach < outer) & (reach_across < outer) & (odds < LARGEST_ODDS)
-        # q / p1 and (1 - q) / (1 - p1) of odds that are `INSIDE` times as large.
-        beside = (1.0 + odds[..., None]) / (1.0 + INSIDE * odds[..., None])
-        ratio = np.where(hit[..., None], INSIDE * beside, beside)
-        return np.asarray(np.log(np.where(used[..., None], ratio, 1.0)))
+        near = falls.along[:, None] <= reach, falls.across[:, None] <= reach_across
+        shares = np.minimum(reach / outer, 1.0), np.minimum(reach_across / outer, 1.0)
+        self._strips.count(size, near, shares)
+        hit = near[0] & near[1]
+        used = (reach < outer) & (reach_across < outer) & (outer <= centre)
+        concentrated = odds * self._strips.concentration[size]
+        return _log_ratio(hit, used, odds), _log_ratio(hit, used, concentrated)
 
     def _area(
         self, range: FloatArray, azimuth: FloatArray, along: FloatArray, across: FloatArray
@@ -236,6 +254,15 @@ class DetectionSpacing:
             width = np.maximum(high - low, 0.0)
         area: FloatArray = 0.5 * np.maximum(far**2 - near**2, 0.0) * width
         return area
+
+
+def _log_ratio(hit: BoolArray, used: BoolArray, odds: FloatArray) -> FloatArray:
+    """Logarithm of L of each fall and extent (f, e), by q, (f, e, q); 0 where it is not used."""
+    # q / p1 and (1 - q) / (1 - p1) of odds that are `INSIDE` times as large.
+    beside = (1.0 + odds[..., None]) / (1.0 + INSIDE * odds[..., None])
+    ratio = np.where(hit[..., None], INSIDE * beside, beside)
+    counts = used & (odds < LARGEST_ODDS)
+    return np.asarray(np.log(np.where(counts[..., None], ratio, 1.0)))
 
 
 class _Pairs(NamedTuple):
