@@ -51,7 +51,6 @@ class TrackOutputs:
     watch : QosWatch
     with_potential_tracks : bool
         Whether potential tracks are published too.
-
     """
 
     def __init__(
