@@ -27,6 +27,16 @@ SOON = 0.5
 """A wait for own-ship data that is over soon, but not before what is there has been read, s."""
 
 
+def until_poses_are_read(world, ahead: float) -> None:
+    """Wait until the newest pose is a time, s, after the newest scan."""
+
+    def ahead_now() -> float:
+        values = {pair.key: pair.value for pair in world.status("own ship").values}
+        return -float(values.get("behind_newest_scan_s", "inf"))
+
+    world.until(lambda: ahead_now() >= ahead, "the poses to be read")
+
+
 def test_scans_wait_for_odometry_that_comes_after_them_and_keep_their_order(world):
     boat = Boat(world, own_ship_source="odometry", own_ship_timeout=3600.0)
     for ping in SENT[:4]:
@@ -75,6 +85,7 @@ def test_a_scan_with_stale_odometry_is_dropped_counted_and_named(world):
     world.until(lambda: world.dropped() == {"own_ship_stale": 1}, "the count")
     world.until_logged("own_ship_stale", "no own-ship data", level=WARN)
     publish_poses(boat, Ship(), 55, 140)
+    until_poses_are_read(world, 91.0)
     received += boat.send(SENT[5:])
     assert_same(received, confirmed([*SENT[:4], *SENT[5:]]))
 
