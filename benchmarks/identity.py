@@ -24,7 +24,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,7 +39,7 @@ from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.progress import with_progress
 from tsepm_ros.replay.offline import process_recording
-from tsepm_ros.replay.recording import Recording, read_recording
+from tsepm_ros.replay.recording import RecordedMotion, Recording, read_recording
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -153,14 +153,16 @@ def with_errors(recording: Recording, own: float) -> Recording:
 
 def truth_at(recording: Recording, stamp: float) -> Truth:
     """States of the targets at a time; velocities from the positions."""
-    truth = {}
-    for target, path in recording.targets.items():
-        time = np.array([motion.time for motion in path])
-        place = np.array([motion.state[0::2] for motion in path])
-        velocity = np.gradient(place, time, axis=0)
-        columns = [place[:, 0], velocity[:, 0], place[:, 1], velocity[:, 1]]
-        truth[target] = np.array([np.interp(stamp, time, column) for column in columns])
-    return truth
+    return {target: state_at(path, stamp) for target, path in recording.targets.items()}
+
+
+def state_at(path: Sequence[RecordedMotion], stamp: float) -> FloatArray:
+    """State (4,) on a recorded path at a time; the velocity is from the positions."""
+    time = np.array([motion.time for motion in path])
+    place = np.array([motion.state[0::2] for motion in path])
+    velocity = np.gradient(place, time, axis=0)
+    columns = [place[:, 0], velocity[:, 0], place[:, 1], velocity[:, 1]]
+    return np.array([np.interp(stamp, time, column) for column in columns])
 
 
 def settings_of(
@@ -225,7 +227,7 @@ def behind_target(recording: Recording, hits: Iterable[tuple[int, int]]) -> str:
     compared: dict[int, list[tuple[float, float]]] = {}
     for index, row in hits:
         scan = recording.scans[index]
-        here = np.array([np.interp(scan.time, *column) for column in own_positions(recording)])
+        here = state_at(recording.own_ship, scan.time)[0::2]
         for target, state in truth_at(recording, scan.time).items():
             east, north = state[0::2] - here
             turn = scan.fields["bearing"][row] - math.atan2(east, north)
@@ -235,12 +237,6 @@ def behind_target(recording: Recording, hits: Iterable[tuple[int, int]]) -> str:
     nearest = min(means, key=lambda target: means[target][0])
     turn, ratio = means[nearest]
     return f"{math.degrees(turn):.0f} degrees from target {nearest}, {ratio:.1f} times its range"
-
-
-def own_positions(recording: Recording) -> list[tuple[list[float], list[float]]]:
-    """Times, s, and positions, m, of the own ship on each axis."""
-    time = [motion.time for motion in recording.own_ship]
-    return [(time, [float(motion.state[axis]) for motion in recording.own_ship]) for axis in (0, 2)]
 
 
 def elsewhere_lines(
