@@ -5,9 +5,11 @@
   whose own pose is uncertain, for a moving sonar, and for errors larger than stated;
 - swimmers: ping of publication with `min_speed`, without, and of an oracle that knows the
   associations and is sure by the same test; radial, tangential and any course;
-- departures: reflectors that set off after a minute, against an oracle that also knows when.
+- departures: reflectors that set off after a minute, against an oracle that also knows when;
+- quay: tracks published on a quay, whose echoes are piles that are seen seldom or random glints,
+  in the first minute and in the next four, and how a swimmer along it, 30 m off, is held.
 
-    python benchmarks/fixed_echoes.py reflectors|swimmers|departures [--runs 20] [--method score]
+    python benchmarks/fixed_echoes.py reflectors|swimmers|departures|quay [--runs 20]
 """
 
 from __future__ import annotations
@@ -22,9 +24,18 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
-from fixed_echoes_scenes import AZIMUTH_STD, RANGE_STD, Ping, Scene, Target, reflectors, swimmer
+from fixed_echoes_scenes import (
+    AZIMUTH_STD,
+    RANGE_STD,
+    Ping,
+    Scene,
+    Target,
+    piles,
+    reflectors,
+    swimmer,
+)
 
-from tsepm_ros import make_initiator
+from tsepm_ros import Scan, make_initiator
 from tsepm_ros.progress import with_progress
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
@@ -197,6 +208,56 @@ def run_departures(args: argparse.Namespace) -> None:
         print(f"  published before they set off: {missed}", flush=True)
 
 
+def run_quay(args: argparse.Namespace) -> None:
+    """Print how many tracks a quay gives, and what becomes of a swimmer in front of it."""
+    learning, enters = 60, 180
+    plain = Scene(false=5.0, pings=300)
+    kinds = {
+        "piles": plain,
+        "glints": replace(plain, glints=12.0),
+        "piles, sonar at 0.2 m/s": replace(plain, speed=0.2),
+    }
+    for name, kind in kinds.items():
+        early, late, delays, held, on = [], [], [], [], 0
+        for seed in seeds(args):
+            rng = np.random.default_rng([seed, 20])
+            # In front of the quay, along it.
+            swims = Target((120.0 - 0.3 * 60.0, -57.0), (0.3, 0.95), enters)
+            places = [] if kind.glints else piles(rng)
+            scene = replace(kind, targets=[*places, swims])
+            initiator = make_initiator(args.method, **options(scene, MIN_SPEED, args))
+            starts, near = [], []
+            for number, ping in enumerate(scene.draw(rng)):
+                scan, seen = ping.scan, ping.origin != len(places)
+                if number < enters:
+                    scan = Scan(
+                        scan.stamp,
+                        scan.range[seen],
+                        scan.azimuth[seen],
+                        sensor_pose=scan.sensor_pose,
+                    )
+                for track in initiator.process(scan):
+                    is_swimmer = number >= enters and (
+                        np.hypot(*(ping.truth[-1] - track.position)) < NEAR
+                    )
+                    if not is_swimmer:
+                        starts.append(number)
+                tracks = initiator.current.state[:, 0::2]
+                near.append(bool(np.hypot(*(tracks - ping.truth[-1]).T).min(initial=np.inf) < 5.0))
+            on += initiator.plots.active
+            early.append(sum(number < learning for number in starts))
+            late.append(sum(number >= learning for number in starts))
+            first = near.index(True, enters) if True in near[enters:] else kind.pings
+            delays.append(first - enters)
+            held.append(np.mean(near[first:]) if first < kind.pings else 0.0)
+        print(
+            f"{name}: {np.mean(early):.2f} tracks a run in the first minute, {np.mean(late):.2f} "
+            f"in the next four; swimmer held from ping {np.median(delays):.0f} on in "
+            f"{np.mean(held):.3f} of the pings; plots on in {on} of {args.runs}",
+            flush=True,
+        )
+
+
 def _print_delays(course: str, reference: str, later: np.ndarray) -> None:
     print(
         f"{course}: later than {reference} by {np.median(later):.0f} pings in the median, "
@@ -209,7 +270,12 @@ def _print_delays(course: str, reference: str, later: np.ndarray) -> None:
 def main() -> None:
     """Run a part."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parts = {"reflectors": run_reflectors, "swimmers": run_swimmers, "departures": run_departures}
+    parts = {
+        "reflectors": run_reflectors,
+        "swimmers": run_swimmers,
+        "departures": run_departures,
+        "quay": run_quay,
+    }
     parser.add_argument("part", choices=parts)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)

@@ -30,11 +30,14 @@ class Target:
         m/s.
     sets_off : float
         Stamp until which it stands still, s.
+    detection_probability : float or None
+        None for that of the scene.
     """
 
     place: tuple[float, float]
     velocity: tuple[float, float] = (0.0, 0.0)
     sets_off: float = 0.0
+    detection_probability: float | None = None
 
     def at(self, stamp: float) -> NDArray[np.float64]:
         """Position at a stamp (s), (2,), m."""
@@ -73,6 +76,8 @@ class Scene:
         Of the sonar's vessel, m/s, along x.
     echo_std : tuple of float
         Range and azimuth errors that targets really have, in units of the stated.
+    glints : float
+        Echoes a ping at random places of the `quay`.
     """
 
     targets: list[Target] = field(default_factory=list)
@@ -84,6 +89,7 @@ class Scene:
     pose_memory: float = 0.0
     speed: float = 0.0
     echo_std: tuple[float, float] = (1.0, 1.0)
+    glints: float = 0.0
 
     @property
     def sensor(self) -> SensorModel:
@@ -116,12 +122,22 @@ class Scene:
                 )
             ]
             truth = np.array([target.at(stamp) for target in self.targets]).reshape(-1, 2)
-            for number, place in enumerate(truth):
+            glints = rng.poisson(self.glints) if self.glints else 0
+            places = np.concatenate([truth, quay(rng, glints)])
+            for number, place in enumerate(places):
                 x, y = place - pose[:2]
                 seen = np.array([math.hypot(x, y), math.atan2(y, x)])
                 seen += rng.standard_normal(2) * self.echo_std * np.array([RANGE_STD, AZIMUTH_STD])
-                if rng.random() < self.detection_probability:
-                    parts.append((seen[:1], seen[1:], np.array([number])))
+                target = self.targets[number] if number < len(truth) else None
+                if target is None:
+                    shown = bool(self.sensor.covers(seen[:1], seen[1:])[0])
+                else:
+                    probability = target.detection_probability
+                    shown = rng.random() < (
+                        self.detection_probability if probability is None else probability
+                    )
+                if shown:
+                    parts.append((seen[:1], seen[1:], np.array([-1 if target is None else number])))
             range_, azimuth, origin = map(np.concatenate, zip(*parts, strict=True))
             order = rng.permutation(len(range_))
             covariance = None
@@ -135,6 +151,22 @@ class Scene:
                 sensor_pose_covariance=covariance,
             )
             yield Ping(scan, origin[order], truth)
+
+
+def quay(rng: np.random.Generator, number: int) -> NDArray[np.float64]:
+    """Random places on a quay of 300 m, 150 m ahead and oblique, (n, 2), m."""
+    along = rng.uniform(-150.0, 150.0, number)
+    return np.stack([150.0 + 0.3 * along, math.sqrt(1.0 - 0.3**2) * along], axis=1)
+
+
+def piles(rng: np.random.Generator, number: int = 45) -> list[Target]:
+    """Piles of the quay, each seen in a share of the pings of its own, 0.05 to 0.5."""
+    shares = rng.uniform(0.05, 0.5, number)
+    places = quay(rng, number)
+    return [
+        Target((float(x), float(y)), detection_probability=float(share))
+        for (x, y), share in zip(places, shares, strict=True)
+    ]
 
 
 def reflectors(rng: np.random.Generator, number: int = 5) -> list[Target]:

@@ -11,6 +11,7 @@ from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.detection_probability import DetectionProbability
 from tsepm_ros.environment.feature_association import Surroundings
 from tsepm_ros.environment.measurement_errors import MeasurementErrors
+from tsepm_ros.environment.persistent_clutter import PersistentClutter
 from tsepm_ros.environment.scan_interval import ScanInterval
 from tsepm_ros.environment.secondary_echoes import SecondaryEchoes
 from tsepm_ros.environment.seen_extent import EVERYWHERE, Extent, SeenExtent
@@ -29,6 +30,8 @@ class Learned:
     clutter_map : ClutterMap
     clumps : ClutterClumps
         How much lumpier clutter is than the map.
+    persistent : PersistentClutter
+        Where clutter stays in the fixed frame.
     seen_extent : SeenExtent
         Where clutter is seen, in the coverage.
     strengths : ClutterStrengths
@@ -50,6 +53,7 @@ class Learned:
 
     clutter_map: ClutterMap
     clumps: ClutterClumps
+    persistent: PersistentClutter
     seen_extent: SeenExtent
     strengths: ClutterStrengths
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
@@ -67,15 +71,23 @@ class Learned:
         shape, wraps = clutter_map.grid.shape, clutter_map.grid.wraps
         strengths = ClutterStrengths(shape, wraps)
         clumps = ClutterClumps(shape, wraps)
-        return cls(clutter_map, clumps, SeenExtent(Extent.of(sensor)), strengths)
+        persistent, seen = PersistentClutter(sensor), SeenExtent(Extent.of(sensor))
+        return cls(clutter_map, clumps, persistent, seen, strengths)
+
+    def anew(self, sensor: SensorModel) -> Learned:
+        """Models before the first scan of a sensor, but with where clutter stays."""
+        return replace(Learned.initial(sensor), persistent=self.persistent)
 
     def under(self, sensor: SensorModel, before: SensorModel) -> Learned:
         """The models for a sensor in place of the one before.
 
-        The clutter map is kept only for the same coverage, innovations only for the same errors.
+        The clutter map is kept only for the same coverage; innovations, and where clutter stays,
+        only for the same errors.
         """
-        same_errors = all(getattr(sensor, name) == getattr(before, name) for name in ERRORS)
-        kept = self if same_errors else replace(self, errors=MeasurementErrors())
+        kept = self
+        if any(getattr(sensor, name) != getattr(before, name) for name in ERRORS):
+            persistent = PersistentClutter(sensor)
+            kept = replace(self, errors=MeasurementErrors(), persistent=persistent)
         if self.clutter_map.fits(sensor):
             return kept
         fresh = Learned.initial(sensor)

@@ -16,6 +16,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.recent_hits import RecentHits
+from tsepm_ros.initiation.scan_check import check_scan
 from tsepm_ros.initiation.scan_clutter import ScanClutter
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
@@ -27,7 +28,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import plots, range_rates
 from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, echo_poses_of, inside, swept
+from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, View, echo_poses_of, inside, swept
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -90,7 +91,7 @@ class FrontEnd:
         self.learned = Learned.initial(self.sensor)
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
-        self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
+        self._clutter = self._clutter_at(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
 
     def configure(self, sensor: SensorModel, common: CommonOptions, most_tracks_true: bool) -> None:
         """Change the options before the next scan; what was learned and still holds is kept."""
@@ -158,7 +159,7 @@ class FrontEnd:
         ValueError
             As `observe` does. Nothing has changed then.
         """
-        self._check(scan)
+        check_scan(scan, self.stamp, self.common.max_detections)
         self._window = window
         recent, self._recent = self._recent, [*self._recent, scan][-window:]
         if self.common.plots == "off":
@@ -166,7 +167,7 @@ class FrontEnd:
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
         seen = self.learned.seen_extent.region
         tracks = self.maintenance.held.tracks.predicted(scan.stamp)
-        if not self.plots.learn(self._covered(scan)[0], interval, seen, tracks):
+        if not self.plots.learn(self._covered(scan)[0], interval, seen, tracks, self._stays):
             return []
         again = recent[max(len(recent) - window + 1, 0) :]
         for one in [*again, scan]:
@@ -175,7 +176,7 @@ class FrontEnd:
         self.stamp = before[-1].stamp if before else None
         self.scan_index -= len(again)
         self._hits = RecentHits()
-        self.learned = Learned.initial(self.sensor)
+        self.learned = self.learned.anew(self.sensor)
         self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
         return again
 
@@ -195,7 +196,7 @@ class FrontEnd:
             If the stamp is not later than the last one, or the scan has more than
             `max_detections` detections. Nothing has changed then.
         """
-        self._check(scan)
+        check_scan(scan, self.stamp, self.common.max_detections)
         interval = self._count_in(scan)
         detections = self._detections(scan)
         strengths = learning.judge_strengths(
@@ -301,7 +302,9 @@ class FrontEnd:
         weight = clutter / (clutter + held) if self.most_tracks_true else np.ones(len(clutter))
         # In an area within the reach of one target while a hypothesis of it lives.
         reach = self._reach * REACH_SCANS
-        return self._clutter.learn(weight, math.pi * reach**2, self._held_targets)
+        scan, area = self._scan, math.pi * reach**2
+        view = View.of(scan, self.sensor, self._poses.middle)
+        return self._clutter.learn(scan.stamp, view, weight, area, self._held_targets)
 
     def _held_targets(self) -> HeldTargets:
         """The held tracks in the sensor's frame."""
@@ -325,19 +328,6 @@ class FrontEnd:
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
         return self.maintenance.add(tracks, existence, histories, *self._hits.of(tracks))
 
-    def _check(self, scan: Scan) -> None:
-        if not isinstance(scan, Scan):
-            raise ValueError(f"scan must be a tsepm_ros.Scan; got {type(scan).__name__}")
-        if self.stamp is not None and scan.stamp <= self.stamp:
-            raise ValueError(
-                f"stamp must be later than the last scan's; got {scan.stamp!r} after {self.stamp!r}"
-            )
-        if len(scan) > self.common.max_detections:
-            raise ValueError(
-                f"range has {len(scan)} detections, more than max_detections = "
-                f"{self.common.max_detections}"
-            )
-
     def _covered(self, scan: Scan) -> tuple[Scan, IntArray]:
         """The detections in the coverage and not on land, as a scan and as rows of all."""
         if self._judged is not None and self._judged[0] is scan:
@@ -360,24 +350,34 @@ class FrontEnd:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         made = self.plots.plots_of(found, self._joined if self.plots.hulls else None)
         measured = found if made is None else made.scan
-        self._clutter = self._clutter_at(measured.range, measured.azimuth)
         detections = convert(measured, self.sensor, self.scan_index)
+        self._clutter = self._clutter_at(measured.range, measured.azimuth, detections["position"])
         detections["index"] = rows if made is None else rows[made.strongest]
         if made is not None and scan.range_std is None:
             detections["range_std"][~made.own_range_std] = np.nan
         return detections
 
-    def _clutter_at(self, range: FloatArray, azimuth: FloatArray) -> ScanClutter:
-        """Clutter at positions (n,); behind targets, where the held tracks are targets."""
+    def _clutter_at(
+        self, range: FloatArray, azimuth: FloatArray, position: FloatArray
+    ) -> ScanClutter:
+        """Clutter at positions (n, 2); behind targets, where the held tracks are targets."""
+        held_are_true = self.most_tracks_true
         return ScanClutter(
-            self.learned, self.common, self.sensor, self.most_tracks_true, range, azimuth
+            self.learned, self.common, self.sensor, held_are_true, range, azimuth, position
         )
+
+    def _stays(self, scan: Scan, place: FloatArray) -> BoolArray:
+        """Which detections of a scan, at places (n, 2), are where clutter stays."""
+        if not self.learned.persistent.found:
+            return np.zeros(len(scan), bool)
+        return self._clutter_at(scan.range, scan.azimuth, place).is_persistent
 
     def _joined(self, scan: Scan, label: IntArray) -> tuple[IntArray, FloatArray]:
         """The groups of a scan, those of a hull as one; the hulls are learned first."""
         tracks = self.maintenance.held.tracks.predicted(scan.stamp)
-        clutter = self._clutter_at(scan.range, scan.azimuth).density()
-        around = self._clutter_at(*self._poses.polar(tracks.state[:, 0::2])).known_density()
+        clutter = self._clutter_at(scan.range, scan.azimuth, plots.placed(scan)).density()
+        at = tracks.state[:, 0::2]
+        around = self._clutter_at(*self._poses.polar(at), at).known_density()
         extent, std = self.plots.extent, self.sensor.azimuth_std
         self._hulls.learn(scan, label, clutter, tracks, around, extent, std)
         return self._hulls.joined(scan, label, tracks)

@@ -120,7 +120,14 @@ class PlotExtraction:
             return PlotExtent(given + cell, given, beam)
         return self._spacing.extent.scaled(WHOLE)
 
-    def learn(self, scan: Scan, interval: float, seen: Region, tracks: TrackArrays) -> bool:
+    def learn(
+        self,
+        scan: Scan,
+        interval: float,
+        seen: Region,
+        tracks: TrackArrays,
+        stays: Callable[[Scan, FloatArray], BoolArray],
+    ) -> bool:
         """Learn from a scan's detections; returns whether plots look different from now on.
 
         Parameters
@@ -132,13 +139,17 @@ class PlotExtraction:
             Where clutter was seen before.
         tracks : TrackArrays
             Held, in the order of their confirmation, at the scan's stamp.
+        stays : callable
+            Which detections of a scan, at places (n, 2) in the fixed frame, are where clutter is
+            known to stay: they do not count.
         """
         if self.common.plots == "off":
             return False
         scan = self._without_runs(scan)
         reach = self.common.max_speed * interval
         place = plots.placed(scan)
-        rows = np.flatnonzero(~of_neighbours(scan, place, tracks, self.sensor))
+        left_out = of_neighbours(scan, place, tracks, self.sensor) | stays(scan, place)
+        rows = np.flatnonzero(~left_out)
         self._spacing.observe(scan.range[rows], scan.azimuth[rows], place[rows], reach, seen)
         before = self.seen
         self.seen = before or self.log_ratio >= math.log(LIKELIHOOD_RATIO)

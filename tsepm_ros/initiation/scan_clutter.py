@@ -14,6 +14,7 @@ from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.environment.strength_levels import RINGS
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.sensing.coverage import View
 from tsepm_ros.sensing.sensor import SensorModel
 
 
@@ -30,6 +31,8 @@ class ScanClutter:
         Whether clutter behind targets counts, which the held tracks must be for it.
     range, azimuth : (d,) ndarray
         Of the detections or plots, m and rad.
+    position : (d, 2) ndarray
+        In the fixed frame, m.
 
     Attributes
     ----------
@@ -51,12 +54,14 @@ class ScanClutter:
         counts_echoes: bool,
         range: FloatArray,
         azimuth: FloatArray,
+        position: FloatArray,
     ) -> None:
         self._learned = learned
         self._estimated = common.clutter_density == "estimated"
         self._echoes = self._estimated and counts_echoes
         self._given = sensor.clutter_density
         self._polar = range, azimuth
+        self._places = learned.persistent.cells(position, range) if self._echoes else None
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
         self.predictive: PredictiveDensity | None = None
@@ -81,15 +86,24 @@ class ScanClutter:
             density *= self._learned.secondary_echoes.behind_targets(
                 self._learned.clutter_map.grid, targets(), self.cells
             )
-        return density
+        return self._raised(density)
 
     def learn(
-        self, weight: FloatArray, min_area: float, targets: Callable[[], HeldTargets]
+        self,
+        stamp: float,
+        view: View,
+        weight: FloatArray,
+        min_area: float,
+        targets: Callable[[], HeldTargets],
     ) -> FloatArray:
         """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
 
         Parameters
         ----------
+        stamp : float
+            Of the scan, s.
+        view : View
+            What it looked at.
         weight : (d,) ndarray
             Probability that each detection is clutter.
         min_area : float
@@ -108,13 +122,27 @@ class ScanClutter:
             self.predictive = learned.clumps.update(
                 learned.clutter_map, self.cells, weight, density
             )
-        return density
+        if self._places is not None:
+            learned.persistent.update(stamp, view, self._places)
+        return self._raised(density)
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each detection (d,): that of a target after all."""
         self._learned.clutter_map.withdraw(self.cells, self.weight * share)
         if self._echoes:
             self._learned.clumps.withdraw(share)
+
+    @property
+    def is_persistent(self) -> BoolArray:
+        """Whether each detection is where clutter stays and the map does not show it, (d,)."""
+        density = self.density()
+        return self._raised(density) > density
+
+    def _raised(self, density: FloatArray) -> FloatArray:
+        """Density (d,), raised where clutter stays."""
+        if self._places is None:
+            return density
+        return self._learned.persistent.raised(density, self._places)
 
     def density(self) -> FloatArray:
         """Density of the map, (d,), 1/m^2."""

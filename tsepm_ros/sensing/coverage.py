@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,10 +141,46 @@ def echo_poses_of(scan: Scan) -> EchoPoses | None:
 
 def swept(scan: Scan, azimuth: FloatArray) -> BoolArray:
     """Whether azimuths (n,) in the sensor frame, rad, are of the arc that a scan looked at."""
-    if scan.swept is None:
+    return _in_arc(None if scan.swept is None else tuple(scan.swept), azimuth)
+
+
+def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
+    """Whether azimuths (n,) are of an arc, its start and width; None for all around."""
+    if arc is None:
         return np.ones(len(azimuth), bool)
-    start, width = scan.swept
+    start, width = arc
     return np.asarray(np.mod(azimuth - start, 2 * np.pi) <= width)
+
+
+class View(NamedTuple):
+    """What a scan looked at.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+    pose : tuple of float
+        Of the sensor: x, y, yaw.
+    swept : tuple of float or None
+        Start and width of the arc, rad; None for all that is in the coverage.
+    """
+
+    sensor: SensorModel
+    pose: tuple[float, float, float]
+    swept: tuple[float, float] | None
+
+    @classmethod
+    def of(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
+        """That of a scan at a pose (3,)."""
+        x, y, yaw = map(float, pose)
+        swept = None
+        if scan.swept is not None:
+            swept = float(scan.swept[0]), float(scan.swept[1])
+        return cls(sensor, (x, y, yaw), swept)
+
+    def covers(self, positions: FloatArray) -> BoolArray:
+        """Whether positions (n, 2) in the fixed frame were looked at."""
+        range_, azimuth = _polar(positions, np.array(self.pose))
+        return self.sensor.covers(range_, azimuth) & _in_arc(self.swept, azimuth)
 
 
 def _polar(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,228 @@
+"""Clutter that stays in place, against a loop over cells; a quay and what is no quay."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.environment.persistent_clutter import (
+    DIRECTIONS,
+    LEAST_SIDE,
+    LEAST_TIME,
+    MOST_DETECTIONS,
+    PERIODS,
+    RISE,
+    SCANS,
+    SIDE,
+    VIEWS,
+    PersistentClutter,
+)
+from tsepm_ros.sensing.coverage import View
+
+SECTOR = SensorModel(
+    range_std=1.0,
+    range_std_fraction=0.0,
+    azimuth_std=math.radians(1.0),
+    max_range=300.0,
+    azimuth_min=-math.pi / 3,
+    azimuth_max=math.pi / 3,
+    clutter_density=1e-4,
+)
+
+
+def view(x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> View:
+    return View(SECTOR, (x, y, yaw), None)
+
+
+def power(range_: float) -> float:
+    """Power of two of the side of a cell at a range."""
+    deviation = max(SECTOR.range_std, range_ * SECTOR.azimuth_std)
+    return math.log2(max(SIDE * deviation, LEAST_SIDE))
+
+
+def cell(place: np.ndarray, level: int) -> tuple[int, int, int]:
+    side = 2.0**level
+    return level, math.floor(place[0] / side), math.floor(place[1] / side)
+
+
+class Plain:
+    """The same with loops over cells."""
+
+    def __init__(self) -> None:
+        self.periods: list[tuple[Counter, int, list[View]]] = []
+        self.densities: dict[tuple[int, int, int], float] = {}
+        self.scans: list[tuple[float, View, list]] = []
+
+    def update(self, stamp: float, seen: View, position: np.ndarray, range_: np.ndarray) -> None:
+        if len(self.scans) >= SCANS and stamp - self.scans[0][0] >= LEAST_TIME:
+            self.end()
+            self.scans = []
+        self.scans.append((stamp, seen, list(zip(position, range_, strict=True))))
+
+    def end(self) -> None:
+        counts, number, taken = Counter(), 0, []
+        for _, seen, detections in self.scans:
+            if number < MOST_DETECTIONS:
+                number += len(detections)
+                taken.append(seen)
+                for place, range_ in detections:
+                    for wider in range(3):
+                        counts[cell(place, math.floor(power(range_)) + wider)] += 1
+        last = len(taken) - 1
+        shown = sorted({int(i * last / (VIEWS - 1)) for i in range(VIEWS)})
+        self.periods.append((counts, len(taken), [taken[i] for i in shown]))
+        self.periods = self.periods[-PERIODS:]
+        if len(self.periods) > 1:
+            self.densities = {
+                one: density
+                for one in set().union(*(counts for counts, *_ in self.periods))
+                if (density := self.density(one))
+            }
+
+    def number(self, of: tuple[int, int, int]) -> int:
+        by_period = sorted(counts[of] for counts, *_ in self.periods)
+        return sum(by_period) - by_period[-1] + by_period[-2] if by_period[-2] else 0
+
+    def density(self, of: tuple[int, int, int]) -> float:
+        level, x, y = of
+        most = 0.0
+        for right, up in DIRECTIONS:
+            three = [self.number((level, x + k * right, y + k * up)) for k in (-1, 0, 1)]
+            low = float(poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
+            most = max(most, min(low / 3.0, 2.0 * min(three)))
+        first = next(i for i, (counts, *_) in enumerate(self.periods) if counts[of])
+        middle = (np.array([[x, y]]) + 0.5) * 2.0**level
+        scans = 0.0
+        for _, number, views in self.periods[first:]:
+            scans += number * float(np.mean([one.covers(middle)[0] for one in views]))
+        return most / (scans * 4.0**level) if scans else 0.0
+
+    def at(self, place: np.ndarray, range_: float) -> float:
+        level = round(power(range_))
+        return max(self.densities.get(cell(place, level + wider), 0.0) for wider in (0, 1))
+
+
+def quay(rng: np.random.Generator, number: float = 15.0) -> np.ndarray:
+    """Places of echoes on a line that the sensor sees at an angle, (n, 2), in even clutter."""
+    along = rng.uniform(-200.0, 200.0, rng.poisson(number))
+    line = np.stack([140.0 + 0.3 * along, 0.95 * along], axis=1)
+    return np.concatenate([line, rng.uniform(-290.0, 290.0, (rng.poisson(8), 2))])
+
+
+def detected(
+    places: np.ndarray, pose: tuple[float, float, float], rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges and azimuths, with errors, of the places in the sector of a sensor."""
+    apart = places - pose[:2]
+    range_ = np.hypot(*apart.T) + SECTOR.range_std * rng.standard_normal(len(apart))
+    azimuth = np.arctan2(apart[:, 1], apart[:, 0]) - pose[2]
+    azimuth += SECTOR.azimuth_std * rng.standard_normal(len(apart))
+    seen = SECTOR.covers(range_, azimuth)
+    return range_[seen], azimuth[seen]
+
+
+@pytest.mark.parametrize("turning", [False, True], ids=["still", "turning"])
+@pytest.mark.parametrize("dense", [False, True], ids=["few", "many"])
+def test_densities_are_those_of_a_loop_over_cells(dense, turning):
+    rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter(SECTOR)
+    compared = 0
+    for ping in range(130):
+        pose = (0.5 * ping, -20.0, 0.05 * ping if turning else 0.0)
+        range_, azimuth = detected(quay(rng, 300.0 if dense else 15.0), pose, rng)
+        angle = azimuth + pose[2]
+        position = range_[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) + pose[:2]
+        cells = learned.cells(position, range_)
+        plain.update(0.4 * ping, view(*pose), position, range_)
+        learned.update(0.4 * ping, view(*pose), cells)
+        if ping % 3 == 0:
+            given = np.full(len(range_), 1e-9)
+            expected = [plain.at(*one) for one in zip(position, range_, strict=True)]
+            expected = [value if value > RISE * 1e-9 else 1e-9 for value in expected]
+            np.testing.assert_allclose(learned.raised(given, cells), expected, rtol=1e-12)
+            compared += int(np.count_nonzero(np.array(expected) > 1e-9))
+    assert compared > 30
+
+
+def learned_from(places, pings: int = 200) -> PersistentClutter:
+    """Where clutter stays, from the places of detections at 1 ping/s."""
+    learned, rng = PersistentClutter(SECTOR), np.random.default_rng(1)
+    for ping in range(pings):
+        range_, azimuth = detected(places(ping, rng), (0.0, 0.0, 0.0), rng)
+        position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+        learned.update(float(ping), view(), learned.cells(position, range_))
+    return learned
+
+
+def density_at(learned: PersistentClutter, place: tuple[float, float]) -> float:
+    position = np.array([place])
+    cells = learned.cells(position, np.hypot(*position.T))
+    return float(learned.raised(np.array([1e-9]), cells)[0])
+
+
+def test_the_density_of_a_quay_is_found_within_a_factor_of_two():
+    learned = learned_from(lambda ping, rng: quay(rng))
+    # 15 echoes on 399 m; there a cell of 4 m holds 4.2 m of it, nearly all of its width. Of the
+    # cells beside it, an oblique line passes through a part.
+    density = 15.0 / 398.5 * 4.2 / 16.0
+    assert 0.5 * density < density_at(learned, (142.0, 6.0)) < 1.2 * density
+
+
+def test_a_target_that_stands_still_is_no_clutter():
+    learned = learned_from(lambda ping, rng: np.array([[150.0, 50.0]]))
+    assert density_at(learned, (150.0, 50.0)) == 1e-9
+
+
+def test_a_target_that_passes_is_no_clutter():
+    learned = learned_from(lambda ping, rng: np.array([[60.0 + 5.0 * ping, 10.0]]), 60)
+    assert not learned.found
+
+
+def test_even_clutter_is_hardly_raised():
+    def places(ping, rng):
+        return rng.uniform(-300.0, 300.0, (rng.poisson(36), 2))  # 1e-4 1/m^2
+
+    learned, rng = learned_from(places), np.random.default_rng(2)
+    range_, azimuth = detected(rng.uniform(-300.0, 300.0, (4000, 2)), (0.0, 0.0, 0.0), rng)
+    position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    cells = learned.cells(position, range_)
+    raised = learned.raised(np.full(len(range_), 1e-4), cells)
+    assert np.mean(raised > 1e-4) < 0.1
+    assert np.log(raised / 1e-4).mean() < 0.1
+
+
+def test_where_the_fixed_frame_begins_does_not_matter():
+    far = np.array([-5e5, 4e6])  # as in a national grid; a multiple of every side
+
+    def moved(offset):
+        learned, rng = PersistentClutter(SECTOR), np.random.default_rng(4)
+        for ping in range(60):
+            range_, azimuth = detected(quay(rng), (0.0, 0.0, 0.0), rng)
+            position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+            position = np.round(position * 16.0) / 16.0 + offset
+            cells = learned.cells(position, range_)
+            learned.update(float(ping), view(*offset), cells)
+        return learned.raised(np.full(len(range_), 1e-9), cells)
+
+    assert moved(np.zeros(2)).max() > 1e-9
+    np.testing.assert_allclose(moved(far), moved(np.zeros(2)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_tracks_hardly_start_on_piles_of_a_quay_once_they_are_learned(seed):
+    """40 piles, each seen in one ping of 4 on average: 16 of 17 starts before, 0 to 4 now."""
+    rng = np.random.default_rng(seed)
+    piles = np.stack([np.full(40, 150.0), rng.uniform(-150.0, 150.0, 40)], axis=1)
+    seen = rng.uniform(0.05, 0.45, 40)
+    initiator = make_initiator("score", sensor=SECTOR, min_speed=0.5)
+    starts = []
+    for ping in range(300):
+        echoes = piles[rng.random(40) < seen]
+        range_, azimuth = detected(echoes, (0.0, 0.0, 0.0), rng)
+        tracks = initiator.process(Scan(float(ping), range_, azimuth))
+        starts += [ping] * len(tracks)
+    assert sum(ping >= 60 for ping in starts) <= 4

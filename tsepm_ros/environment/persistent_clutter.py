@@ -1,0 +1,257 @@
+"""Clutter that stays in place: its density in square cells of the fixed frame.
+
+A quay, a row of piles or a field of kelp has echoes at random places, ping for ping, within the
+same outline. It may be thinner than any window of the clutter map, which also moves and turns with
+the sensor.
+
+Detections are counted by periods, those of held tracks too: tracks that clutter started would
+otherwise hide it. Clutter differs from a target that stands still in that it lies on both sides,
+more than the errors of a detection away. Let N_0 be the count in a cell, and N_1 and N_2 those in
+two cells that are `DIRECTIONS` away on opposite sides, in each the largest period counted as the
+second largest (a target that passes is in a single one). With n scans that saw the cell since the
+first detection in it, the density in a cell of side s is ::
+
+    min(low(N_0 + N_1 + N_2) / 3, 2 N_0, 2 N_1, 2 N_2) / (n s^2)
+
+in the direction in which it is largest, with the low bound of `adaptive_windows`. It counts where
+it is more than `RISE` times that of the map: where clutter is even it rarely is.
+
+Cells have sides of powers of two, about two and four standard deviations of a detection there. The
+denser of both counts.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from tsepm_ros.environment.adaptive_windows import root_bound
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.sensing.coverage import View
+from tsepm_ros.sensing.sensor import SensorModel
+
+SIDE = 2.0
+"""Sides of the smaller cells in standard deviations of a detection, about."""
+LEAST_SIDE = 0.25
+"""The same in m, at least."""
+DIRECTIONS = (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (-1, 2), (-2, 2), (-2, 1)
+"""Cells from a cell to that on one side; to that on the other side they are the same, negative."""
+SCANS = 8
+"""Scans of a period, at least."""
+LEAST_TIME = 5.0
+"""Duration of a period, s, at least: slow targets leave a cell."""
+PERIODS = 12
+"""Periods that count."""
+MOST_DETECTIONS = 1000
+"""Detections of a period from which on no further scan is counted: bounds the time."""
+VIEWS = 4
+"""Scans of a period, at most, that show which cells were seen."""
+RISE = 2.0
+"""Factor above the map's density from which on that of a cell counts."""
+_BITS = 28
+"""Of the number of a cell, for its place on each axis."""
+_MASK = (1 << _BITS) - 1
+_LEVELS = 32
+"""Added to the power of two of a side, so that it is positive."""
+
+
+class CellNumbers(NamedTuple):
+    """Cells of detections.
+
+    Attributes
+    ----------
+    all : (n, 3) ndarray of int
+        Of three sizes, the smallest first: those that the detection is counted in.
+    nearest : (n, 2) ndarray of int
+        Of the two sizes that fit its errors best.
+    """
+
+    all: IntArray
+    nearest: IntArray
+
+
+class PersistentClutter:
+    """Learns from scan to scan where clutter stays.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+        Its errors.
+    """
+
+    def __init__(self, sensor: SensorModel) -> None:
+        self._sensor = sensor
+        self._periods: deque[_Period] = deque(maxlen=PERIODS)
+        self._cells = np.zeros(0, np.int64)
+        self._densities = np.zeros(0)
+        self._begun = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._scans = self._number = 0
+        self._taken: list[IntArray] = []
+        self._views: list[View] = []
+
+    @property
+    def found(self) -> bool:
+        """Whether clutter stays anywhere."""
+        return len(self._cells) > 0
+
+    def cells(self, position: FloatArray, range: FloatArray) -> CellNumbers:
+        """Cells of detections.
+
+        Parameters
+        ----------
+        position : (n, 2) ndarray
+            In the fixed frame, m.
+        range : (n,) ndarray
+            m.
+        """
+        sensor = self._sensor
+        variance = np.maximum(sensor.range_variance(range), (range * sensor.azimuth_std) ** 2)
+        level = np.log2(np.maximum(SIDE * np.sqrt(variance), LEAST_SIDE))
+        least = np.floor(level).astype(np.int64)
+        numbers = _numbers(position[:, None], least[:, None] + (0, 1, 2))
+        nearer = (np.rint(level) > least)[:, None]
+        return CellNumbers(numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1]))
+
+    def raised(self, density: FloatArray, cells: CellNumbers) -> FloatArray:
+        """Density of the map at detections, (n,), raised where clutter stays, 1/m^2.
+
+        Parameters
+        ----------
+        density : (n,) ndarray
+            That of the map, 1/m^2.
+        cells : CellNumbers
+        """
+        if not self.found:
+            return density
+        row, known = _found(cells.nearest, self._cells)
+        stays = np.where(known, self._densities[row], 0.0).max(axis=1)
+        return np.where(stays > RISE * density, stays, density)
+
+    def update(self, stamp: float, view: View, cells: CellNumbers) -> None:
+        """Take a scan's detections; they count when the period ends.
+
+        Parameters
+        ----------
+        stamp : float
+            s.
+        view : View
+            What the scan looked at.
+        cells : CellNumbers
+        """
+        if self._scans >= SCANS and stamp - self._begun >= LEAST_TIME:
+            self._end_period()
+            self._begin()
+        if not self._scans:
+            self._begun = stamp
+        self._scans += 1
+        if self._number < MOST_DETECTIONS:
+            self._number += len(cells.all)
+            self._taken.append(cells.all.ravel())
+            self._views.append(view)
+
+    def _end_period(self) -> None:
+        cells, counts = np.unique(np.concatenate(self._taken), return_counts=True)
+        scans = len(self._taken)
+        views = [self._views[i] for i in np.unique(np.linspace(0, scans - 1, VIEWS).astype(int))]
+        self._periods.append(_Period(cells, counts, scans, tuple(dict.fromkeys(views))))
+        if len(self._periods) > 1:
+            self._cells, self._densities = _densities(list(self._periods))
+
+
+class _Period(NamedTuple):
+    """Detections in a period.
+
+    Attributes
+    ----------
+    cells : (k,) ndarray of int
+        With detections, ascending.
+    counts : (k,) ndarray of int
+    scans : int
+    views : tuple of View
+        Of some of the scans.
+    """
+
+    cells: IntArray
+    counts: IntArray
+    scans: int
+    views: tuple[View, ...]
+
+
+def _densities(periods: list[_Period]) -> tuple[IntArray, FloatArray]:
+    """Cells in which clutter stays, (k,), ascending, and its density there, 1/m^2."""
+    cells = np.unique(np.concatenate([one.cells for one in periods]))
+    counts = np.zeros((len(cells), len(periods)))
+    for column, one in enumerate(periods):
+        counts[np.searchsorted(cells, one.cells), column] = one.counts
+    second, largest = np.partition(counts, -2, axis=1)[:, -2:].T
+    several = np.flatnonzero(second)
+    cells, counts = cells[several], counts[several]
+    number = _staying(cells, counts.sum(axis=1) - (largest - second)[several])
+    stays = np.flatnonzero(number)
+    cells, counts, number = cells[stays], counts[stays], number[stays]
+    scans = _scans_since(np.argmax(counts > 0.0, axis=1), _middles(cells), periods)
+    use = np.flatnonzero(scans)
+    return cells[use], number[use] / (scans[use] * _sides(cells[use]) ** 2)
+
+
+def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
+    """Number of detections of clutter that stays in cells (n,), of the counts there (n,)."""
+    staying = np.zeros(len(cells))
+    if not len(cells):
+        return staying
+    for x, y in DIRECTIONS:
+        least, total = counts, counts
+        for sign in (1, -1):
+            row, known = _found(_beside(cells, sign * x, sign * y), cells)
+            count = np.where(known, counts[row], 0.0)
+            least, total = np.minimum(least, count), total + count
+        low = root_bound(total, -1.0) ** 2
+        staying = np.maximum(staying, np.minimum(low / 3.0, 2.0 * least))
+    return staying
+
+
+def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) -> FloatArray:
+    """Number of scans, (n,), that saw each place (n, 2), from its first period (n,) on; about."""
+    # Most sensors look at the same from scan to scan.
+    covered = {view: view.covers(places) for one in periods for view in one.views}
+    scans = np.zeros(len(places))
+    for number, one in enumerate(periods):
+        seen = np.mean([covered[view] for view in one.views], axis=0)
+        scans += np.where(first <= number, one.scans * seen, 0.0)
+    return scans
+
+
+def _numbers(position: FloatArray, level: IntArray) -> IntArray:
+    """Numbers (...) of the cells of positions (..., 2) with sides of powers of two (...)."""
+    place = np.floor(position / np.exp2(level)[..., None]).astype(np.int64) & _MASK
+    return np.asarray(((level + _LEVELS) << 2 * _BITS) | (place[..., 0] << _BITS) | place[..., 1])
+
+
+def _found(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
+    """Rows of cells (k,), ascending, with given numbers (...), and whether there is such a cell."""
+    row = np.searchsorted(cells, numbers)
+    row[row == len(cells)] = 0
+    return row, np.asarray(cells[row] == numbers)
+
+
+def _beside(cells: IntArray, x: int, y: int) -> IntArray:
+    """Numbers of the cells that are some places beside others (n,)."""
+    level = cells >> 2 * _BITS << 2 * _BITS
+    return np.asarray(level | (((cells >> _BITS) + x) & _MASK) << _BITS | ((cells + y) & _MASK))
+
+
+def _sides(cells: IntArray) -> FloatArray:
+    """Sides of cells (n,), m."""
+    return np.asarray(np.exp2((cells >> 2 * _BITS) - _LEVELS))
+
+
+def _middles(cells: IntArray) -> FloatArray:
+    """Middles of cells, (n, 2), m."""
+    place = np.stack([cells >> _BITS, cells], axis=1) & _MASK
+    place -= (place >> (_BITS - 1)) << _BITS  # below zero
+    return np.asarray((place + 0.5) * _sides(cells)[:, None])
