@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.batches import batches
 from support.plain_held_tracks import Coverage, PlainMaintenance, Rule
 from support.plain_tsepm import Parameters
 
@@ -23,6 +24,7 @@ from tsepm_ros.sensing.coverage import PosesByRange
 
 SCENES = 120
 BATCH = 10
+ALWAYS = 40
 TOLERANCE = 1e-7
 MAX_SPEED = 10.0
 OPTIONS = ("sector", "moving", "offsets", "rates", "own_errors", "pose_errors", "reports")
@@ -213,7 +215,7 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainMaintenance) -> Count
     return Counter(ended | {"tracks": len(tracks), "associations": len(expected)})
 
 
-@pytest.mark.parametrize("first", range(0, SCENES, BATCH))
+@pytest.mark.parametrize("first", batches(SCENES, ALWAYS, BATCH))
 def test_equals_the_plain_version(first: int) -> None:
     counts = sum((compare(seed) for seed in range(first, first + BATCH)), Counter())
     for name in ("tracks", "associations", "explained", "outside", *ENDS[:2], "reports", "rates"):

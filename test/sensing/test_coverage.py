@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from support.batches import batches
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -129,7 +130,7 @@ def shuffled(scan: Scan, order: np.ndarray) -> Scan:
     )
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", batches(6, 2))
 def test_the_order_of_a_scan_s_detections_does_not_change_its_tracks(seed):
     scene = scenario(own_ship=TURNING, sensor=dataclasses.replace(SECTOR, max_range=9000.0))
     scans = [result.scan for result in run(scene, by_bow, seed)]

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from support.batches import batches
 from support.builders import AS_GIVEN, scan_at
 from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
@@ -18,7 +19,7 @@ from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.limits import TimeLimit
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", batches(24, 8))
 def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
     scene = random_scene(seed)
     plain_scans, sensor, options = in_plain_loops(scene, seed)
