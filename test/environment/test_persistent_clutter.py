@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.environment import persistent_clutter
 from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, poisson_bound
 from tsepm_ros.environment.persistent_clutter import (
     DIRECTIONS,
     LEAST_SIDE,
     LEAST_TIME,
-    MOST_DETECTIONS,
     PERIODS,
     RISE,
     SCANS,
@@ -67,7 +67,7 @@ class Plain:
     def end(self) -> None:
         counts, number, taken = Counter(), 0, []
         for _, seen, detections in self.scans:
-            if number < MOST_DETECTIONS:
+            if number < persistent_clutter.MOST_DETECTIONS:
                 number += len(detections)
                 taken.append(seen)
                 for place, range_ in detections:
@@ -127,13 +127,14 @@ def detected(
 
 
 @pytest.mark.parametrize("turning", [False, True], ids=["still", "turning"])
-@pytest.mark.parametrize("dense", [False, True], ids=["few", "many"])
-def test_densities_are_those_of_a_loop_over_cells(dense, turning):
+@pytest.mark.parametrize("most", [persistent_clutter.MOST_DETECTIONS, 100], ids=["all", "some"])
+def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
+    monkeypatch.setattr(persistent_clutter, "MOST_DETECTIONS", most)
     rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter(SECTOR)
     compared = 0
     for ping in range(115):
         pose = (0.5 * ping, -20.0, 0.05 * ping if turning else 0.0)
-        range_, azimuth = detected(quay(rng, 160.0 if dense else 15.0), pose, rng)
+        range_, azimuth = detected(quay(rng), pose, rng)
         angle = azimuth + pose[2]
         position = range_[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) + pose[:2]
         cells = learned.cells(position, range_)
@@ -212,17 +213,17 @@ def test_where_the_fixed_frame_begins_does_not_matter():
     np.testing.assert_allclose(moved(far), moved(np.zeros(2)), rtol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_tracks_hardly_start_on_piles_of_a_quay_once_they_are_learned(seed):
-    """40 piles, each seen in one ping of 4 on average: 16 of 17 starts before, 0 to 4 now."""
+@pytest.mark.parametrize("seed", [3, 4])
+def test_no_tracks_start_on_the_piles_of_a_quay_once_they_are_learned(seed):
+    """40 piles, each seen in one ping of 4 on average; 4 and 5 starts with the map alone."""
     rng = np.random.default_rng(seed)
     piles = np.stack([np.full(40, 150.0), rng.uniform(-150.0, 150.0, 40)], axis=1)
     seen = rng.uniform(0.05, 0.45, 40)
     initiator = make_initiator("score", sensor=SECTOR, min_speed=0.5)
-    starts = []
-    for ping in range(300):
+    starts = 0
+    for ping in range(200):
         echoes = piles[rng.random(40) < seen]
         range_, azimuth = detected(echoes, (0.0, 0.0, 0.0), rng)
         tracks = initiator.process(Scan(float(ping), range_, azimuth))
-        starts += [ping] * len(tracks)
-    assert sum(ping >= 60 for ping in starts) <= 4
+        starts += len(tracks) if ping >= 40 else 0
+    assert starts <= 1
