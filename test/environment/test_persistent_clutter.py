@@ -140,12 +140,11 @@ def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
         cells = learned.cells(position, range_)
         plain.update(0.4 * ping, view(*pose), position, range_)
         learned.update(0.4 * ping, view(*pose), cells)
-        if ping % 3 == 0:
-            given = np.full(len(range_), 1e-9)
+        if ping % 3 == 0 and learned.found:
             expected = [plain.at(*one) for one in zip(position, range_, strict=True)]
-            expected = [value if value > RISE * 1e-9 else 1e-9 for value in expected]
-            np.testing.assert_allclose(learned.raised(given, cells), expected, rtol=1e-12)
-            compared += int(np.count_nonzero(np.array(expected) > 1e-9))
+            np.testing.assert_allclose(learned.density(cells), expected, rtol=1e-12)
+            compared += int(np.count_nonzero(expected))
+        assert learned.found or not any(plain.densities.values())
     assert compared > 10
 
 
@@ -162,7 +161,7 @@ def learned_from(places, pings: int = 200) -> PersistentClutter:
 def density_at(learned: PersistentClutter, place: tuple[float, float]) -> float:
     position = np.array([place])
     cells = learned.cells(position, np.hypot(*position.T))
-    return float(learned.raised(np.array([1e-9]), cells)[0])
+    return float(learned.density(cells)[0]) if learned.found else 0.0
 
 
 def test_the_density_of_a_quay_is_found_within_a_factor_of_two():
@@ -175,7 +174,7 @@ def test_the_density_of_a_quay_is_found_within_a_factor_of_two():
 
 def test_a_target_that_stands_still_is_no_clutter():
     learned = learned_from(lambda ping, rng: np.array([[150.0, 50.0]]))
-    assert density_at(learned, (150.0, 50.0)) == 1e-9
+    assert density_at(learned, (150.0, 50.0)) == 0.0
 
 
 def test_a_target_that_passes_is_no_clutter():
@@ -191,9 +190,10 @@ def test_even_clutter_is_hardly_raised():
     range_, azimuth = detected(rng.uniform(-300.0, 300.0, (4000, 2)), (0.0, 0.0, 0.0), rng)
     position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     cells = learned.cells(position, range_)
-    raised = learned.raised(np.full(len(range_), 1e-4), cells)
-    assert np.mean(raised > 1e-4) < 0.1
-    assert np.log(raised / 1e-4).mean() < 0.1
+    raised = learned.density(cells) / 1e-4
+    raised[raised < RISE] = 1.0
+    assert np.mean(raised > 1.0) < 0.1
+    assert np.log(raised).mean() < 0.1
 
 
 def test_where_the_fixed_frame_begins_does_not_matter():
@@ -207,9 +207,9 @@ def test_where_the_fixed_frame_begins_does_not_matter():
             position = np.round(position * 16.0) / 16.0 + offset
             cells = learned.cells(position, range_)
             learned.update(float(ping), view(*offset), cells)
-        return learned.raised(np.full(len(range_), 1e-9), cells)
+        return learned.density(cells)
 
-    assert moved(np.zeros(2)).max() > 1e-9
+    assert moved(np.zeros(2)).max() > 0.0
     np.testing.assert_allclose(moved(far), moved(np.zeros(2)), rtol=1e-9)
 
 

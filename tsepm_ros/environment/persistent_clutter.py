@@ -22,6 +22,7 @@ denser of both counts.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import NamedTuple
 
@@ -111,26 +112,17 @@ class PersistentClutter:
         """
         sensor = self._sensor
         variance = np.maximum(sensor.range_variance(range), (range * sensor.azimuth_std) ** 2)
-        level = np.log2(np.maximum(SIDE * np.sqrt(variance), LEAST_SIDE))
-        least = np.floor(level).astype(np.int64)
-        numbers = _numbers(position[:, None], least[:, None] + (0, 1, 2))
-        nearer = (np.rint(level) > least)[:, None]
+        part, power = np.frexp(np.maximum(SIDE * np.sqrt(variance), LEAST_SIDE))
+        levels = power[:, None] - np.array([1, 0, -1])
+        numbers = _numbers(position[:, None], levels)
+        nearer = (part > math.sqrt(0.5))[:, None]
         return CellNumbers(numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1]))
 
-    def raised(self, density: FloatArray, cells: CellNumbers) -> FloatArray:
-        """Density of the map at detections, (n,), raised where clutter stays, 1/m^2.
-
-        Parameters
-        ----------
-        density : (n,) ndarray
-            That of the map, 1/m^2.
-        cells : CellNumbers
-        """
-        if not self.found:
-            return density
+    def density(self, cells: CellNumbers) -> FloatArray:
+        """Density where clutter stays, 0 elsewhere, at detections, (n,), 1/m^2."""
         row, known = _found(cells.nearest, self._cells)
-        stays = np.where(known, self._densities[row], 0.0).max(axis=1)
-        return np.where(stays > RISE * density, stays, density)
+        density: FloatArray = np.where(known, self._densities[row], 0.0).max(axis=1)
+        return density
 
     def update(self, stamp: float, view: View, cells: CellNumbers) -> None:
         """Take a scan's detections; they count when the period ends.
@@ -228,8 +220,9 @@ def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) ->
 
 def _numbers(position: FloatArray, level: IntArray) -> IntArray:
     """Numbers (...) of the cells of positions (..., 2) with sides of powers of two (...)."""
-    place = np.floor(position / np.exp2(level)[..., None]).astype(np.int64) & _MASK
-    return np.asarray(((level + _LEVELS) << 2 * _BITS) | (place[..., 0] << _BITS) | place[..., 1])
+    place = np.floor(np.ldexp(position, -level[..., None])).astype(np.int64) & _MASK
+    of_level = (level + _LEVELS).astype(np.int64) << 2 * _BITS
+    return np.asarray(of_level | (place[..., 0] << _BITS) | place[..., 1])
 
 
 def _found(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:

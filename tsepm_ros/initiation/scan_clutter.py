@@ -9,6 +9,7 @@ import numpy as np
 from tsepm_ros.environment.clutter_clumps import PredictiveDensity
 from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.learned import Learned
+from tsepm_ros.environment.persistent_clutter import RISE
 from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.environment.strength_levels import RINGS
@@ -61,7 +62,11 @@ class ScanClutter:
         self._echoes = self._estimated and counts_echoes
         self._given = sensor.clutter_density
         self._polar = range, azimuth
-        self._places = learned.persistent.cells(position, range) if self._echoes else None
+        self._staying: FloatArray | None = None
+        if self._echoes:
+            self._places = learned.persistent.cells(position, range)
+            if learned.persistent.found:
+                self._staying = learned.persistent.density(self._places)
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
         self.predictive: PredictiveDensity | None = None
@@ -122,7 +127,6 @@ class ScanClutter:
             self.predictive = learned.clumps.update(
                 learned.clutter_map, self.cells, weight, density
             )
-        if self._places is not None:
             learned.persistent.update(stamp, view, self._places)
         return self._raised(density)
 
@@ -135,14 +139,15 @@ class ScanClutter:
     @property
     def is_persistent(self) -> BoolArray:
         """Whether each detection is where clutter stays and the map does not show it, (d,)."""
-        density = self.density()
-        return self._raised(density) > density
+        if self._staying is None:
+            return np.zeros(len(self.weight), bool)
+        return self._staying > RISE * self.density()
 
     def _raised(self, density: FloatArray) -> FloatArray:
         """Density (d,), raised where clutter stays."""
-        if self._places is None:
+        if self._staying is None:
             return density
-        return self._learned.persistent.raised(density, self._places)
+        return np.where(self._staying > RISE * density, self._staying, density)
 
     def density(self) -> FloatArray:
         """Density of the map, (d,), 1/m^2."""
