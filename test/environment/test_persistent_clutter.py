@@ -19,7 +19,6 @@ from tsepm_ros.environment.persistent_clutter import (
     RISE,
     SCANS,
     SIDE,
-    VIEWS,
     PersistentClutter,
 )
 from tsepm_ros.sensing.coverage import View
@@ -34,15 +33,21 @@ SECTOR = SensorModel(
     clutter_density=1e-4,
 )
 
+NONE = np.zeros(0, np.int64)
+
 
 def view(x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> View:
     return View(SECTOR, (x, y, yaw), None)
 
 
+def deviations(range_: np.ndarray) -> np.ndarray:
+    """Standard deviations of detections at ranges (n,), m."""
+    return np.maximum(SECTOR.range_std, range_ * SECTOR.azimuth_std)
+
+
 def power(range_: float) -> float:
     """Power of two of the side of a cell at a range."""
-    deviation = max(SECTOR.range_std, range_ * SECTOR.azimuth_std)
-    return math.log2(max(SIDE * deviation, LEAST_SIDE))
+    return math.log2(max(SIDE * float(deviations(np.array(range_))), LEAST_SIDE))
 
 
 def cell(place: np.ndarray, level: int) -> tuple[int, int, int]:
@@ -73,9 +78,7 @@ class Plain:
                 for place, range_ in detections:
                     for wider in range(3):
                         counts[cell(place, math.floor(power(range_)) + wider)] += 1
-        last = len(taken) - 1
-        shown = sorted({int(i * last / (VIEWS - 1)) for i in range(VIEWS)})
-        self.periods.append((counts, len(taken), [taken[i] for i in shown]))
+        self.periods.append((counts, len(taken), taken))
         self.periods = self.periods[-PERIODS:]
         if len(self.periods) > 1:
             self.densities = {
@@ -130,16 +133,16 @@ def detected(
 @pytest.mark.parametrize("most", [persistent_clutter.MOST_DETECTIONS, 100], ids=["all", "some"])
 def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
     monkeypatch.setattr(persistent_clutter, "MOST_DETECTIONS", most)
-    rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter(SECTOR)
+    rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter()
     compared = 0
     for ping in range(115):
         pose = (0.5 * ping, -20.0, 0.05 * ping if turning else 0.0)
         range_, azimuth = detected(quay(rng), pose, rng)
         angle = azimuth + pose[2]
         position = range_[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) + pose[:2]
-        cells = learned.cells(position, range_)
+        cells = learned.cells(position, deviations(range_))
         plain.update(0.4 * ping, view(*pose), position, range_)
-        learned.update(0.4 * ping, view(*pose), cells)
+        learned.update(0.4 * ping, view(*pose), cells, NONE)
         if ping % 3 == 0 and learned.found:
             expected = [plain.at(*one) for one in zip(position, range_, strict=True)]
             np.testing.assert_allclose(learned.density(cells), expected, rtol=1e-12)
@@ -150,17 +153,17 @@ def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
 
 def learned_from(places, pings: int = 200) -> PersistentClutter:
     """Where clutter stays, from the places of detections at 1 ping/s."""
-    learned, rng = PersistentClutter(SECTOR), np.random.default_rng(1)
+    learned, rng = PersistentClutter(), np.random.default_rng(1)
     for ping in range(pings):
         range_, azimuth = detected(places(ping, rng), (0.0, 0.0, 0.0), rng)
         position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-        learned.update(float(ping), view(), learned.cells(position, range_))
+        learned.update(float(ping), view(), learned.cells(position, deviations(range_)), NONE)
     return learned
 
 
 def density_at(learned: PersistentClutter, place: tuple[float, float]) -> float:
     position = np.array([place])
-    cells = learned.cells(position, np.hypot(*position.T))
+    cells = learned.cells(position, deviations(np.hypot(*position.T)))
     return float(learned.density(cells)[0]) if learned.found else 0.0
 
 
@@ -189,7 +192,7 @@ def test_even_clutter_is_hardly_raised():
     learned, rng = learned_from(places), np.random.default_rng(2)
     range_, azimuth = detected(rng.uniform(-300.0, 300.0, (4000, 2)), (0.0, 0.0, 0.0), rng)
     position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-    cells = learned.cells(position, range_)
+    cells = learned.cells(position, deviations(range_))
     raised = learned.density(cells) / 1e-4
     raised[raised < RISE] = 1.0
     assert np.mean(raised > 1.0) < 0.1
@@ -200,13 +203,13 @@ def test_where_the_fixed_frame_begins_does_not_matter():
     far = np.array([-5e5, 4e6])  # as in a national grid; a multiple of every side
 
     def moved(offset):
-        learned, rng = PersistentClutter(SECTOR), np.random.default_rng(4)
+        learned, rng = PersistentClutter(), np.random.default_rng(4)
         for ping in range(60):
             range_, azimuth = detected(quay(rng), (0.0, 0.0, 0.0), rng)
             position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
             position = np.round(position * 16.0) / 16.0 + offset
-            cells = learned.cells(position, range_)
-            learned.update(float(ping), view(*offset), cells)
+            cells = learned.cells(position, deviations(range_))
+            learned.update(float(ping), view(*offset), cells, NONE)
         return learned.density(cells)
 
     assert moved(np.zeros(2)).max() > 0.0
@@ -227,3 +230,50 @@ def test_no_tracks_start_on_the_piles_of_a_quay_once_they_are_learned(seed):
         tracks = initiator.process(Scan(float(ping), range_, azimuth))
         starts += len(tracks) if ping >= 40 else 0
     assert starts <= 1
+
+
+def test_a_target_that_moves_to_and_fro_stays_held():
+    """It has detections on both sides of every place; counted as clutter, it lost its track."""
+    rng = np.random.default_rng(3)
+    initiator = make_initiator("score", sensor=SECTOR, plots="off")
+    near = []
+    for ping in range(240):
+        away = abs(ping % 80 - 40.0)
+        place = np.array([150.0, -20.0 + away])
+        echoes = place[None][: int(rng.random() < 0.6)]
+        clutter = rng.uniform(-290.0, 290.0, (rng.poisson(8), 2))
+        range_, azimuth = detected(np.concatenate([echoes, clutter]), (0.0, 0.0, 0.0), rng)
+        initiator.process(Scan(float(ping), range_, azimuth))
+        apart = initiator.current.state[:, 0::2] - place
+        near.append(np.hypot(*apart.T).min(initial=math.inf) < 8.0)
+    assert np.mean(near[80:]) > 0.95
+
+
+def test_a_scan_that_is_observed_again_is_not_counted_again():
+    learned, rng = PersistentClutter(), np.random.default_rng(5)
+    counted = []
+    for stamp in (*range(40), *range(30, 40), *range(40, 80)):
+        range_ = rng.uniform(100.0, 200.0, 5)
+        cells = learned.cells(np.stack([range_, 0.0 * range_], axis=1), deviations(range_))
+        learned.update(float(stamp), view(), cells, NONE)
+        counted.append(sum(one.scans for one in learned._periods))
+    assert counted[-1] == 72  # nine whole periods of 80 scans
+
+
+def test_of_many_views_in_a_period_the_share_of_each_counts():
+    """Eight arcs in turn, for sixteen scans a period: a place is seen in two scans of each."""
+    learned, rng = PersistentClutter(), np.random.default_rng(6)
+    for ping in range(160):
+        arc = (-math.pi / 3 + (ping % 8) * math.pi / 12, math.pi / 12)
+        range_, azimuth = detected(quay(rng, 40.0), (0.0, 0.0, 0.0), rng)
+        seen = np.mod(azimuth - arc[0], 2.0 * math.pi) < arc[1]
+        range_, azimuth = range_[seen], azimuth[seen]
+        position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+        cells = learned.cells(position, deviations(range_))
+        looked = View(SECTOR, (0.0, 0.0, 0.0), arc)
+        learned.update(0.3125 * ping, looked, cells, NONE)
+    along = np.linspace(-110.0, 110.0, 45)
+    found = [density_at(learned, (140.0 + 0.3 * one, 0.95 * one)) for one in along]
+    # A line of 40 echoes on 399 m, as wide as 4 m or more.
+    assert np.mean(np.array(found) > 0.0) > 0.75
+    assert max(found) < 2.0 * 40.0 / 398.5 / 4.0

@@ -30,12 +30,12 @@ class Learned:
     clutter_map : ClutterMap
     clumps : ClutterClumps
         How much lumpier clutter is than the map.
-    persistent : PersistentClutter
-        Where clutter stays in the fixed frame.
     seen_extent : SeenExtent
         Where clutter is seen, in the coverage.
     strengths : ClutterStrengths
         Strengths of clutter.
+    persistent : PersistentClutter
+        Where clutter stays in the fixed frame.
     all_extent : SeenExtent
         Where detections are, outside the coverage too, of scans that have such.
     secondary_echoes : SecondaryEchoes
@@ -53,9 +53,9 @@ class Learned:
 
     clutter_map: ClutterMap
     clumps: ClutterClumps
-    persistent: PersistentClutter
     seen_extent: SeenExtent
     strengths: ClutterStrengths
+    persistent: PersistentClutter = field(default_factory=PersistentClutter)
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
     secondary_echoes: SecondaryEchoes = field(default_factory=SecondaryEchoes)
     scan_interval: ScanInterval = field(default_factory=ScanInterval)
@@ -71,8 +71,7 @@ class Learned:
         shape, wraps = clutter_map.grid.shape, clutter_map.grid.wraps
         strengths = ClutterStrengths(shape, wraps)
         clumps = ClutterClumps(shape, wraps)
-        persistent, seen = PersistentClutter(sensor), SeenExtent(Extent.of(sensor))
-        return cls(clutter_map, clumps, persistent, seen, strengths)
+        return cls(clutter_map, clumps, SeenExtent(Extent.of(sensor)), strengths)
 
     def anew(self, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor, but with where clutter stays."""
@@ -81,13 +80,10 @@ class Learned:
     def under(self, sensor: SensorModel, before: SensorModel) -> Learned:
         """The models for a sensor in place of the one before.
 
-        The clutter map is kept only for the same coverage; innovations, and where clutter stays,
-        only for the same errors.
+        The clutter map is kept only for the same coverage, innovations only for the same errors.
         """
-        kept = self
-        if any(getattr(sensor, name) != getattr(before, name) for name in ERRORS):
-            persistent = PersistentClutter(sensor)
-            kept = replace(self, errors=MeasurementErrors(), persistent=persistent)
+        same_errors = all(getattr(sensor, name) == getattr(before, name) for name in ERRORS)
+        kept = self if same_errors else replace(self, errors=MeasurementErrors())
         if self.clutter_map.fits(sensor):
             return kept
         fresh = Learned.initial(sensor)

@@ -4,26 +4,28 @@ A quay, a row of piles or a field of kelp has echoes at random places, ping for 
 same outline. It may be thinner than any window of the clutter map, which also moves and turns with
 the sensor.
 
-Detections are counted by periods, those of held tracks too: tracks that clutter started would
-otherwise hide it. Clutter differs from a target that stands still in that it lies on both sides,
-more than the errors of a detection away. Let N_0 be the count in a cell, and N_1 and N_2 those in
-two cells that are `DIRECTIONS` away on opposite sides, in each the largest period counted as the
-second largest (a target that passes is in a single one). With n scans that saw the cell since the
-first detection in it, the density in a cell of side s is ::
+Detections are counted by periods, also those of held tracks that do not move: tracks that clutter
+started would otherwise hide it. Clutter differs from a target that stands still in that it lies on
+both sides, more than the errors of a detection away. Let N_0 be the count in a cell, and N_1 and
+N_2 those in two cells that are `DIRECTIONS` away on opposite sides, in each the largest period
+counted as the second largest (a target that passes is in a single one). With n scans that saw the
+cell, about, in the periods since the first detection in it, the density in a cell of side s is ::
 
     min(low(N_0 + N_1 + N_2) / 3, 2 N_0, 2 N_1, 2 N_2) / (n s^2)
 
-in the direction in which it is largest, with the low bound of `adaptive_windows`. It counts where
-it is more than `RISE` times that of the map: where clutter is even it rarely is.
+in the direction in which it is largest, with the low bound of `adaptive_windows`. The density is
+used where it is more than `RISE` times that of the map: where clutter is even it rarely is.
 
-Cells have sides of powers of two, about two and four standard deviations of a detection there. The
-denser of both counts.
+Cells have sides of powers of two, about two and four standard deviations of a detection. The larger
+of the two densities is used.
+
+Targets that stand still in a row, a few errors apart, look the same.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +33,6 @@ import numpy as np
 from tsepm_ros.environment.adaptive_windows import root_bound
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.coverage import View
-from tsepm_ros.sensing.sensor import SensorModel
 
 SIDE = 2.0
 """Sides of the smaller cells in standard deviations of a detection, about."""
@@ -42,15 +43,18 @@ DIRECTIONS = (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (-1, 2), (-2, 2), (-2, 1)
 SCANS = 8
 """Scans of a period, at least."""
 LEAST_TIME = 5.0
-"""Duration of a period, s, at least: slow targets leave a cell."""
+"""Duration of a period, s, at least: fast sonars have many pings while a target leaves a cell."""
 PERIODS = 12
 """Periods that count."""
 MOST_DETECTIONS = 1000
-"""Detections of a period from which on no further scan is counted: bounds the time."""
-VIEWS = 4
-"""Scans of a period, at most, that show which cells were seen."""
+"""Detections of a period from which on no further scan is counted: bounds the time.
+
+In dense clutter these are the first scans of the period alone.
+"""
+VIEWS = 16
+"""Different views of a period, at most, that show which cells were seen: of more, random ones."""
 RISE = 2.0
-"""Factor above the map's density from which on that of a cell counts."""
+"""Factor above the map's density from which on that of a cell is used."""
 _BITS = 28
 """Of the number of a cell, for its place on each axis."""
 _MASK = (1 << _BITS) - 1
@@ -74,20 +78,13 @@ class CellNumbers(NamedTuple):
 
 
 class PersistentClutter:
-    """Learns from scan to scan where clutter stays.
+    """Learns from scan to scan where clutter stays."""
 
-    Parameters
-    ----------
-    sensor : SensorModel
-        Its errors.
-    """
-
-    def __init__(self, sensor: SensorModel) -> None:
-        self._sensor = sensor
+    def __init__(self) -> None:
         self._periods: deque[_Period] = deque(maxlen=PERIODS)
         self._cells = np.zeros(0, np.int64)
         self._densities = np.zeros(0)
-        self._begun = 0.0
+        self._begun, self._last = 0.0, -math.inf
         self._begin()
 
     def _begin(self) -> None:
@@ -100,19 +97,17 @@ class PersistentClutter:
         """Whether clutter stays anywhere."""
         return len(self._cells) > 0
 
-    def cells(self, position: FloatArray, range: FloatArray) -> CellNumbers:
+    def cells(self, position: FloatArray, deviation: FloatArray) -> CellNumbers:
         """Cells of detections.
 
         Parameters
         ----------
         position : (n, 2) ndarray
-            In the fixed frame, m.
-        range : (n,) ndarray
-            m.
+            In the fixed frame, m; within 3e7 m of its origin.
+        deviation : (n,) ndarray
+            Standard deviation of each along its major axis, m.
         """
-        sensor = self._sensor
-        variance = np.maximum(sensor.range_variance(range), (range * sensor.azimuth_std) ** 2)
-        part, power = np.frexp(np.maximum(SIDE * np.sqrt(variance), LEAST_SIDE))
+        part, power = np.frexp(np.maximum(SIDE * deviation, LEAST_SIDE))
         levels = power[:, None] - np.array([1, 0, -1])
         numbers = _numbers(position[:, None], levels)
         nearer = (part > math.sqrt(0.5))[:, None]
@@ -124,8 +119,10 @@ class PersistentClutter:
         density: FloatArray = np.where(known, self._densities[row], 0.0).max(axis=1)
         return density
 
-    def update(self, stamp: float, view: View, cells: CellNumbers) -> None:
+    def update(self, stamp: float, view: View, cells: CellNumbers, moving: IntArray) -> None:
         """Take a scan's detections; they count when the period ends.
+
+        A scan that was taken before, and is observed again, is left out.
 
         Parameters
         ----------
@@ -134,7 +131,12 @@ class PersistentClutter:
         view : View
             What the scan looked at.
         cells : CellNumbers
+        moving : (k,) ndarray of int
+            Rows of detections that are left out, those of held tracks that move.
         """
+        if stamp <= self._last:
+            return
+        self._last = stamp
         if self._scans >= SCANS and stamp - self._begun >= LEAST_TIME:
             self._end_period()
             self._begin()
@@ -143,14 +145,16 @@ class PersistentClutter:
         self._scans += 1
         if self._number < MOST_DETECTIONS:
             self._number += len(cells.all)
-            self._taken.append(cells.all.ravel())
+            self._taken.append(np.delete(cells.all, moving, axis=0).ravel())
             self._views.append(view)
 
     def _end_period(self) -> None:
         cells, counts = np.unique(np.concatenate(self._taken), return_counts=True)
-        scans = len(self._taken)
-        views = [self._views[i] for i in np.unique(np.linspace(0, scans - 1, VIEWS).astype(int))]
-        self._periods.append(_Period(cells, counts, scans, tuple(dict.fromkeys(views))))
+        views = self._views
+        if len(set(views)) > VIEWS:
+            rng = np.random.default_rng(len(views))
+            views = [views[i] for i in rng.choice(len(views), VIEWS, replace=False)]
+        self._periods.append(_Period(cells, counts, len(self._views), Counter(views)))
         if len(self._periods) > 1:
             self._cells, self._densities = _densities(list(self._periods))
 
@@ -164,14 +168,14 @@ class _Period(NamedTuple):
         With detections, ascending.
     counts : (k,) ndarray of int
     scans : int
-    views : tuple of View
-        Of some of the scans.
+    views : Counter of View
+        How many of the scans, or of some of them, had each view.
     """
 
     cells: IntArray
     counts: IntArray
     scans: int
-    views: tuple[View, ...]
+    views: Counter[View]
 
 
 def _densities(periods: list[_Period]) -> tuple[IntArray, FloatArray]:
@@ -213,8 +217,8 @@ def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) ->
     covered = {view: view.covers(places) for one in periods for view in one.views}
     scans = np.zeros(len(places))
     for number, one in enumerate(periods):
-        seen = np.mean([covered[view] for view in one.views], axis=0)
-        scans += np.where(first <= number, one.scans * seen, 0.0)
+        seen = sum((share * covered[view] for view, share in one.views.items()), np.zeros(1))
+        scans += np.where(first <= number, one.scans / one.views.total() * seen, 0.0)
     return scans
 
 

@@ -91,7 +91,7 @@ class FrontEnd:
         self.learned = Learned.initial(self.sensor)
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
-        self._clutter = self._clutter_at(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+        self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
 
     def configure(self, sensor: SensorModel, common: CommonOptions, most_tracks_true: bool) -> None:
         """Change the options before the next scan; what was learned and still holds is kept."""
@@ -304,7 +304,8 @@ class FrontEnd:
         reach = self._reach * REACH_SCANS
         scan, area = self._scan, math.pi * reach**2
         view = View.of(scan, self.sensor, self._poses.middle)
-        return self._clutter.learn(scan.stamp, view, weight, area, self._held_targets)
+        moving = self.maintenance.detections_of_moving
+        return self._clutter.learn(scan.stamp, view, weight, area, self._held_targets, moving)
 
     def _held_targets(self) -> HeldTargets:
         """The held tracks in the sensor's frame."""
@@ -351,33 +352,33 @@ class FrontEnd:
         made = self.plots.plots_of(found, self._joined if self.plots.hulls else None)
         measured = found if made is None else made.scan
         detections = convert(measured, self.sensor, self.scan_index)
-        self._clutter = self._clutter_at(measured.range, measured.azimuth, detections["position"])
+        self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
         detections["index"] = rows if made is None else rows[made.strongest]
         if made is not None and scan.range_std is None:
             detections["range_std"][~made.own_range_std] = np.nan
         return detections
 
     def _clutter_at(
-        self, range: FloatArray, azimuth: FloatArray, position: FloatArray
+        self, range: FloatArray, azimuth: FloatArray, detections: NDArray[np.void] | None = None
     ) -> ScanClutter:
-        """Clutter at positions (n, 2); behind targets, where the held tracks are targets."""
+        """Clutter at positions (n,); behind targets, where the held tracks are targets."""
         held_are_true = self.most_tracks_true
         return ScanClutter(
-            self.learned, self.common, self.sensor, held_are_true, range, azimuth, position
+            self.learned, self.common, self.sensor, held_are_true, range, azimuth, detections
         )
 
-    def _stays(self, scan: Scan, place: FloatArray) -> BoolArray:
-        """Which detections of a scan, at places (n, 2), are where clutter stays."""
+    def _stays(self, scan: Scan) -> BoolArray:
+        """Which detections (n,) of a scan are where clutter stays."""
         if not self.learned.persistent.found:
             return np.zeros(len(scan), bool)
-        return self._clutter_at(scan.range, scan.azimuth, place).is_persistent
+        detections = convert(scan, self.sensor, self.scan_index)
+        return self._clutter_at(scan.range, scan.azimuth, detections).is_persistent
 
     def _joined(self, scan: Scan, label: IntArray) -> tuple[IntArray, FloatArray]:
         """The groups of a scan, those of a hull as one; the hulls are learned first."""
         tracks = self.maintenance.held.tracks.predicted(scan.stamp)
-        clutter = self._clutter_at(scan.range, scan.azimuth, plots.placed(scan)).density()
-        at = tracks.state[:, 0::2]
-        around = self._clutter_at(*self._poses.polar(at), at).known_density()
+        clutter = self._clutter_at(scan.range, scan.azimuth).density()
+        around = self._clutter_at(*self._poses.polar(tracks.state[:, 0::2])).known_density()
         extent, std = self.plots.extent, self.sensor.azimuth_std
         self._hulls.learn(scan, label, clutter, tracks, around, extent, std)
         return self._hulls.joined(scan, label, tracks)

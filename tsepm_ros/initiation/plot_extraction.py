@@ -126,7 +126,7 @@ class PlotExtraction:
         interval: float,
         seen: Region,
         tracks: TrackArrays,
-        stays: Callable[[Scan, FloatArray], BoolArray],
+        stays: Callable[[Scan], BoolArray],
     ) -> bool:
         """Learn from a scan's detections; returns whether plots look different from now on.
 
@@ -140,15 +140,14 @@ class PlotExtraction:
         tracks : TrackArrays
             Held, in the order of their confirmation, at the scan's stamp.
         stays : callable
-            Which detections of a scan, at places (n, 2) in the fixed frame, are where clutter is
-            known to stay: they do not count.
+            Which detections of a scan are where clutter is known to stay: they do not count.
         """
         if self.common.plots == "off":
             return False
         scan = self._without_runs(scan)
         reach = self.common.max_speed * interval
         place = plots.placed(scan)
-        left_out = of_neighbours(scan, place, tracks, self.sensor) | stays(scan, place)
+        left_out = of_neighbours(scan, place, tracks, self.sensor) | stays(scan)
         rows = np.flatnonzero(~left_out)
         self._spacing.observe(scan.range[rows], scan.azimuth[rows], place[rows], reach, seen)
         before = self.seen

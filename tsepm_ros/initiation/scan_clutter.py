@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros.environment.clutter_clumps import PredictiveDensity
 from tsepm_ros.environment.clutter_strengths import ClutterStrengths
 from tsepm_ros.environment.learned import Learned
-from tsepm_ros.environment.persistent_clutter import RISE
+from tsepm_ros.environment.persistent_clutter import RISE, CellNumbers
 from tsepm_ros.environment.polar_grid import Cells
 from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.environment.strength_levels import RINGS
 from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.coverage import View
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -32,8 +33,8 @@ class ScanClutter:
         Whether clutter behind targets counts, which the held tracks must be for it.
     range, azimuth : (d,) ndarray
         Of the detections or plots, m and rad.
-    position : (d, 2) ndarray
-        In the fixed frame, m.
+    detections : (d,) ndarray of DETECTION, optional
+        Converted; without them clutter that stays is left out.
 
     Attributes
     ----------
@@ -55,16 +56,18 @@ class ScanClutter:
         counts_echoes: bool,
         range: FloatArray,
         azimuth: FloatArray,
-        position: FloatArray,
+        detections: NDArray[np.void] | None = None,
     ) -> None:
         self._learned = learned
         self._estimated = common.clutter_density == "estimated"
         self._echoes = self._estimated and counts_echoes
         self._given = sensor.clutter_density
         self._polar = range, azimuth
+        self._places: CellNumbers | None = None
         self._staying: FloatArray | None = None
-        if self._echoes:
-            self._places = learned.persistent.cells(position, range)
+        if self._echoes and detections is not None:
+            places = detections["position"], detections["major_sigma"]
+            self._places = learned.persistent.cells(*places)
             if learned.persistent.found:
                 self._staying = learned.persistent.density(self._places)
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
@@ -100,6 +103,7 @@ class ScanClutter:
         weight: FloatArray,
         min_area: float,
         targets: Callable[[], HeldTargets],
+        moving: Callable[[], IntArray],
     ) -> FloatArray:
         """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
 
@@ -115,6 +119,8 @@ class ScanClutter:
             See `ClutterMap.update`.
         targets : callable
             The held targets as of this scan.
+        moving : callable
+            Rows of detections that are probably of held tracks that move.
         """
         learned, self.weight = self._learned, weight
         learned.seen_extent.update(*self._polar, weight)
@@ -127,7 +133,8 @@ class ScanClutter:
             self.predictive = learned.clumps.update(
                 learned.clutter_map, self.cells, weight, density
             )
-            learned.persistent.update(stamp, view, self._places)
+        if self._places is not None:
+            learned.persistent.update(stamp, view, self._places, moving())
         return self._raised(density)
 
     def withdraw(self, share: FloatArray) -> None:

@@ -137,6 +137,14 @@ class TrackMaintenance:
         """Whether a downstream tracker was heard since the last clearing, and still is."""
         return self._tracker.status
 
+    def detections_of_moving(self) -> IntArray:
+        """Rows of the last scan's detections that are probably of held tracks that move, (k,)."""
+        ids, rows = self.probable_detections
+        if not len(ids):
+            return rows
+        moving = self._held.tracks.track_id[self._held.fits.moves]
+        return rows[np.isin(ids, moving)]
+
     def step(
         self,
         stamp: float,
