@@ -35,8 +35,9 @@ from fixed_echoes_scenes import (
     swimmer,
 )
 
-from tsepm_ros import Scan, make_initiator
+from tsepm_ros import make_initiator
 from tsepm_ros.progress import with_progress
+from tsepm_ros.sensing.plots import chosen
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
 SURE = 0.9
@@ -228,14 +229,9 @@ def run_quay(args: argparse.Namespace) -> None:
             initiator = make_initiator(args.method, **options(scene, MIN_SPEED, args))
             starts, near = [], []
             for number, ping in enumerate(scene.draw(rng)):
-                scan, seen = ping.scan, ping.origin != len(places)
+                scan = ping.scan
                 if number < enters:
-                    scan = Scan(
-                        scan.stamp,
-                        scan.range[seen],
-                        scan.azimuth[seen],
-                        sensor_pose=scan.sensor_pose,
-                    )
+                    scan = chosen(scan, np.flatnonzero(ping.origin != len(places)))
                 for track in initiator.process(scan):
                     is_swimmer = number >= enters and (
                         np.hypot(*(ping.truth[-1] - track.position)) < NEAR

@@ -129,6 +129,11 @@ def detected(
     return range_[seen], azimuth[seen]
 
 
+def placed(range_: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    """Positions (n, 2) about the sensor, along the axes of the fixed frame."""
+    return range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+
+
 @pytest.mark.parametrize("turning", [False, True], ids=["still", "turning"])
 @pytest.mark.parametrize("most", [persistent_clutter.MOST_DETECTIONS, 100], ids=["all", "some"])
 def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
@@ -138,8 +143,7 @@ def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
     for ping in range(115):
         pose = (0.5 * ping, -20.0, 0.05 * ping if turning else 0.0)
         range_, azimuth = detected(quay(rng), pose, rng)
-        angle = azimuth + pose[2]
-        position = range_[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) + pose[:2]
+        position = placed(range_, azimuth + pose[2]) + pose[:2]
         cells = learned.cells(position, deviations(range_))
         plain.update(0.4 * ping, view(*pose), position, range_)
         learned.update(0.4 * ping, view(*pose), cells, NONE)
@@ -156,7 +160,7 @@ def learned_from(places, pings: int = 200) -> PersistentClutter:
     learned, rng = PersistentClutter(), np.random.default_rng(1)
     for ping in range(pings):
         range_, azimuth = detected(places(ping, rng), (0.0, 0.0, 0.0), rng)
-        position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+        position = placed(range_, azimuth)
         learned.update(float(ping), view(), learned.cells(position, deviations(range_)), NONE)
     return learned
 
@@ -191,7 +195,7 @@ def test_even_clutter_is_hardly_raised():
 
     learned, rng = learned_from(places), np.random.default_rng(2)
     range_, azimuth = detected(rng.uniform(-300.0, 300.0, (4000, 2)), (0.0, 0.0, 0.0), rng)
-    position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    position = placed(range_, azimuth)
     cells = learned.cells(position, deviations(range_))
     raised = learned.density(cells) / 1e-4
     raised[raised < RISE] = 1.0
@@ -206,7 +210,7 @@ def test_where_the_fixed_frame_begins_does_not_matter():
         learned, rng = PersistentClutter(), np.random.default_rng(4)
         for ping in range(60):
             range_, azimuth = detected(quay(rng), (0.0, 0.0, 0.0), rng)
-            position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+            position = placed(range_, azimuth)
             position = np.round(position * 16.0) / 16.0 + offset
             cells = learned.cells(position, deviations(range_))
             learned.update(float(ping), view(*offset), cells, NONE)
@@ -251,13 +255,11 @@ def test_a_target_that_moves_to_and_fro_stays_held():
 
 def test_a_scan_that_is_observed_again_is_not_counted_again():
     learned, rng = PersistentClutter(), np.random.default_rng(5)
-    counted = []
     for stamp in (*range(40), *range(30, 40), *range(40, 80)):
         range_ = rng.uniform(100.0, 200.0, 5)
-        cells = learned.cells(np.stack([range_, 0.0 * range_], axis=1), deviations(range_))
+        cells = learned.cells(placed(range_, 0.0 * range_), deviations(range_))
         learned.update(float(stamp), view(), cells, NONE)
-        counted.append(sum(one.scans for one in learned._periods))
-    assert counted[-1] == 72  # nine whole periods of 80 scans
+    assert sum(one.scans for one in learned._periods) == 72  # nine whole periods of 80 scans
 
 
 def test_of_many_views_in_a_period_the_share_of_each_counts():
@@ -268,7 +270,7 @@ def test_of_many_views_in_a_period_the_share_of_each_counts():
         range_, azimuth = detected(quay(rng, 40.0), (0.0, 0.0, 0.0), rng)
         seen = np.mod(azimuth - arc[0], 2.0 * math.pi) < arc[1]
         range_, azimuth = range_[seen], azimuth[seen]
-        position = range_[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+        position = placed(range_, azimuth)
         cells = learned.cells(position, deviations(range_))
         looked = View(SECTOR, (0.0, 0.0, 0.0), arc)
         learned.update(0.3125 * ping, looked, cells, NONE)

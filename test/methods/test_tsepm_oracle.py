@@ -59,10 +59,7 @@ def compare(scene: Scene) -> int:
     return compared
 
 
-@pytest.mark.parametrize(
-    "first",
-    batches(SCENES, ALWAYS, BATCH),
-)
+@pytest.mark.parametrize("first", batches(SCENES, ALWAYS, BATCH))
 def test_equals_the_plain_version(first: int) -> None:
     compared = sum(compare(random_scene(seed)) for seed in range(first, first + BATCH))
     assert compared > 0, "the scenes must confirm tracks, or nothing was compared"
