@@ -47,6 +47,8 @@ PARTS = 0.5, 0.25, 0.125, 0.125
 """Shares of moving targets of at most MAX_SPEED, half of it, ..., as in the package."""
 NEAR = 15.0
 """Distance within which a fixed echo is a reflector's, m."""
+LEARNING, ENTERS = 60, 180
+"""Quay: pings of the first minute, and the ping at which the swimmer enters."""
 
 
 def oracle(pings: list[Ping], target: int, known: Target | None = None) -> Iterator[float]:
@@ -211,7 +213,6 @@ def run_departures(args: argparse.Namespace) -> None:
 
 def run_quay(args: argparse.Namespace) -> None:
     """Print how many tracks a quay gives, and what becomes of a swimmer in front of it."""
-    learning, enters = 60, 180
     plain = Scene(false=5.0, pings=300)
     kinds = {
         "piles": plain,
@@ -219,39 +220,48 @@ def run_quay(args: argparse.Namespace) -> None:
         "piles, sonar at 0.2 m/s": replace(plain, speed=0.2),
     }
     for name, kind in kinds.items():
-        early, late, delays, held, on = [], [], [], [], 0
-        for seed in seeds(args):
-            rng = np.random.default_rng([seed, 20])
-            # In front of the quay, along it.
-            swims = Target((120.0 - 0.3 * 60.0, -57.0), (0.3, 0.95), enters)
-            places = [] if kind.glints else piles(rng)
-            scene = replace(kind, targets=[*places, swims])
-            initiator = make_initiator(args.method, **options(scene, MIN_SPEED, args))
-            starts, near = [], []
-            for number, ping in enumerate(scene.draw(rng)):
-                scan = ping.scan
-                if number < enters:
-                    scan = chosen(scan, np.flatnonzero(ping.origin != len(places)))
-                for track in initiator.process(scan):
-                    is_swimmer = number >= enters and (
-                        np.hypot(*(ping.truth[-1] - track.position)) < NEAR
-                    )
-                    if not is_swimmer:
-                        starts.append(number)
-                tracks = initiator.current.state[:, 0::2]
-                near.append(bool(np.hypot(*(tracks - ping.truth[-1]).T).min(initial=np.inf) < 5.0))
-            on += initiator.plots.active
-            early.append(sum(number < learning for number in starts))
-            late.append(sum(number >= learning for number in starts))
-            first = near.index(True, enters) if True in near[enters:] else kind.pings
-            delays.append(first - enters)
-            held.append(np.mean(near[first:]) if first < kind.pings else 0.0)
+        early, late, delay, held, on = np.array([quay_run(kind, s, args) for s in seeds(args)]).T
         print(
-            f"{name}: {np.mean(early):.2f} tracks a run in the first minute, {np.mean(late):.2f} "
-            f"in the next four; swimmer held from ping {np.median(delays):.0f} on in "
-            f"{np.mean(held):.3f} of the pings; plots on in {on} of {args.runs}",
+            f"{name}: {early.mean():.2f} tracks a run in the first minute, {late.mean():.2f} in "
+            f"the next four; swimmer held from ping {np.median(delay):.0f} on in "
+            f"{held.mean():.3f} of the pings; plots on in {on.sum():.0f} of {args.runs}",
             flush=True,
         )
+
+
+def quay_run(kind: Scene, seed: int, args: argparse.Namespace) -> tuple[int, int, int, float, bool]:
+    """A quay, and a swimmer along it.
+
+    Returns
+    -------
+    early, late : int
+        Tracks elsewhere than at the swimmer, in the first `LEARNING` pings and later.
+    delay : int
+        Pings from the swimmer's first to a track near it.
+    held : float
+        Share of the pings from then on with a track near it.
+    plots_on : bool
+        Whether plots were made at the end.
+    """
+    rng = np.random.default_rng([seed, 20])
+    swims = Target((120.0 - 0.3 * 60.0, -57.0), (0.3, 0.95), ENTERS)
+    places = [] if kind.glints else piles(rng)
+    scene = replace(kind, targets=[*places, swims])
+    initiator = make_initiator(args.method, **options(scene, MIN_SPEED, args))
+    elsewhere, near = [], []
+    for number, ping in enumerate(scene.draw(rng)):
+        scan, place = ping.scan, ping.truth[-1]
+        present = number >= ENTERS
+        if not present:
+            scan = chosen(scan, np.flatnonzero(ping.origin != len(places)))
+        away = [np.hypot(*(place - track.position)) for track in initiator.process(scan)]
+        elsewhere += [number for distance in away if not (present and distance < NEAR)]
+        tracks = initiator.current.state[:, 0::2]
+        near.append(bool(np.hypot(*(tracks - place).T).min(initial=np.inf) < 5.0))
+    early = sum(number < LEARNING for number in elsewhere)
+    first = near.index(True, ENTERS) if True in near[ENTERS:] else kind.pings
+    held = float(np.mean(near[first:])) if first < kind.pings else 0.0
+    return early, len(elsewhere) - early, first - ENTERS, held, initiator.plots.active
 
 
 def _print_delays(course: str, reference: str, later: np.ndarray) -> None:

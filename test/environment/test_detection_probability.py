@@ -45,12 +45,20 @@ def run(scans: list[Scan], how: str, method: str = "score") -> Initiator:
 
 def test_the_data_sheet_counts_until_tracks_tell_otherwise():
     known = DetectionProbability()
-    assert known.estimate(0.9) == pytest.approx(0.9)
+    assert known.estimate(0.6) == pytest.approx(0.6)
     # Two tracks: detected in the first scan after two; in the second one, certainly not.
     known.update(np.array([1.0, 0.0]), np.array([3.0, 5.0]), 0.99)
-    expected = (0.9 * DATA_SHEET_SCANS + 1.0 / 0.99) / (DATA_SHEET_SCANS + 3.0)
+    expected = (0.6 * DATA_SHEET_SCANS + 1.0 / 0.99) / (DATA_SHEET_SCANS + 3.0)
     # The prior does not fade, and what was known before was nothing.
-    assert known.estimate(0.9) == pytest.approx(expected)
+    assert known.estimate(0.6) == pytest.approx(expected)
+
+
+def test_of_a_data_sheet_that_flatters_at_most_0_8_counts_until_tracks_show_more():
+    known = DetectionProbability()
+    assert known.estimate(0.9) == known.estimate(1.0) == 0.8
+    for _ in range(200):
+        known.update(np.ones(1), np.ones(1), 0.99)
+    assert known.estimate(0.9) > 0.95
 
 
 def test_a_miss_and_a_detection_stay_possible():

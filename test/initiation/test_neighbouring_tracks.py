@@ -8,6 +8,7 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation import plot_extraction
 from tsepm_ros.initiation.plot_extraction import BESIDE, DEVIATIONS, of_neighbours
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.sensing.plots import placed
 
 SENSOR = SensorModel(max_range=300.0, range_std=0.3, range_std_fraction=0.0, azimuth_std=0.001)
@@ -30,10 +31,14 @@ def tracks(*places: tuple[float, float], apart: float = 1.0) -> TrackArrays:
     )
 
 
+def fits(held: TrackArrays) -> StraightFits:
+    return StraightFits.of(held.state, held.covariance)
+
+
 def flagged(places: list[tuple[float, float]], held: TrackArrays, **more) -> list[bool]:
     x, y = np.array(places).T
     scan = Scan(0.0, np.hypot(x, y), np.arctan2(y, x), **more)
-    return of_neighbours(scan, placed(scan), held, SENSOR).tolist()
+    return of_neighbours(scan, placed(scan), held, fits(held), SENSOR).tolist()
 
 
 def test_of_two_side_by_side_the_younger_ones_detection_is_left_out():
@@ -46,6 +51,13 @@ def test_tracks_that_move_together_may_be_of_one_target():
     assert not any(flagged([(100.0, 5.1), (100.2, 0.0)], held))
 
 
+def test_slow_motion_shows_in_the_fits_where_the_tracks_allow_for_manoeuvres():
+    held = tracks((100.0, 0.0), (100.0, 5.0), apart=0.3)
+    known = StraightFits.of(held.state, held.covariance / 9.0)  # six standard deviations
+    scan = Scan(0.0, [np.hypot(100.0, 5.1)], [np.arctan2(5.1, 100.0)])
+    assert of_neighbours(scan, placed(scan), held, known, SENSOR).all()
+
+
 def test_places_are_those_of_the_fixed_frame():
     pose = np.array([[10.0, -20.0, 0.5]])
     held = tracks((100.0, 0.0), (100.0, 5.0))
@@ -53,9 +65,9 @@ def test_places_are_those_of_the_fixed_frame():
     range_ = np.hypot(x - 10.0, y + 20.0)
     azimuth = np.arctan2(y + 20.0, x - 10.0) - 0.5
     scan = Scan(0.0, range_, azimuth, sensor_pose=pose[0])
-    assert of_neighbours(scan, placed(scan), held, SENSOR).tolist() == [True, False]
+    assert of_neighbours(scan, placed(scan), held, fits(held), SENSOR).tolist() == [True, False]
     empty = Scan(0.0, [], [])
-    assert not len(of_neighbours(empty, placed(empty), held, SENSOR))
+    assert not len(of_neighbours(empty, placed(empty), held, fits(held), SENSOR))
 
 
 def test_a_second_detection_of_a_track_stays():

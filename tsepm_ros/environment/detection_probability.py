@@ -14,6 +14,13 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 DATA_SHEET_SCANS = 5.0
 """Weight of the data sheet's probability, as a number of scans of a target."""
+MOST_OF_DATA_SHEET = 0.8
+"""Largest probability of a data sheet that counts: a choice.
+
+A data sheet flatters: a target far away, or seen from ahead, is detected less often. Where P_D is
+smaller than assumed, a miss speaks too much against the target, and targets are lost; where it is
+larger, hardly any. docs/score.md has the figures.
+"""
 MEMORY = 200.0
 """Time constant, in scans of a target, with which older scans fade."""
 MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
@@ -24,7 +31,8 @@ class DetectionProbability:
     """Estimates P_D from D detections in C scans of covered targets, both fading.
 
     ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0, worth w scans, and the
-    probability P_G that a detection falls into the gate: the mean of a beta distribution.
+    probability P_G that a detection falls into the gate: the mean of a beta distribution. p_0 is at
+    most `MOST_OF_DATA_SHEET`.
     """
 
     def __init__(self) -> None:
@@ -59,7 +67,7 @@ class DetectionProbability:
         self._detected, self._covered = detected, covered
 
     def estimate(self, given: float) -> float:
-        """The estimate of P_D, with p_0 = `given`."""
-        weight = DATA_SHEET_SCANS
-        estimate = (weight * given + self._detected) / (weight + self._covered)
+        """The estimate of P_D, with `given` as the data sheet's."""
+        weight, most = DATA_SHEET_SCANS, MOST_OF_DATA_SHEET
+        estimate = (weight * min(given, most) + self._detected) / (weight + self._covered)
         return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)

@@ -25,7 +25,7 @@ MAX_DETECTIONS = 500
 """Detections of the last scans whose extent counts, and the rest of the oldest of these scans."""
 MIN_CLUTTER_PROBABILITY = 0.5
 """A detection less probably clutter does not count."""
-RENEWAL = 0.05
+RENEWAL = 0.1
 """Share of new detections from which on the estimate is made anew."""
 MIN_DETECTIONS = 30
 """Detections from which on the extent is certain enough to be said."""
@@ -129,9 +129,8 @@ class SeenExtent:
     def __init__(self, limit: Extent) -> None:
         self._limit = limit
         self._scans: deque[tuple[FloatArray, FloatArray]] = deque()
-        self._range = np.zeros(0)
-        self._azimuth = np.zeros(0)
-        self._new = 0
+        self._number = self._new = 0
+        self._renewed = True
         self._region = Region.whole(limit)
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
@@ -152,19 +151,17 @@ class SeenExtent:
 
     def _take(self, range: FloatArray, azimuth: FloatArray) -> None:
         self._scans.append((range, azimuth))
-        number = self.detections + len(range)
-        while number - len(self._scans[0][0]) >= MAX_DETECTIONS:
-            number -= len(self._scans.popleft()[0])
-        self._range, self._azimuth = map(np.concatenate, zip(*self._scans, strict=True))
+        self._number += len(range)
+        while self._number - len(self._scans[0][0]) >= MAX_DETECTIONS:
+            self._number -= len(self._scans.popleft()[0])
         self._new += len(range)
-        if self._new > RENEWAL * self.detections and self.detections >= 3:
-            self._new = 0
-            self._region = self._convex(self._estimated())
+        if self._new > RENEWAL * self._number and self._number >= 3:
+            self._new, self._renewed = 0, False
 
     @property
     def detections(self) -> int:
         """Number of detections that count."""
-        return len(self._range)
+        return self._number
 
     @property
     def certain(self) -> bool:
@@ -174,22 +171,28 @@ class SeenExtent:
     @property
     def places(self) -> tuple[FloatArray, FloatArray]:
         """Range (m) and azimuth (rad) of the detections that count."""
-        return self._range, self._azimuth
+        if not self._scans:
+            return np.zeros(0), np.zeros(0)
+        range_, azimuth = zip(*self._scans, strict=True)
+        return np.concatenate(range_), np.concatenate(azimuth)
 
     @property
     def region(self) -> Region:
-        """Where clutter is seen; the limit before the third detection."""
+        """Where clutter is seen; the limit before the third detection. Estimated when asked for."""
+        if not self._renewed:
+            places = self.places
+            self._region, self._renewed = self._convex(*places, self._estimated(*places)), True
         return self._region
 
     @property
     def estimate(self) -> Extent:
         """The extent of that region."""
-        return self._region.extent
+        return self.region.extent
 
-    def _estimated(self) -> Extent:
-        given, n = self._limit, self.detections
-        low, high = _widened(float(self._range.min()) ** 2, float(self._range.max()) ** 2, n)
-        ordered = np.sort(self._azimuth)
+    def _estimated(self, range: FloatArray, azimuth: FloatArray) -> Extent:
+        given, n = self._limit, len(range)
+        low, high = _widened(float(range.min()) ** 2, float(range.max()) ** 2, n)
+        ordered = np.sort(azimuth)
         gaps = np.append(np.diff(ordered), ordered[0] + 2.0 * np.pi - ordered[-1])
         widest = int(np.argmax(gaps))  # the sector begins behind it
         start = float(ordered[(widest + 1) % n])
@@ -209,15 +212,14 @@ class SeenExtent:
             end,
         )
 
-    def _convex(self, extent: Extent) -> Region:
+    def _convex(self, range: FloatArray, azimuth: FloatArray, extent: Extent) -> Region:
         """The convex hull of the detections, as much larger as it is too small on average."""
-        x, y = self._range * np.cos(self._azimuth), self._range * np.sin(self._azimuth)
-        places = np.stack([x, y], axis=1)
+        places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
         try:
             hull = ConvexHull(places)
         except QhullError:  # too few, or in a line
             return Region.whole(extent)
-        missing = len(hull.vertices) / self.detections
+        missing = len(hull.vertices) / len(range)
         area = hull.volume / (1.0 - missing) if missing < 1.0 else math.inf
         if area >= extent.area:
             return Region.whole(extent)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.environment.feature_association import Environment
-from tsepm_ros.environment.land import LandMask, afloat
+from tsepm_ros.environment.land import LandMask
 from tsepm_ros.environment.learned import Learned
 from tsepm_ros.environment.secondary_echoes import HeldTargets
 from tsepm_ros.initiation import learning
@@ -18,6 +18,7 @@ from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.recent_hits import RecentHits
 from tsepm_ros.initiation.scan_check import check_scan
 from tsepm_ros.initiation.scan_clutter import ScanClutter
+from tsepm_ros.initiation.usable_detections import UsableDetections
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.extended_targets import further_plots
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
@@ -26,9 +27,9 @@ from tsepm_ros.maintenance.hulls import Hulls
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
-from tsepm_ros.sensing import plots, range_rates
+from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, View, echo_poses_of, inside, swept
+from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, View, echo_poses_of, swept
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -54,10 +55,8 @@ class FrontEnd:
         Stamp of the last scan, s.
     scan_index : int
         Number of the last scan, from 0; -1 before the first.
-    inside_coverage, outside_coverage : int
-        Detections of the last scan that are used, and that are not.
-    on_land : int
-        Detections of the last scan in the coverage that are on land; they are not used either.
+    usable : UsableDetections
+        Of the last scan.
     land : LandMask or None
         Stays through resets.
     plots : PlotExtraction
@@ -82,15 +81,15 @@ class FrontEnd:
         """Forget the scans so far and what was learned from them."""
         self.stamp: float | None = None
         self.scan_index = -1
-        self.inside_coverage = self.outside_coverage = self.on_land = 0
         self.plots = PlotExtraction(self.sensor, self.common)
         self._hulls = Hulls()
-        self._judged: tuple[Scan, tuple[Scan, IntArray]] | None = None
+        self._judged: tuple[Scan, UsableDetections] | None = None
         self._recent: list[Scan] = []
         self._hits, self._window = RecentHits(), 1
         self.learned = Learned.initial(self.sensor)
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
+        self.usable = UsableDetections.of(self._scan, self.sensor, None)
         self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
 
     def configure(self, sensor: SensorModel, common: CommonOptions, most_tracks_true: bool) -> None:
@@ -166,12 +165,13 @@ class FrontEnd:
             return []
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
         seen = self.learned.seen_extent.region
-        tracks = self.maintenance.held.tracks.predicted(scan.stamp)
-        if not self.plots.learn(self._covered(scan)[0], interval, seen, tracks, self._stays):
+        held, usable = self.maintenance.held, self._usable(scan).scan
+        tracks = held.tracks.predicted(scan.stamp)
+        if not self.plots.learn(usable, interval, seen, tracks, held.fits, self._stays):
             return []
         again = recent[max(len(recent) - window + 1, 0) :]
         for one in [*again, scan]:
-            self.plots.observe(self._covered(one)[0])
+            self.plots.observe(self._usable(one).scan)
         before = recent[: len(recent) - len(again)]
         self.stamp = before[-1].stamp if before else None
         self.scan_index -= len(again)
@@ -302,10 +302,13 @@ class FrontEnd:
         weight = clutter / (clutter + held) if self.most_tracks_true else np.ones(len(clutter))
         # In an area within the reach of one target while a hypothesis of it lives.
         reach = self._reach * REACH_SCANS
-        scan, area = self._scan, math.pi * reach**2
-        view = View.of(scan, self.sensor, self._poses.middle)
-        moving = self.maintenance.detections_of_moving
-        return self._clutter.learn(scan.stamp, view, weight, area, self._held_targets, moving)
+        area = math.pi * reach**2
+        targets, moving = self._held_targets, self.maintenance.detections_of_moving
+        return self._clutter.learn(self._scan.stamp, self._view, weight, area, targets, moving)
+
+    def _view(self) -> View:
+        """What the scan looked at."""
+        return View.of(self._scan, self.sensor, self._poses.middle)
 
     def _held_targets(self) -> HeldTargets:
         """The held tracks in the sensor's frame."""
@@ -329,25 +332,17 @@ class FrontEnd:
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
         return self.maintenance.add(tracks, existence, histories, *self._hits.of(tracks))
 
-    def _covered(self, scan: Scan) -> tuple[Scan, IntArray]:
-        """The detections in the coverage and not on land, as a scan and as rows of all."""
-        if self._judged is not None and self._judged[0] is scan:
-            return self._judged[1]
-        covered = inside(scan, self.sensor)
-        in_coverage = int(np.count_nonzero(covered))
-        if self.land is not None:
-            covered &= afloat(scan, self.land)
-        rows = np.flatnonzero(covered)
-        self.on_land = in_coverage - len(rows)
-        self._judged = scan, (scan if len(rows) == len(scan) else plots.chosen(scan, rows), rows)
+    def _usable(self, scan: Scan) -> UsableDetections:
+        """The detections in the coverage and not on land; of one scan they are chosen once."""
+        if self._judged is None or self._judged[0] is not scan:
+            self._judged = scan, UsableDetections.of(scan, self.sensor, self.land)
         return self._judged[1]
 
     def _detections(self, scan: Scan) -> NDArray[np.void]:
         """The detections in the coverage in the fixed frame, or their plots."""
-        found, rows = self._covered(scan)
-        self.inside_coverage = len(rows)
-        self.outside_coverage = len(scan) - len(rows) - self.on_land
-        if self.outside_coverage:
+        self.usable = self._usable(scan)
+        found, rows = self.usable.scan, self.usable.rows
+        if self.usable.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         made = self.plots.plots_of(found, self._joined if self.plots.hulls else None)
         measured = found if made is None else made.scan

@@ -109,10 +109,10 @@ class Initiator:
             new, statistics = self._read_again(again, scan, limit)
         self.statistics = changed(
             statistics,
-            detections=self.front_end.inside_coverage,
+            detections=len(self.front_end.usable.rows),
             plots=statistics.detections,
-            outside_coverage=self.front_end.outside_coverage,
-            on_land=self.front_end.on_land,
+            outside_coverage=self.front_end.usable.outside_coverage,
+            on_land=self.front_end.usable.on_land,
         )
         self.totals = self.totals + self.statistics
         return new

@@ -14,9 +14,9 @@ from tsepm_ros.environment.echo_scatter import EchoScatter
 from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import squared_distances
-from tsepm_ros.numerics.gaussian import inverse
 from tsepm_ros.sensing import plots
 from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, Plots
 from tsepm_ros.sensing.scan import Scan
@@ -32,8 +32,6 @@ BESIDE = 64.0
 """Distance of tracks from older ones beside them, m: the widest box in which a target is sought."""
 DEVIATIONS = 4.0
 """Standard deviations within which a detection is a track's."""
-MOVES_APART = 13.8
-"""Squared distance of two velocities, in their covariances, from which on they differ: 99.9 %."""
 MOST_TRACKS = 200
 """Held tracks that are compared, the first confirmed: bounds the time."""
 WHOLE = 2.0
@@ -126,6 +124,7 @@ class PlotExtraction:
         interval: float,
         seen: Region,
         tracks: TrackArrays,
+        fits: StraightFits,
         stays: Callable[[Scan], BoolArray],
     ) -> bool:
         """Learn from a scan's detections; returns whether plots look different from now on.
@@ -139,6 +138,8 @@ class PlotExtraction:
             Where clutter was seen before.
         tracks : TrackArrays
             Held, in the order of their confirmation, at the scan's stamp.
+        fits : StraightFits
+            Of these.
         stays : callable
             Which detections of a scan are where clutter is known to stay: they do not count.
         """
@@ -147,7 +148,7 @@ class PlotExtraction:
         scan = self._without_runs(scan)
         reach = self.common.max_speed * interval
         place = plots.placed(scan)
-        left_out = of_neighbours(scan, place, tracks, self.sensor) | stays(scan)
+        left_out = of_neighbours(scan, place, tracks, fits, self.sensor) | stays(scan)
         rows = np.flatnonzero(~left_out)
         self._spacing.observe(scan.range[rows], scan.azimuth[rows], place[rows], reach, seen)
         before = self.seen
@@ -214,7 +215,7 @@ class PlotExtraction:
 
 
 def of_neighbours(
-    scan: Scan, place: FloatArray, tracks: TrackArrays, sensor: SensorModel
+    scan: Scan, place: FloatArray, tracks: TrackArrays, fits: StraightFits, sensor: SensorModel
 ) -> BoolArray:
     """Which detections (n,) are those of tracks that move apart from an older one beside them.
 
@@ -231,6 +232,8 @@ def of_neighbours(
         In the fixed frame, m.
     tracks : TrackArrays
         Held, in the order of their confirmation, at the scan's stamp.
+    fits : StraightFits
+        Of these: they hardly forget, so that slow motion shows.
     sensor : SensorModel
         Errors where the scan gives none of its own.
     """
@@ -241,10 +244,7 @@ def of_neighbours(
     state, covariance = tracks.state[:number], tracks.covariance[:number]
     near = squared_distances(state[:, 0::2], state[:, 0::2]) <= BESIDE**2
     younger, older = np.nonzero(np.tril(near, -1))
-    velocity = state[younger, 1::2] - state[older, 1::2]
-    spread = covariance[younger, 1::2, 1::2] + covariance[older, 1::2, 1::2]
-    squared = np.einsum("pi,pij,pj->p", velocity, inverse(spread), velocity)
-    beside = np.unique(younger[squared > MOVES_APART])
+    beside = np.unique(younger[fits.move_apart(younger, older)])
     if not len(beside):
         return found
     away, row = cKDTree(place).query(state[beside, 0::2])

@@ -99,7 +99,7 @@ class ScanClutter:
     def learn(
         self,
         stamp: float,
-        view: View,
+        view: Callable[[], View],
         weight: FloatArray,
         min_area: float,
         targets: Callable[[], HeldTargets],
@@ -111,8 +111,8 @@ class ScanClutter:
         ----------
         stamp : float
             Of the scan, s.
-        view : View
-            What it looked at.
+        view : callable
+            What the scan looked at.
         weight : (d,) ndarray
             Probability that each detection is clutter.
         min_area : float
@@ -134,7 +134,7 @@ class ScanClutter:
                 learned.clutter_map, self.cells, weight, density
             )
         if self._places is not None:
-            learned.persistent.update(stamp, view, self._places, moving())
+            learned.persistent.update(stamp, view(), self._places, moving())
         return self._raised(density)
 
     def withdraw(self, share: FloatArray) -> None:
@@ -146,15 +146,19 @@ class ScanClutter:
     @property
     def is_persistent(self) -> BoolArray:
         """Whether each detection is where clutter stays and the map does not show it, (d,)."""
-        if self._staying is None:
-            return np.zeros(len(self.weight), bool)
-        return self._staying > RISE * self.density()
+        return self._is_persistent(self.density())
 
     def _raised(self, density: FloatArray) -> FloatArray:
         """Density (d,), raised where clutter stays."""
         if self._staying is None:
             return density
-        return np.where(self._staying > RISE * density, self._staying, density)
+        return np.where(self._is_persistent(density), self._staying, density)
+
+    def _is_persistent(self, density: FloatArray) -> BoolArray:
+        """Whether clutter that stays is denser than the map's density (d,)."""
+        if self._staying is None:
+            return np.zeros(len(density), bool)
+        return np.asarray(self._staying > RISE * density)
 
     def density(self) -> FloatArray:
         """Density of the map, (d,), 1/m^2."""

@@ -43,7 +43,7 @@ from tsepm_ros.kinematics import kalman
 from tsepm_ros.maintenance import ipda
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.disc import disc_probability
-from tsepm_ros.numerics.gaussian import inverse, log_density
+from tsepm_ros.numerics.gaussian import is_significant, log_density
 from tsepm_ros.numerics.rows import Rows, changed
 
 STATIONARY_SHARE = 0.9
@@ -67,8 +67,6 @@ TIME_TO_CHANGE = 1e4
 """Mean time after which the motion of a target changes, s: a choice."""
 GLITCH = 0.02
 """Probability that the error of a detection is not as the fit expects: a choice."""
-MOVES = 13.8
-"""Squared velocity, in its covariance, from which on a fit moves: 99.9 % of chi-square."""
 MAX_CHANGE_ODDS = SURE / (1.0 - SURE)
 """Odds of a change of motion from which the fit begins again."""
 
@@ -178,10 +176,13 @@ class StraightFits(Rows):
 
     @property
     def moves(self) -> BoolArray:
-        """Whether the velocity of each fit differs from 0, (n,): with a confidence of 99.9 %."""
+        """Whether the velocity of each fit differs from 0, (n,); see `is_significant`."""
+        return is_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
+
+    def move_apart(self, one: IntArray, other: IntArray) -> BoolArray:
+        """Whether the velocities of rows (n,) differ from those of other rows (n,)."""
         velocity, spread = self.state[:, 1::2], self.covariance[:, 1::2, 1::2]
-        squared = np.einsum("ni,nij,nj->n", velocity, inverse(spread), velocity)
-        return np.asarray(squared > MOVES)
+        return is_significant(velocity[one] - velocity[other], spread[one] + spread[other])
 
     def stationary_probability(self, prior: SpeedPrior) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,)."""

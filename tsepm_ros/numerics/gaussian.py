@@ -6,7 +6,10 @@ import math
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+
+SIGNIFICANT = 13.8
+"""Squared distance that a bivariate Gaussian exceeds with a probability of 0.001."""
 
 
 def gate_factor(probability: float) -> float:
@@ -22,6 +25,11 @@ def squared_distance(difference: FloatArray, covariance: FloatArray) -> FloatArr
     x, y = difference[..., 0], difference[..., 1]
     xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
+
+
+def is_significant(difference: FloatArray, covariance: FloatArray) -> BoolArray:
+    """Whether (..., 2) vectors of (..., 2, 2) covariances differ from 0, at a level of 0.1 %."""
+    return np.asarray(squared_distance(difference, covariance) > SIGNIFICANT)
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
