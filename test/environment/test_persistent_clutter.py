@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -81,17 +82,22 @@ class Plain:
         self.periods.append((counts, len(taken), taken))
         self.periods = self.periods[-PERIODS:]
         if len(self.periods) > 1:
-            self.densities = {
-                one: density
-                for one in set().union(*(counts for counts, *_ in self.periods))
-                if (density := self.density(one))
-            }
+            cells = sorted(set().union(*(counts for counts, *_ in self.periods)))
+            middles = [((x + 0.5) * 2.0**level, (y + 0.5) * 2.0**level) for level, x, y in cells]
+            # By periods, the share of the views that cover each cell.
+            seen = [
+                np.mean([one.covers(np.array(middles)) for one in views], axis=0)
+                for *_, views in self.periods
+            ]
+            found = zip(cells, map(self.density, cells, zip(*seen, strict=True)), strict=True)
+            self.densities = {one: density for one, density in found if density}
 
     def number(self, of: tuple[int, int, int]) -> int:
         by_period = sorted(counts[of] for counts, *_ in self.periods)
         return sum(by_period) - by_period[-1] + by_period[-2] if by_period[-2] else 0
 
-    def density(self, of: tuple[int, int, int]) -> float:
+    def density(self, of: tuple[int, int, int], seen: Sequence[float]) -> float:
+        """That of a cell, with the share of the views of each period that cover it."""
         level, x, y = of
         most = 0.0
         for right, up in DIRECTIONS:
@@ -99,10 +105,9 @@ class Plain:
             low = float(poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
             most = max(most, min(low / 3.0, 2.0 * min(three)))
         first = next(i for i, (counts, *_) in enumerate(self.periods) if counts[of])
-        middle = (np.array([[x, y]]) + 0.5) * 2.0**level
         scans = 0.0
-        for _, number, views in self.periods[first:]:
-            scans += number * float(np.mean([one.covers(middle)[0] for one in views]))
+        for (_, number, _), share in list(zip(self.periods, seen, strict=True))[first:]:
+            scans += number * float(share)
         return most / (scans * 4.0**level) if scans else 0.0
 
     def at(self, place: np.ndarray, range_: float) -> float:

@@ -171,7 +171,7 @@ def test_a_confirmed_track_has_hits_enough_whatever_is_wished_for():
     rng = np.random.default_rng(1)
     found = [
         track
-        for index in range(12)
+        for index in range(6)
         for track in initiator.process(Scan(12.0 * index, *clutter(rng)))
     ]
     assert len(found) > 50
