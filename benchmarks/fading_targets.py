@@ -65,7 +65,7 @@ class Target:
 
 
 TARGETS = {
-    "P_D 0.6": Target(0.6, False, 0.9, 0.6),
+    "P_d 0.6": Target(0.6, False, 0.9, 0.6),
     "fades for 4 of 16 pings": Target(0.9, True, 0.9, 0.9 * (EVERY - FADED) / EVERY),
 }
 

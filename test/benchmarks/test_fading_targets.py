@@ -46,4 +46,4 @@ def test_a_run_of_two_pairs_writes_its_result(tmp_path, capsys, monkeypatch):
     result = json.loads(path.read_text(encoding="utf-8"))
     assert result["command"] == "python benchmarks/fading_targets.py --runs 2 --rate 100"
     assert [row[2] for row in result["rows"]] == ["8", "16"]
-    assert "| P_D 0.6 | 100/h | 16 |" in capsys.readouterr().out
+    assert "| P_d 0.6 | 100/h | 16 |" in capsys.readouterr().out

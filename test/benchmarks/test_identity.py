@@ -18,7 +18,7 @@ NOTHING = TrackArrays.of([])
 @pytest.mark.skipif(not AUTOFERRY.is_dir(), reason="the recordings in a harbour are not here")
 @pytest.mark.parametrize("how, late", [("estimated", 1), ("given", 0)])
 def test_each_vessel_in_the_harbour_is_a_single_track(how, late):
-    # Eight passages of two vessels, each in three scans, or, where P_D is learned, in one more.
+    # Eight passages of two vessels, each in three scans; where P_D is learned, one takes a fourth.
     settings = identity.settings_of(how)
     found = [
         identity.watched_recording(folder, settings, 40.0)[0]

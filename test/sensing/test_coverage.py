@@ -230,7 +230,7 @@ def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
     initiator.process(Scan(6.0, [], [], sensor_pose=np.zeros((0, 3))))
     assert initiator.front_end.detection_probability_at(
         np.array([[600.0, 200.0], [500.0, -900.0]])
-    ).tolist() == [initiator.detection_probability, 0.0]
+    ).tolist() == [0.8, 0.0]
 
 
 DISC = SensorModel(max_range=4000.0, clutter_density=2e-6)

@@ -19,7 +19,7 @@ MOST_OF_DATA_SHEET = 0.8
 
 A data sheet flatters: a target far away, or seen from ahead, is detected less often. Where P_D is
 smaller than assumed, a miss speaks too much against the target, and targets are lost; where it is
-larger, hardly any. docs/score.md has the figures.
+larger, starts are slightly later. docs/score.md has the figures.
 """
 MEMORY = 200.0
 """Time constant, in scans of a target, with which older scans fade."""
