@@ -14,10 +14,10 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 DATA_SHEET_SCANS = 5.0
 """Weight of the data sheet's probability, as a number of scans of a target."""
-MOST_OF_DATA_SHEET = 0.8
-"""Largest probability of a data sheet that counts: a choice.
+CREDIBLE_PROBABILITY, MAX_OVERSTATEMENT = 0.8, 0.1
+"""A stated probability above the first counts as less, by at most the second: a choice.
 
-A data sheet flatters: a target far away, or seen from ahead, is detected less often. Where P_D is
+Data sheets overstate: a target far away, or seen from ahead, is detected less often. Where P_D is
 smaller than assumed, a miss speaks too much against the target, and targets are lost; where it is
 larger, starts are slightly later. docs/score.md has the figures.
 """
@@ -30,9 +30,8 @@ MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
 class DetectionProbability:
     """Estimates P_D from D detections in C scans of covered targets, both fading.
 
-    ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0, worth w scans, and the
-    probability P_G that a detection falls into the gate: the mean of a beta distribution. p_0 is at
-    most `MOST_OF_DATA_SHEET`.
+    ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0, see `credible`, worth w scans,
+    and the probability P_G that a detection falls into the gate: the mean of a beta distribution.
     """
 
     def __init__(self) -> None:
@@ -68,6 +67,11 @@ class DetectionProbability:
 
     def estimate(self, given: float) -> float:
         """The estimate of P_D, with `given` as the data sheet's."""
-        weight, most = DATA_SHEET_SCANS, MOST_OF_DATA_SHEET
-        estimate = (weight * min(given, most) + self._detected) / (weight + self._covered)
+        weight = DATA_SHEET_SCANS
+        estimate = (weight * credible(given) + self._detected) / (weight + self._covered)
         return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)
+
+
+def credible(stated: float) -> float:
+    """Probability that a stated probability p counts as: ``max(min(p, 0.8), p - 0.1)``."""
+    return max(min(stated, CREDIBLE_PROBABILITY), stated - MAX_OVERSTATEMENT)
