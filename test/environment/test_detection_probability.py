@@ -53,9 +53,11 @@ def test_the_data_sheet_counts_until_tracks_tell_otherwise():
     assert known.estimate(0.6) == pytest.approx(expected)
 
 
-def test_of_a_data_sheet_that_flatters_at_most_0_8_counts_until_tracks_show_more():
+def test_above_0_8_a_stated_probability_counts_as_less_until_tracks_show_more():
     known = DetectionProbability()
-    assert known.estimate(0.9) == known.estimate(1.0) == 0.8
+    stated = [0.5, 0.8, 0.85, 0.9, 0.95, 1.0]
+    counted = [known.estimate(probability) for probability in stated]
+    assert counted == pytest.approx([0.5, 0.8, 0.8, 0.8, 0.85, 0.9])
     for _ in range(200):
         known.update(np.ones(1), np.ones(1), 0.99)
     assert known.estimate(0.9) > 0.95
