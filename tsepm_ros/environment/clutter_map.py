@@ -1,4 +1,4 @@
-"""Clutter density, estimated from scan to scan in windows of several sizes.
+"""Clutter density, estimated in windows of several sizes and learned from scan to scan.
 
 Detections are counted on a polar grid, as in Environment 2018's clutter zones; its rings widen with
 range, as the errors of a sonar do. From coarse to fine, the density of a cell changes only as far
@@ -10,6 +10,9 @@ biases the density low exactly at the detections, which raises the scores of fal
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +35,91 @@ ZONE_FACTOR = 3.0
 """Ratio of the density in a clutter zone to its mean over the coverage."""
 MAX_TARGET_COUNT = 8.0
 """Detections in a window attributed to new targets: at most this, or two and one a scan."""
+RENEWAL = 0.1
+"""Share of new scans, or of new detections, from which on the density is estimated anew."""
+
+
+class _SeenCells:
+    """The area of each cell in which clutter is seen.
+
+    Where clutter is seen in less than the area of one target, its parts count as larger.
+
+    Parameters
+    ----------
+    windows : Windows
+    region : Region
+        Where clutter is seen.
+    area : float
+        Area of that region, or of one target if larger, m^2.
+
+    Attributes
+    ----------
+    region, area
+        As given.
+    seen : (r, c) ndarray
+        m^2.
+    counted : (r, c) ndarray
+        Area in which clutter is expected, m^2.
+    windows : CountedWindows
+    """
+
+    def __init__(self, windows: Windows, region: Region, area: float) -> None:
+        self.region, self.area = region, area
+        grid = windows.grid
+        self.seen = grid.area * region.contains(*grid.middles)
+        widening = max(area / region.area, 1.0) if region.area else 0.0
+        counted = CountedArea(widening, MIN_SEEN_SHARE)
+        self.counted = np.broadcast_to(counted.of(self.seen, grid.area), grid.shape)
+        self.windows = CountedWindows(windows, self.seen, counted)
+
+
+class _Estimate:
+    """The density by the counts of some scans, computed where it is asked for.
+
+    Parameters
+    ----------
+    counts : (r, c) ndarray
+    scans : float
+    cells : _SeenCells
+    prior : float
+        Density of the data sheet, 1/m^2.
+
+    Attributes
+    ----------
+    number : float
+        Mean number of detections in a scan.
+    """
+
+    def __init__(self, counts: FloatArray, scans: float, cells: _SeenCells, prior: float) -> None:
+        self._counts, self._scans, self._cells, self._prior = counts, scans, cells, prior
+        self.number = (DATA_SHEET_COUNT + float(counts.sum())) / (DATA_SHEET_COUNT + scans)
+
+    @cached_property
+    def density(self) -> FloatArray:
+        """Density of each cell, (r, c), 1/m^2."""
+        weight, counts, scans = DATA_SHEET_COUNT, self._counts, self._scans
+        overall = (weight + counts.sum()) / (weight / self._prior + scans * self._cells.area)
+        if not scans:
+            return np.full(counts.shape, overall)
+        target, windows = min(scans + 2.0, MAX_TARGET_COUNT), self._cells.windows
+        root = bounded_root(counts, scans * overall, target, windows)
+        raise_rings(root, counts, target, windows)
+        np.multiply(root, root, out=root)
+        root /= scans
+        return np.maximum(root, MIN_CLUTTER_DENSITY, out=root)
+
+    @cached_property
+    def mean(self) -> float:
+        """Mean density where clutter is seen, 1/m^2."""
+        total = float(self._cells.seen.sum())
+        if not total:
+            return float(self.density.mean())
+        return float((self.density * self._cells.seen).sum()) / total
+
+    @cached_property
+    def expected(self) -> FloatArray:
+        """Number of clutter detections expected in each cell in a scan, (r, c)."""
+        return np.asarray(self.density * self._cells.counted)
 
 
 class ClutterMap:
@@ -41,9 +129,10 @@ class ClutterMap:
     of clutter in n scans (both fading), the area A in which clutter is seen, and the data sheet's
     lambda_0 with the weight of w detections.
     Each size of window then bounds it, see `adaptive_windows`; dense rings raise it, see
-    `ring_windows`. A scan of so many detections that
-    its own bound exceeds their mean number raises the density everywhere, as long as such scans
-    last.
+    `ring_windows`. The density is estimated anew when a tenth of the remembered scans or of their
+    detections is new; in between, all figures are those of the last estimate. A scan of so many
+    detections that its own bound exceeds their mean number raises the density everywhere, as long
+    as such scans last.
 
     Parameters
     ----------
@@ -54,21 +143,20 @@ class ClutterMap:
     ----------
     grid : PolarGrid
         Its cells.
-    area : float
-        Area in which clutter is seen, m^2.
     """
 
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
-        self._scans = 0.0
-        self.area = sensor.coverage_area
         self.grid = PolarGrid(sensor)
         self._windows = Windows(self.grid)
+        self._cells = _SeenCells(
+            self._windows, Region.whole(Extent.of(sensor)), sensor.coverage_area
+        )
         self._counts = np.zeros(self.grid.shape)
+        self._scans = 0.0
+        self._new_scans, self._new = 0, 0.0
         self._level = 1.0
-        self._seen = Region.whole(Extent.of(sensor))
-        self._density: FloatArray | None = None
-        self._see(self._seen, self.area)
+        self._estimate = self._estimated()
 
     def fits(self, sensor: SensorModel) -> bool:
         """Whether the map has a sensor's coverage and initial density."""
@@ -77,27 +165,33 @@ class ClutterMap:
 
     def at(self, cells: Cells) -> FloatArray:
         """Density in cells (n,), 1/m^2; see `PolarGrid.cells`."""
-        return np.asarray(self._level * self._densities[cells])
+        return np.asarray(self._level * self._estimate.density[cells])
 
     @property
     def mean(self) -> float:
         """Mean density where clutter is seen, 1/m^2."""
-        area = self._seen_area
-        total = float(area.sum())
-        if not total:
-            return float(self._level * self._densities.mean())
-        return self._level * float((self._densities * area).sum()) / total
+        return self._level * self._estimate.mean
+
+    @property
+    def seen(self) -> Region:
+        """Where clutter is seen, as of the last estimate."""
+        return self._cells.region
+
+    @property
+    def area(self) -> float:
+        """Area in which clutter is seen, m^2."""
+        return self._cells.area
 
     @property
     def counted_area(self) -> FloatArray:
         """Area in each cell in which clutter is expected, (r, c), m^2."""
-        return self._counted_area
+        return self._cells.counted
 
     @property
     def expected(self) -> FloatArray:
         """Number of clutter detections expected in each cell in a scan, (r, c)."""
-        density = self._densities if self._level == 1.0 else self._level * self._densities
-        return np.asarray(density * self._counted_area)
+        expected = self._estimate.expected
+        return expected if self._level == 1.0 else self._level * expected
 
     def in_zone(self, cells: Cells) -> NDArray[np.bool_]:
         """Whether cells (n,) are in a clutter zone (Environment 2018, Section 2.1).
@@ -113,7 +207,7 @@ class ClutterMap:
         self,
         cells: Cells,
         weight: FloatArray,
-        seen: Region | None = None,
+        seen: Callable[[], Region] | None = None,
         min_area: float = 0.0,
     ) -> None:
         """Update the map with a scan's detections.
@@ -124,45 +218,48 @@ class ClutterMap:
             Those of the detections (n,).
         weight : (n,) ndarray
             Probability that each detection is clutter.
-        seen : Region, optional
-            Where clutter is seen; by default in the whole coverage.
+        seen : callable, optional
+            Where clutter is seen, asked for when the density is estimated anew; by default where
+            it was, at first in the whole coverage.
         min_area : float, optional
             Area in which one target may have been seen, m^2: clutter is assumed in no smaller one.
         """
-        seen = seen or self._seen
-        area = min(max(seen.area, min_area), self._sensor.coverage_area)
-        if seen is not self._seen or area != self.area:
-            self._see(seen, area)
-        keep = 1.0 - 1.0 / MEMORY
+        keep, number = 1.0 - 1.0 / MEMORY, float(weight.sum())
         self._scans = keep * self._scans + 1.0
         self._counts *= keep
         np.add.at(self._counts, cells, weight)
-        self._level = self._level_of(float(weight.sum()))
-        self._density = None
+        self._new_scans, self._new = self._new_scans + 1, self._new + number
+        enough = RENEWAL * self._scans, RENEWAL * float(self._counts.sum())
+        has_enough = self._new_scans > enough[0] or self._new > enough[1]
+        if has_enough or self._area_of(self.seen, min_area) != self.area:
+            self._renew(seen() if seen else self.seen, min_area)
+        self._level = self._level_of(number)
 
-    def _see(self, seen: Region, area: float) -> None:
-        """Take over where clutter is seen, and the area that this is at least, m^2.
+    def _area_of(self, seen: Region, min_area: float) -> float:
+        """Area that counts as that in which clutter is seen, m^2."""
+        return min(max(seen.area, min_area), self._sensor.coverage_area)
 
-        Where that is smaller than the area of one target, its parts count as larger.
-        """
-        self._seen, self.area = seen, area
-        cell_area = self.grid.area
-        self._seen_area = cell_area * seen.contains(*self.grid.middles)
-        widening = max(area / seen.area, 1.0) if seen.area else 0.0
-        counted = CountedArea(widening, MIN_SEEN_SHARE)
-        counted_area = counted.of(self._seen_area, cell_area)
-        self._counted_area = np.broadcast_to(counted_area, self.grid.shape)
-        self._counted = CountedWindows(self._windows, self._seen_area, counted)
+    def _renew(self, seen: Region, min_area: float = 0.0) -> None:
+        """Estimate the density anew."""
+        area = self._area_of(seen, min_area)
+        if seen is not self.seen or area != self.area:
+            self._cells = _SeenCells(self._windows, seen, area)
+        self._new_scans, self._new = 0, 0.0
+        self._estimate = self._estimated()
+
+    def _estimated(self) -> _Estimate:
+        """The estimate by the present counts."""
+        prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
+        return _Estimate(self._counts.copy(), self._scans, self._cells, prior)
 
     def _level_of(self, number: float) -> float:
         """Factor by which clutter is denser in a scan of N detections than on average, at least 1.
 
-        The bound of the scan's own mean count, ``low(N - 1)``, over the mean count of all scans: a
-        squall, or a gain that was raised, shows at once.
+        The bound of the scan's own mean count, ``low(N - 1)``, over the mean count of the scans
+        that the density is estimated from: a squall, or a gain that was raised, shows at once.
         """
-        mean = (DATA_SHEET_COUNT + self._counts.sum()) / (DATA_SHEET_COUNT + self._scans)
         low = poisson_bound(np.array(max(number - 1.0, 0.0)), -MAX_DEVIATIONS)
-        return max(float(low / mean), 1.0)
+        return max(float(low) / self._estimate.number, 1.0)
 
     @property
     def begun(self) -> bool:
@@ -177,31 +274,9 @@ class ClutterMap:
     def remember(self, counts: FloatArray, scans: float, seen: Region) -> None:
         """Begin with the memory of another map of the same cells, and where clutter was seen."""
         self._counts, self._scans = counts.copy(), scans
-        self._see(seen, min(seen.area, self._sensor.coverage_area))
-        self._density = None
+        self._renew(seen)
 
     def withdraw(self, cells: Cells, weight: FloatArray) -> None:
-        """Remove weight of the last scan's detections, with effect from the next update."""
+        """Remove weight of the last scan's detections, with effect from the next estimate on."""
         np.subtract.at(self._counts, cells, weight)
         self._counts[cells] = np.maximum(self._counts[cells], 0.0)
-
-    @property
-    def _densities(self) -> FloatArray:
-        """Density of each cell, 1/m^2, as of the last update."""
-        if self._density is None:
-            self._density = self._estimate()
-        return self._density
-
-    def _estimate(self) -> FloatArray:
-        """Density of each cell, 1/m^2."""
-        weight, scans = DATA_SHEET_COUNT, self._scans
-        prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
-        overall = (weight + self._counts.sum()) / (weight / prior + scans * self.area)
-        if not scans:
-            return np.full(self.grid.shape, overall)
-        target = min(scans + 2.0, MAX_TARGET_COUNT)
-        root = bounded_root(self._counts, scans * overall, target, self._counted)
-        raise_rings(root, self._counts, target, self._counted)
-        np.multiply(root, root, out=root)
-        root /= scans
-        return np.maximum(root, MIN_CLUTTER_DENSITY, out=root)

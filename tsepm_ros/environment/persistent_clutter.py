@@ -180,14 +180,14 @@ class _Period(NamedTuple):
 
 def _densities(periods: list[_Period]) -> tuple[IntArray, FloatArray]:
     """Cells in which clutter stays, (k,), ascending, and its density there, 1/m^2."""
-    cells = np.unique(np.concatenate([one.cells for one in periods]))
+    every = np.sort(np.concatenate([one.cells for one in periods]))
+    cells = np.unique(every[1:][every[1:] == every[:-1]])  # those of two periods at least
     counts = np.zeros((len(cells), len(periods)))
     for column, one in enumerate(periods):
-        counts[np.searchsorted(cells, one.cells), column] = one.counts
+        row, known = _found(cells, one.cells)
+        counts[known, column] = one.counts[row[known]]
     second, largest = np.partition(counts, -2, axis=1)[:, -2:].T
-    several = np.flatnonzero(second)
-    cells, counts = cells[several], counts[several]
-    number = _staying(cells, counts.sum(axis=1) - (largest - second)[several])
+    number = _staying(cells, counts.sum(axis=1) - (largest - second))
     stays = np.flatnonzero(number)
     cells, counts, number = cells[stays], counts[stays], number[stays]
     scans = _scans_since(np.argmax(counts > 0.0, axis=1), _middles(cells), periods)
@@ -198,8 +198,6 @@ def _densities(periods: list[_Period]) -> tuple[IntArray, FloatArray]:
 def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
     """Number of detections of clutter that stays in cells (n,), of the counts there (n,)."""
     staying = np.zeros(len(cells))
-    if not len(cells):
-        return staying
     for x, y in DIRECTIONS:
         least, total = counts, counts
         for sign in (1, -1):
@@ -230,7 +228,12 @@ def _numbers(position: FloatArray, level: IntArray) -> IntArray:
 
 
 def _found(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
-    """Rows of cells (k,), ascending, with given numbers (...), and whether there is such a cell."""
+    """Rows of cells (k,), ascending, with given numbers (...), and whether there is such a cell.
+
+    Where there is none, the row has no meaning.
+    """
+    if not len(cells):
+        return np.zeros(numbers.shape, np.int64), np.zeros(numbers.shape, bool)
     row = np.searchsorted(cells, numbers)
     row[row == len(cells)] = 0
     return row, np.asarray(cells[row] == numbers)

@@ -131,6 +131,12 @@ class _Strips(NamedTuple):
         return np.maximum(to_end - values.nearer(self.start, self.middle, _WIDTHS), 0.0)
 
 
+def _strip_sums(values: FloatArray, grid: PolarGrid) -> BlockSums:
+    """Sums over the strips of values (r, c) in the cells of a grid."""
+    reach = min(max(HALF_WIDTHS), grid.shape[1]) if grid.wraps else 0
+    return BlockSums(values, grid.wraps, reach, reach)
+
+
 def _counted_before(grid: PolarGrid, cells: Cells, weight: FloatArray) -> FloatArray:
     """Weight (w, n) in front of each cell, in the strips of each width around its bearing."""
     away = np.abs(cells.column[:, None] - cells.column)
@@ -156,6 +162,7 @@ class SecondaryEchoes:
         self._expected_pairs = np.zeros(len(HALF_WIDTHS))
         self._track_id = np.zeros(0, np.int64)
         self._behind = _Behind.nothing(0)
+        self._expected: tuple[FloatArray, BlockSums] | None = None
 
     @property
     def pair_correlation(self) -> FloatArray:
@@ -202,9 +209,7 @@ class SecondaryEchoes:
         if not len(weight) and not len(targets.track_id):
             self._behind, self._track_id = _Behind.nothing(0), targets.track_id
             return np.ones(0)
-        grid = clutter_map.grid
-        reach = min(max(HALF_WIDTHS), grid.shape[1]) if grid.wraps else 0
-        expected = BlockSums(clutter_map.expected, grid.wraps, reach, reach)
+        grid, expected = clutter_map.grid, self._expected_by(clutter_map)
         expected_before = expected.nearer(cells.row, cells.column, _WIDTHS)
         if len(weight) <= FEW:
             strips = _Strips.of(grid, targets)
@@ -213,7 +218,7 @@ class SecondaryEchoes:
         else:
             counts = np.zeros(grid.shape)
             np.add.at(counts, cells, weight)
-            count = BlockSums(counts, grid.wraps, reach, reach)
+            count = _strip_sums(counts, grid)
             strips = _Strips.of(grid, targets)
             self._learn_behind(targets, strips, strips.sums(count, grid.shape[0]), expected)
             before = count.nearer(cells.row, cells.column, _WIDTHS)
@@ -221,6 +226,13 @@ class SecondaryEchoes:
         self._expected_pairs += expected_before @ weight
         factor = self._of_pairs(before, expected_before).max(axis=0)
         return factor * self.behind_targets(grid, targets, cells)
+
+    def _expected_by(self, clutter_map: ClutterMap) -> BlockSums:
+        """Sums of the numbers that the map expects."""
+        values = clutter_map.expected
+        if self._expected is None or self._expected[0] is not values:
+            self._expected = values, _strip_sums(values, clutter_map.grid)
+        return self._expected[1]
 
     def _of_pairs(self, count: FloatArray, expected: FloatArray) -> FloatArray:
         """Factors (w, n), at least 1, by the detections (w, n) in front of others."""

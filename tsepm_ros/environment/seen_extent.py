@@ -25,8 +25,6 @@ MAX_DETECTIONS = 500
 """Detections of the last scans whose extent counts, and the rest of the oldest of these scans."""
 MIN_CLUTTER_PROBABILITY = 0.5
 """A detection less probably clutter does not count."""
-RENEWAL = 0.1
-"""Share of new detections from which on the estimate is made anew."""
 MIN_DETECTIONS = 30
 """Detections from which on the extent is certain enough to be said."""
 
@@ -129,8 +127,7 @@ class SeenExtent:
     def __init__(self, limit: Extent) -> None:
         self._limit = limit
         self._scans: deque[tuple[FloatArray, FloatArray]] = deque()
-        self._number = self._new = 0
-        self._renewed = True
+        self._number, self._renewed = 0, True
         self._region = Region.whole(limit)
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
@@ -154,9 +151,7 @@ class SeenExtent:
         self._number += len(range)
         while self._number - len(self._scans[0][0]) >= MAX_DETECTIONS:
             self._number -= len(self._scans.popleft()[0])
-        self._new += len(range)
-        if self._new > RENEWAL * self._number and self._number >= 3:
-            self._new, self._renewed = 0, False
+        self._renewed = self._number < 3
 
     @property
     def detections(self) -> int:

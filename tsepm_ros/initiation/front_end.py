@@ -164,7 +164,7 @@ class FrontEnd:
         if self.common.plots == "off":
             return []
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
-        seen = self.learned.seen_extent.region
+        seen = self.learned.clutter_map.seen
         held, usable = self.maintenance.held, self._usable(scan).scan
         tracks = held.tracks.predicted(scan.stamp)
         if not self.plots.learn(usable, interval, seen, tracks, held.fits, self._stays):
@@ -224,7 +224,7 @@ class FrontEnd:
             probable_detections=self.maintenance.probable_detections,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
-            seen_extent=self.learned.seen_extent.estimate,
+            seen_extent=self.learned.clutter_map.seen.extent,
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,

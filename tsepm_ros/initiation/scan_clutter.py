@@ -123,8 +123,9 @@ class ScanClutter:
             Rows of detections that are probably of held tracks that move.
         """
         learned, self.weight = self._learned, weight
-        learned.seen_extent.update(*self._polar, weight)
-        learned.clutter_map.update(self.cells, weight, learned.seen_extent.region, min_area)
+        seen = learned.seen_extent
+        seen.update(*self._polar, weight)
+        learned.clutter_map.update(self.cells, weight, lambda: seen.region, min_area)
         density = self.density()
         if self._echoes:
             density *= learned.secondary_echoes.update(

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros.sensing.conversion import DETECTION
 
+_BLOCK = np.dtype((np.void, DETECTION.itemsize))
+
 
 class DetectionWindow:
     """Detections of the recent scans, addressed by ids that never change.
@@ -23,14 +25,11 @@ class DetectionWindow:
         self._first_id = 0
 
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
-        """Add a scan's detections and return their ids, (n,)."""
+        """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
         first = self._first_id + len(self._detections)
-        before, after = (
-            self._detections,
-            np.empty(len(self._detections) + len(detections), DETECTION),
-        )
-        after[: len(before)], after[len(before) :] = before, detections
-        self._detections = after
+        # As blocks of bytes, which is many times faster than field by field.
+        parts = [part.view(_BLOCK) for part in (self._detections, detections)]
+        self._detections = np.concatenate(parts).view(DETECTION)
         self._not_held = np.concatenate([self._not_held, np.ones(len(detections))])
         return np.arange(first, first + len(detections))
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -111,24 +112,28 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
     common : CommonOptions
         With the properties that are estimated.
     """
+    changes: dict[str, float] = {}
     if common.detection_probability == "estimated":
-        coarse = max(round(observed.detection_probability_in_use, 1), 0.1)
-        sensor = replace(sensor, detection_probability=coarse)
+        changes["detection_probability"] = max(round(observed.detection_probability_in_use, 1), 0.1)
     detections = observed.detections
     if common.clutter_density == "estimated" and len(detections):
         density = float(np.median(detections["clutter_density"]))
-        coarse = 10.0 ** (0.5 * round(2.0 * math.log10(density)))
         half = 2.0 ** round(math.log2(observed.clutter_sensor.clutter_range_rate))
         farthest = sensor.max_range * 2.0 ** math.ceil(
             math.log2(observed.seen_extent.max_range / sensor.max_range) - 0.1
         )
-        sensor = replace(
-            sensor,
-            clutter_density=coarse,
-            clutter_range_rate=half,
-            max_range=farthest,
-            min_range=min(sensor.min_range, 0.5 * farthest),
-        )
+        changes |= {
+            "clutter_density": 10.0 ** (0.5 * round(2.0 * math.log10(density))),
+            "clutter_range_rate": half,
+            "max_range": farthest,
+            "min_range": min(sensor.min_range, 0.5 * farthest),
+        }
     if not range_rates.measured(detections).any():
-        sensor = replace(sensor, range_rate_std=0.0)
-    return sensor
+        changes["range_rate_std"] = 0.0
+    return _changed(sensor, tuple(changes.items()))
+
+
+@lru_cache(maxsize=64)
+def _changed(sensor: SensorModel, changes: tuple[tuple[str, float], ...]) -> SensorModel:
+    """The sensor with changes, which repeat from scan to scan."""
+    return replace(sensor, **dict(changes))
