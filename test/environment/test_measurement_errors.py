@@ -70,6 +70,24 @@ def test_an_error_that_grows_with_range_is_told_from_a_constant():
     assert found.azimuth_factor == pytest.approx(1.0, rel=0.2)
 
 
+def test_each_track_has_its_own_detections_however_the_held_ones_change():
+    # A loop over the tracks, each alone, against tracks that begin, end and change places.
+    rng, given = np.random.default_rng(6), model(0.5, 0.0, 0.02)
+    together, alone = MeasurementErrors(), {track: MeasurementErrors() for track in range(9)}
+    for ping in range(120):
+        held = rng.permutation([track for track in range(9) if ping // 10 != track])
+        seen = np.sort(held[rng.random(len(held)) < 0.8])
+        place = 100.0 * np.exp(1j * seen) + ping * (1.0 + seen) + rng.standard_normal(len(seen))
+        detections = convert(Scan(float(ping), np.abs(place), np.angle(place)), given, ping)
+        variance = given.range_variance(np.abs(place))
+        together.update(seen, detections, variance, held)
+        for track, errors in alone.items():
+            own = seen == track
+            errors.update(seen[own], detections[own], variance[own], held[held == track])
+    assert len(together.samples) > 300
+    assert sorted(together.samples) == sorted(row for one in alone.values() for row in one.samples)
+
+
 def test_detections_at_the_sensor_have_no_direction_and_do_not_count():
     sensors = model(0.5, 0.0, 0.02), model(0.5, 0.0, 0.02)
     assert fitted(*sensors, at_the_sensor=True) == fitted(*sensors)

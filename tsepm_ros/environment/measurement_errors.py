@@ -9,7 +9,6 @@ medians are taken, which a manoeuvre, or a detection of another origin, moves li
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -50,11 +49,21 @@ class FittedErrors:
 
 
 class MeasurementErrors:
-    """Collects the innovations of held tracks' detections."""
+    """Collects the innovations of held tracks' detections.
+
+    Attributes
+    ----------
+    samples : deque of tuple of float
+        Range, m, squared innovations in range and azimuth, m^2 and rad^2, and the variances that
+        were assumed, the last ones.
+    """
 
     def __init__(self) -> None:
-        self._last: dict[int, deque[tuple[float, complex]]] = {}
-        self._samples: deque[tuple[float, float, float, float, float]] = deque(maxlen=MAX_SAMPLES)
+        self._track_id = np.zeros(0, np.int64)
+        # Of the last three detections of each track, the oldest first; NaN before the first.
+        self._time = np.zeros((0, 3))
+        self._place = np.zeros((0, 3), complex)  # x + iy
+        self.samples: deque[tuple[float, float, float, float, float]] = deque(maxlen=MAX_SAMPLES)
 
     def update(
         self,
@@ -74,47 +83,69 @@ class MeasurementErrors:
         held : (n,) ndarray of int
             Ids of all held tracks; others are forgotten.
         """
-        known = set(held.tolist())
-        self._last = {track: last for track, last in self._last.items() if track in known}
-        names = "time", "position", "sensor_pose", "azimuth_std"
-        columns = (detections[name].tolist() for name in names)
-        given = zip(track_id.tolist(), *columns, range_variance.tolist(), strict=True)
-        for track, time, (x, y), pose, azimuth_std, variance in given:
-            last = self._last.setdefault(track, deque(maxlen=3))
-            last.append((time, complex(x, y)))
-            if len(last) == 3:
-                self._add(list(last), complex(*pose[:2]), azimuth_std, variance)
+        self._follow(held)
+        order = np.argsort(self._track_id)
+        ids = self._track_id[order]
+        place = np.searchsorted(ids, track_id)
+        own = np.flatnonzero(np.searchsorted(ids, track_id, "right") > place)
+        row, detections = order[place[own]], detections[own]
+        position, sensor = detections["position"], detections["sensor_pose"]
+        for last, newest in (
+            (self._time, detections["time"]),
+            (self._place, position[:, 0] + 1j * position[:, 1]),
+        ):
+            last[row, :2] = last[row, 1:]
+            last[row, 2] = newest
+        self._add(
+            self._time[row],
+            self._place[row],
+            sensor[:, 0] + 1j * sensor[:, 1],
+            range_variance[own],
+            detections["azimuth_std"] ** 2,
+        )
+
+    def _follow(self, held: IntArray) -> None:
+        """Begin with the tracks that are new, and forget those that are held no more."""
+        if np.array_equal(held, self._track_id):
+            return
+        _, new, old = np.intersect1d(held, self._track_id, return_indices=True)
+        time = np.full((len(held), 3), np.nan)
+        place = np.full((len(held), 3), complex(np.nan, np.nan))
+        time[new], place[new] = self._time[old], self._place[old]
+        self._track_id, self._time, self._place = held, time, place
 
     def _add(
         self,
-        last: list[tuple[float, complex]],
-        sensor: complex,
-        azimuth_std: float,
-        range_variance: float,
+        time: FloatArray,
+        place: NDArray[np.complex128],
+        sensor: NDArray[np.complex128],
+        range_variance: FloatArray,
+        azimuth_variance: FloatArray,
     ) -> None:
-        """Add the innovation of the last three positions, ``x + iy``, from a sensor's."""
-        (t1, z1), (t2, z2), (t3, z3) = last
-        before, after = t2 - t1, t3 - t2
-        if min(before, after) <= 0.0 or max(before, after) > MAX_SPACING * min(before, after):
+        """Add the innovations of the last three places (k, 3), ``x + iy``, from sensors' (k,)."""
+        before, after = time[:, 1] - time[:, 0], time[:, 2] - time[:, 1]
+        sight = place[:, 1] - sensor
+        distance = np.abs(sight)
+        shorter, longer = np.minimum(before, after), np.maximum(before, after)
+        use = (shorter > 0.0) & (longer <= MAX_SPACING * shorter) & (distance > 0.0)
+        if not use.any():
             return
-        share = after / (t3 - t1)
-        innovation = (z2 - share * z1 - (1.0 - share) * z3) / math.sqrt(
-            1.0 + share**2 + (1.0 - share) ** 2
-        )
-        sight = z2 - sensor
-        distance = abs(sight)
-        if distance <= 0.0:
-            return
-        turned = innovation * sight.conjugate() / distance
-        turn = turned.imag / distance
-        self._samples.append((distance, turned.real**2, turn**2, range_variance, azimuth_std**2))
+        share = after[use] / (before[use] + after[use])
+        z1, z2, z3 = place[use].T
+        expected = share * z1 + (1.0 - share) * z3
+        spread = np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
+        distance = distance[use]
+        turned = (z2 - expected) / spread * sight[use].conj() / distance
+        along, turn = turned.real**2, (turned.imag / distance) ** 2
+        columns = distance, along, turn, range_variance[use], azimuth_variance[use]
+        self.samples.extend(zip(*(column.tolist() for column in columns), strict=True))
 
     @property
     def fitted(self) -> FittedErrors | None:
         """The errors that fit; None before enough innovations."""
-        if len(self._samples) < MIN_SAMPLES:
+        if len(self.samples) < MIN_SAMPLES:
             return None
-        distance, along, turn, range_variance, azimuth_variance = np.array(self._samples).T
+        distance, along, turn, range_variance, azimuth_variance = np.array(self.samples).T
         constant = _variance(along)
         fraction = _variance(along / distance**2)
         grows = _grows(along, distance)

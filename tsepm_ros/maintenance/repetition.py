@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.covariances import solve
+from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances
 from tsepm_ros.sensing.conversion import major_sigma
 from tsepm_ros.stages.paths import NO_HIT
 
@@ -99,7 +100,11 @@ def _pairs_with_older(positions: FloatArray, known: BoolArray | None) -> tuple[I
     if n <= NEAREST:  # all are
         return _all_pairs(n)
     rows = np.arange(n) if known is None else np.flatnonzero(known)
-    _, nearest = cKDTree(positions).query(positions[rows], k=NEAREST)
+    if len(rows) * n <= ALL_PAIRS:
+        distances = squared_distances(positions[rows], positions)
+        nearest = np.argpartition(distances, NEAREST - 1, axis=1)[:, :NEAREST]
+    else:
+        _, nearest = cKDTree(positions).query(positions[rows], k=NEAREST)
     track, older = np.repeat(rows, NEAREST), nearest.ravel()
     is_older = older < track
     return track[is_older], older[is_older]

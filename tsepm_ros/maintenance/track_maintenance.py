@@ -142,8 +142,8 @@ class TrackMaintenance:
         ids, rows = self.probable_detections
         if not len(ids):
             return rows
-        moving = self._held.tracks.track_id[self._held.fits.moves]
-        return rows[np.isin(ids, moving)]
+        moving = np.sort(self._held.tracks.track_id[self._held.fits.moves])
+        return rows[np.searchsorted(moving, ids, "right") > np.searchsorted(moving, ids)]
 
     def step(
         self,
