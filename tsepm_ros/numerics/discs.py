@@ -16,10 +16,10 @@ CENTRES_TOGETHER = 8_192
 """Centres of which pairs are sought together: bounds memory."""
 CANDIDATES_TOGETHER = 1_000_000
 """Pairs whose distances are taken together: bounds memory."""
-STRIP_HEIGHT = 3.0
-"""Height of a strip, in radii: lower strips take more searches, higher ones more distances."""
-STRIPS_PER_ROOT = 4.0
-"""Strips at most, over the root of the number of positions."""
+CELL_SIDE = 1.0
+"""Side of a cell, in radii: smaller cells take more searches, larger ones more distances."""
+CELLS_PER_ROOT = 4.0
+"""Cells along each side of the grid at most, over the root of the number of positions."""
 
 
 def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
@@ -41,8 +41,8 @@ def pairs_within(
 ) -> tuple[IntArray, IntArray] | None:
     """Pairs of centres and positions within their radius, ``|z - c|^2 <= r^2``.
 
-    Of many, positions are sorted by strips in y and, in a strip, by x. A centre looks at those of
-    each strip that its disc crosses which are between the ends of the disc there.
+    Of many, positions are sorted by the cells of a grid. A centre looks at those in the cells that
+    the square around its disc touches.
 
     Parameters
     ----------
@@ -64,11 +64,11 @@ def pairs_within(
         inside = squared_distances(centres, positions) <= (radius * radius)[:, None]
         centre, position = inside.nonzero()
         return (centre, position) if len(centre) <= most else None
-    strips = _Strips(positions, float(np.median(radius)))
+    cells = _Cells(positions, float(np.median(radius)))
     found, number = [], 0
     for first in range(0, g, CENTRES_TOGETHER):
         part = slice(first, first + CENTRES_TOGETHER)
-        for centre, position in strips.pairs(centres[part], radius[part]):
+        for centre, position in cells.pairs(centres[part], radius[part]):
             number += len(centre)
             if number > most or (late is not None and late()):
                 return None
@@ -96,52 +96,48 @@ def pairs_nearer(positions: FloatArray, distance: float) -> tuple[IntArray, IntA
     return pairs.min(axis=1, initial=n), pairs.max(axis=1, initial=-1)
 
 
-class _Strips:
-    """Positions sorted by strips in y, and by x in each."""
+class _Cells:
+    """Positions sorted by the cells of a grid, row by row, and where each cell begins."""
 
     def __init__(self, positions: FloatArray, radius: float) -> None:
-        low, high = positions.min(axis=0), positions.max(axis=0)
-        width, height = high - low
-        most = max(int(STRIPS_PER_ROOT * math.sqrt(len(positions))), 1)
-        wanted = height / (STRIP_HEIGHT * radius) if radius > 0.0 else math.inf
-        self._number = max(min(math.ceil(wanted) if wanted < most else most, most), 1)
-        self._low, self._width = low, float(width)
-        self._stride = 2.0 * self._width + 1.0
-        self._height = max(float(height) / self._number, 1e-9 * self._stride)
-        x, y = (positions - low).T
-        strip = np.minimum((y / self._height).astype(np.int64), self._number - 1)
-        keys = strip * self._stride + x
-        self._order = np.argsort(keys, kind="stable")
-        self._keys = keys[self._order]
-        self._positions = positions[self._order]
-        # Beyond rounding errors of the keys.
-        self._margin = 1e-9 * (self._stride + float(np.abs(positions).max()))
+        self._low = positions.min(axis=0)
+        extent = positions.max(axis=0) - self._low
+        most = max(int(CELLS_PER_ROOT * math.sqrt(len(positions))), 1)
+        self._number = np.array([_parts(float(side), radius, most) for side in extent])
+        self._side = np.where(extent > 0.0, extent, 1.0) / self._number
+        # Beyond rounding errors of the cells.
+        self._margin = 1e-9 * (float(extent.max()) + float(np.abs(positions).max()))
+        column, row = self._of(positions)
+        cell = row * self._number[0] + column
+        order = np.argsort(cell, kind="stable")
+        self._order = order
+        self._x, self._y = positions[order].T.copy()
+        self._begin = np.zeros(int(self._number.prod()) + 1, np.int64)
+        np.cumsum(np.bincount(cell, minlength=len(self._begin) - 1), out=self._begin[1:])
+
+    def _of(self, places: FloatArray) -> IntArray:
+        """Column and row of the cell nearest to places (n, 2), (2, n)."""
+        cell = np.clip((places - self._low) / self._side, 0, self._number - 1)
+        return np.asarray(cell.astype(np.int64).T)
 
     def pairs(self, centres: FloatArray, radius: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
         """Parts of the pairs of these centres; no centre is in two parts."""
-        x, y = (centres - self._low).T
-        reach = radius + self._margin
-        lowest = np.clip((y - reach) / self._height, 0, self._number - 1).astype(np.int64)
-        highest = np.clip((y + reach) / self._height, 0, self._number - 1).astype(np.int64)
-        strips = highest - lowest + 1
-        owner = np.repeat(np.arange(len(centres)), strips)
-        strip = _counted(lowest, strips)
-        edge = strip * self._height
-        away = np.maximum(np.maximum(edge - y[owner], y[owner] - edge - self._height), 0.0)
-        half = np.sqrt(np.maximum(reach[owner] ** 2 - away**2, 0.0)) + self._margin
-        base = strip * self._stride
-        left = base + np.clip(x[owner] - half, -1.0, self._stride - 1.0)
-        right = base + np.clip(x[owner] + half, -0.5, self._width + 0.5)
-        begin = np.searchsorted(self._keys, left, side="left")
-        number = np.maximum(np.searchsorted(self._keys, right, side="right") - begin, 0)
+        reach = (radius + self._margin)[:, None]
+        left, lowest = self._of(centres - reach)
+        right, highest = self._of(centres + reach)
+        rows = highest - lowest + 1
+        owner = np.arange(len(centres)).repeat(rows)
+        base = _counted(lowest, rows) * self._number[0]
+        begin = self._begin.take(base + left.take(owner))
+        number = self._begin.take(base + right.take(owner) + 1) - begin
         ends = np.cumsum(np.bincount(owner, number, minlength=len(centres)))
         first = 0
         while first < len(centres):
             before = ends[first - 1] if first else 0.0
             last = int(np.searchsorted(ends, before + CANDIDATES_TOGETHER, side="right"))
             last = max(last, first + 1)
-            rows = slice(*np.searchsorted(owner, [first, last]))
-            yield self._inside(centres, radius, owner[rows], begin[rows], number[rows])
+            part = slice(*np.searchsorted(owner, [first, last]))
+            yield self._inside(centres, radius, owner[part], begin[part], number[part])
             first = last
 
     def _inside(
@@ -153,14 +149,26 @@ class _Strips:
         number: IntArray,
     ) -> tuple[IntArray, IntArray]:
         """Of runs of sorted positions, the pairs that are inside."""
-        centre, row = np.repeat(owner, number), _counted(begin, number)
-        apart = centres[centre] - self._positions[row]
-        inside = np.flatnonzero((apart * apart).sum(axis=1) <= (radius * radius)[centre])
-        return centre[inside], self._order[row[inside]]
+        centre, row = owner.repeat(number), _counted(begin, number)
+        x = centres[:, 0].take(centre)
+        x -= self._x.take(row)
+        y = centres[:, 1].take(centre)
+        y -= self._y.take(row)
+        x *= x
+        y *= y
+        x += y
+        inside = np.flatnonzero(x <= (radius * radius).take(centre))
+        return centre.take(inside), self._order.take(row.take(inside))
+
+
+def _parts(side: float, radius: float, most: int) -> int:
+    """Cells along a side of the grid, m."""
+    wanted = side / (CELL_SIDE * radius) if radius > 0.0 else math.inf
+    return max(math.ceil(wanted), 1) if wanted < most else most
 
 
 def _counted(first: IntArray, number: IntArray) -> IntArray:
     """From each first, as many consecutive numbers as asked for, one after another."""
     ends = np.cumsum(number)
     total = int(ends[-1]) if len(ends) else 0
-    return np.arange(total) + np.repeat(first - ends + number, number)
+    return np.arange(total) + (first - ends + number).repeat(number)

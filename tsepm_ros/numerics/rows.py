@@ -40,7 +40,9 @@ class Rows:
     def __getitem__(self, rows: NDArray[np.generic]) -> Self:
         """The given rows (indices or a mask)."""
         columns, rows = self.__dict__, indices(rows)
-        return changed(self, **{name: columns[name][rows] for name in _names(type(self))})
+        return changed(
+            self, **{name: columns[name].take(rows, axis=0) for name in _names(type(self))}
+        )
 
     @classmethod
     def joined(cls, *parts: Self) -> Self:
@@ -57,7 +59,10 @@ class Rows:
         return cls(
             *(
                 np.concatenate(
-                    [getattr(part, name)[of] for part, of in zip(parts, rows, strict=True)]
+                    [
+                        getattr(part, name).take(of, axis=0)
+                        for part, of in zip(parts, rows, strict=True)
+                    ]
                 )
                 for name in _names(cls)
             )

@@ -119,7 +119,9 @@ class ExpectedDetections:
         """Innovations (p, 2), m, and their covariances (p, 2, 2), m^2, of pairs."""
         if self.of_hypothesis is not None:
             expected, spread = self.of_hypothesis
-            return self.detections["position"][row] - expected[parent], spread[parent]
+            innovation = self.detections["position"].take(row, axis=0)
+            innovation -= expected.take(parent, axis=0)
+            return innovation, spread.take(parent, axis=0)
         detections = self.detections[row]
         return kalman.innovations(
             self.hypotheses.state[parent],
@@ -168,8 +170,9 @@ class ExpectedDetections:
             before, spread, after = covariance[rows], spread[first], time_after_state[first]
             gain = kalman.kalman_gain(before, after, spread)
             change = gain @ spread @ np.swapaxes(gain, -1, -2)
-            moved = state[parent] + (gain[place] @ innovation[..., None])[..., 0]
-            changed = (before - change)[place]
+            step = gain.take(place, axis=0) @ innovation[..., None]
+            moved = state.take(parent, axis=0) + step[..., 0]
+            changed = (before - change).take(place, axis=0)
         if not self.has_range_rates:
             return moved, changed
         return range_rates.update(moved, changed, time_after_state, self.detections[row])

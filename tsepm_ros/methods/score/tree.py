@@ -296,7 +296,7 @@ def updated(
 ) -> Hypotheses:
     """The children of hypotheses and detections, with their scores (p,); see `child_score`."""
     hypotheses = expected.hypotheses
-    hits = hypotheses.hits[parent]
+    hits = hypotheses.hits.take(parent, axis=0)
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = ids[row]
     strength = path_strength.extended(hypotheses, parent, observed, row)
