@@ -68,6 +68,40 @@ def test_far_beyond_every_speed_nothing_stands_still_and_nothing_known_is_the_sh
     assert 0.9 < third < 1.0
 
 
+def moving(speed, deviation, long=1.0):
+    """States and covariances (1, ...) with a speed along x and its deviation, `long` along y."""
+    state = np.array([[100.0, speed, -50.0, 0.0]])
+    return state, np.diag([9.0, deviation**2, 9.0, (long * deviation) ** 2])[None]
+
+
+@pytest.mark.parametrize("min_speed", [0.0, 0.4])
+@pytest.mark.parametrize("speed", [1.0, 4.99])
+@pytest.mark.parametrize("long", [1e-3, 1.0])
+def test_velocities_certain_to_move_have_the_probability_of_the_integral(min_speed, speed, long):
+    prior = SpeedPrior(min_speed, 5.0)
+    deviation = (speed - min_speed) / stationary.CERTAIN_DEVIATIONS / math.sqrt(2.0)
+    state, covariance = moving(speed, 0.99 * deviation, long)
+    velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
+    assert prior.stationary_probability(state, covariance, 0.9) == 0.0
+    assert prior._integrated(velocity, spread, 0.9) < 1e-12
+
+
+def test_only_velocities_that_the_prior_allows_are_certain(monkeypatch):
+    prior = SpeedPrior(0.5, 5.0)
+    asked = []
+    monkeypatch.setattr(
+        SpeedPrior,
+        "_integrated",
+        lambda self, velocity, *others: asked.extend(velocity[:, 0]) or np.ones(len(velocity)),
+    )
+    cases = [(4.9, 0.01), (5.1, 0.01), (0.6, 0.01), (0.6, 0.005), (4.9, 0.0), (math.nan, 0.01)]
+    parts = [moving(*case) for case in cases]
+    state, covariance = (np.concatenate(part) for part in zip(*parts, strict=True))
+    found = prior.stationary_probability(state, covariance, np.full(len(cases), 0.9))
+    np.testing.assert_array_equal(found, [0.0, 1.0, 1.0, 0.0, 1.0, 1.0])
+    np.testing.assert_array_equal(asked, [5.1, 0.6, 4.9, math.nan])
+
+
 def batch_fit(times, positions, variance, stamp):
     """Least squares on all positions at once."""
     rows = np.vstack([np.kron(np.eye(2), [1.0, time - stamp]) for time in times])

@@ -56,6 +56,8 @@ CHANGED_SHARE = 0.1
 """The same after a change of motion: a choice."""
 SURE = 0.9
 """Probability of moving from which a track is published."""
+CERTAIN_DEVIATIONS = 12.0
+"""Deviations from `min_speed` from which on a velocity up to v_max is certain: beyond, 1e-25."""
 SPEED_SHARES = 0.5, 0.25, 0.125, 0.125
 """Prior shares, among moving targets, of those of at most v_max, v_max / 2, v_max / 4, ...
 
@@ -91,6 +93,8 @@ class SpeedPrior:
     ) -> FloatArray:
         """Probability that targets stand still or are slower than `min_speed`, (n,).
 
+        Where a velocity is certain (`CERTAIN_DEVIATIONS`) it is 0, without the integrals.
+
         Parameters
         ----------
         state, covariance : (n, 4), (n, 4, 4) ndarray
@@ -99,6 +103,25 @@ class SpeedPrior:
             Prior share of targets that stand still.
         """
         velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
+        probability = np.zeros(len(velocity))
+        doubtful = np.flatnonzero(~self._certain_to_move(velocity, spread))
+        if len(doubtful):
+            share = np.broadcast_to(share, len(velocity))[doubtful]
+            probability[doubtful] = self._integrated(velocity[doubtful], spread[doubtful], share)
+        return probability
+
+    def _certain_to_move(self, velocity: FloatArray, spread: FloatArray) -> BoolArray:
+        """Whether velocities (n, 2) are certain to be above `min_speed`, (n,)."""
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        # The trace is at least the variance along any axis; not a number is not certain.
+        deviation = np.sqrt(np.maximum(spread[:, 0, 0] + spread[:, 1, 1], 0.0))
+        far = speed - self.min_speed > CERTAIN_DEVIATIONS * deviation
+        return np.asarray(far & (deviation > 0.0) & (speed <= self.max_speed))
+
+    def _integrated(
+        self, velocity: FloatArray, spread: FloatArray, share: FloatArray
+    ) -> FloatArray:
+        """`stationary_probability` of velocities (n, 2) with covariances (n, 2, 2)."""
         usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
         if not usable.all():
             velocity = np.where(usable[:, None], velocity, 0.0)
