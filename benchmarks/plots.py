@@ -11,7 +11,7 @@
 
     python benchmarks/plots.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
                                         [--sensor given|unknown]
-    python benchmarks/plots.py pool [--runs 20] [--pings 240]
+    python benchmarks/plots.py pool [--runs 20] [--pings 240] [--swimmers 5] [--enter 0]
     python benchmarks/plots.py box [--pings 100000] [--tracked 2000]
 """
 
@@ -215,39 +215,53 @@ class Watched:
         Tracks more than 3 m from every swimmer.
     plots : bool
         Whether plots are made in the end.
+    on : float
+        Pings from the swimmers' first to the one from which on plots are made.
+    starts : int
+        Of the run, elsewhere too.
     """
 
     held: float
     elsewhere: float
     plots: bool
+    on: float
+    starts: int
 
 
 def watched(scene: Pool, seed: int, **options: object) -> Watched:
     """Run the default method in the pool, with the density learned."""
     initiator = make_initiator("score", sensor=scene.sensor, max_speed=POOL_SPEED, **options)
-    held, elsewhere = [], []
+    held, elsewhere, starts, on = [], [], 0, math.inf
     for number, ping in enumerate(scene.draw(seed)):
-        initiator.process(ping.scan)
+        starts += len(initiator.process(ping.scan))
+        if initiator.plots.active:
+            on = min(on, number + 1 - scene.enter)
         if 2 * number < scene.pings:
             continue
         apart = ping.truth[:, None, 0::2] - initiator.current.state[:, 0::2]
         distance = np.hypot(apart[..., 0], apart[..., 1])
         held.append(np.mean(distance.min(axis=1, initial=np.inf) < 1.5))
         elsewhere.append(np.sum(distance.min(axis=0, initial=np.inf) > 3.0))
-    return Watched(float(np.mean(held)), float(np.mean(elsewhere)), initiator.plots.active)
+    active = initiator.plots.active
+    return Watched(float(np.mean(held)), float(np.mean(elsewhere)), active, on, starts)
 
 
 def pool(options: argparse.Namespace) -> None:
     """Print how many swimmers in the pool are held, by their echoes and the false detections."""
-    print("| echoes | false detections | with plots | held: mean, least | tracks elsewhere |")
-    print("|---|---|---|---|---|")
+    print(
+        "| echoes | false detections | with plots | after pings | starts "
+        "| held: mean, least | tracks elsewhere |"
+    )
+    print("|---|---|---|---|---|---|---|")
     for echoes in (1, 2, 3):
         for false in (4.0, 16.0, 50.0, 100.0):
-            scene = Pool(echoes=echoes, false=false, pings=options.pings)
+            scene = Pool(options.swimmers, echoes, false, options.pings, options.enter)
             runs = [watched(scene, seed, plots=options.plots) for seed in seeds_of(options)]
-            held = [one.held for one in runs]
+            held, on = [one.held for one in runs], [one.on for one in runs if one.plots]
+            after = f"{np.mean(on):.1f}" if on else "-"
             print(
-                f"| {echoes} | {false:g} | {sum(one.plots for one in runs)} of {len(runs)} "
+                f"| {echoes} | {false:g} | {len(on)} of {len(runs)} | {after} "
+                f"| {np.mean([one.starts for one in runs]):.2f} "
                 f"| {np.mean(held):.3f}, {min(held):.2f} "
                 f"| {np.mean([one.elsewhere for one in runs]):.2f} |",
                 flush=True,
@@ -329,6 +343,8 @@ def main() -> None:
     parser.add_argument("--plots", choices=("auto", "on", "off"), default="auto")
     parser.add_argument("--false", type=float, default=20.0)
     parser.add_argument("--pings", type=int)
+    parser.add_argument("--swimmers", type=int, default=5, help="in the pool")
+    parser.add_argument("--enter", type=int, default=0, help="ping at which they do")
     parser.add_argument("--tracked", type=int, default=2000)
     parser.add_argument("--kinds", nargs="+", default=KINDS)
     options = parser.parse_args()

@@ -159,12 +159,15 @@ class Pool:
     false : float
         False detections a ping.
     pings : int
+    enter : int
+        Pings before the first in which a swimmer is detected.
     """
 
     swimmers: int = 5
     echoes: int = 3
     false: float = 16.0
     pings: int = 240
+    enter: int = 0
 
     @property
     def sensor(self) -> SensorModel:
@@ -178,7 +181,8 @@ class Pool:
         velocity = rng.uniform(-1.0, 1.0, (self.swimmers, 2))
         for number in range(self.pings):
             now = place + 0.05 * number * velocity
-            seen = np.repeat(np.flatnonzero(rng.random(self.swimmers) < 0.9), self.echoes)
+            detected = (rng.random(self.swimmers) < 0.9) & (number >= self.enter)
+            seen = np.repeat(np.flatnonzero(detected), self.echoes)
             x, y = (now[seen] + rng.uniform(-0.6, 0.6, (len(seen), 2)) * (self.echoes > 1)).T
             count = rng.poisson(self.false)
             error = rng.standard_normal((2, len(seen)))

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from tsepm_ros.numerics import discs
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing.plots import PlotExtent, crowded, pairs_within
 
-NEAREST = 8
-"""Places nearest to a detection at which it looks for streaks."""
 MAX_DETECTIONS = 2000
 """Detections of a ping beyond which it ends every streak: bounds the time."""
 MAX_PAIRS = 200_000
-"""Pairs of detections within the extent beyond which it does so too."""
+"""Pairs of detections within the extent, or of detections and places of streaks within the reach,
+beyond which it does so too."""
 
 
 class CloseStreaks:
@@ -29,6 +28,11 @@ class CloseStreaks:
         self._extent = extent
         self._position = np.zeros((0, 2))
         self._length = np.zeros(0, np.int64)
+
+    @property
+    def longest(self) -> int:
+        """Length of the longest streak, the last ping included; 0 where there is none."""
+        return int(self._length.max(initial=0))
 
     def step(
         self, range: FloatArray, azimuth: FloatArray, position: FloatArray, reach: float
@@ -50,17 +54,21 @@ class CloseStreaks:
             It depends on the pings before and on the detection's place alone.
         """
         n = len(range)
+        near = self._near(range, position, reach)
+        if near is None or n > MAX_DETECTIONS or crowded(range, azimuth, self._extent, MAX_PAIRS):
+            self._position, self._length = np.zeros((0, 2)), np.zeros(0, np.int64)
+            return np.zeros(n, np.int64)
         length = np.zeros(n, np.int64)
-        if n > MAX_DETECTIONS or crowded(range, azimuth, self._extent, MAX_PAIRS):
-            self._position, self._length = np.zeros((0, 2)), length[:0]
-            return length
-        if n and len(self._position):
-            limit = reach + self._extent.across_at(range)
-            away, row = cKDTree(self._position).query(position, k=NEAREST)
-            found = np.where(np.isfinite(away), row, 0)
-            longest = np.where(away <= limit[:, None], self._length[found], 0)
-            length = np.asarray(longest.max(axis=1), np.int64)
+        detection, place = near
+        np.maximum.at(length, detection, self._length[place])
         first, second, _ = pairs_within(range, azimuth, self._extent)
         close = np.unique(np.concatenate([first, second]))
         self._position, self._length = position[close], length[close] + 1
         return length
+
+    def _near(
+        self, range: FloatArray, position: FloatArray, reach: float
+    ) -> tuple[IntArray, IntArray] | None:
+        """Pairs of detections and places of streaks within reach; None of more than `MAX_PAIRS`."""
+        limit = reach + self._extent.across_at(range)
+        return discs.pairs_within(self._position, position, limit, MAX_PAIRS)

@@ -93,6 +93,13 @@ class DetectionSpacing:
         Its coverage and resolution.
     target_extent : float
         m; 0: every one of `EXTENTS` is tried, else this one.
+
+    Attributes
+    ----------
+    log_ratio : float
+        Logarithm of the likelihood ratio of several detections a target against clutter.
+    last_log_ratio : float
+        Logarithm of the largest L of the last ping.
     """
 
     def __init__(self, sensor: SensorModel, target_extent: float = 0.0) -> None:
@@ -114,11 +121,12 @@ class DetectionSpacing:
         self._streaks = [CloseStreaks(extent) for extent in CLOSE]
         self._strips = StripCounts((len(OUTER), len(self._extents)))
         self._pings = 0
+        self.log_ratio, self.last_log_ratio = -math.inf, 0.0
 
     @property
-    def log_ratio(self) -> float:
-        """Logarithm of the likelihood ratio of several detections a target against clutter."""
-        return float(np.logaddexp.reduce(self._log, axis=None)) - math.log(self._log.size)
+    def longest_streak(self) -> int:
+        """Pings in a row, the last included, in which detections were close together."""
+        return max(one.longest for one in self._streaks)
 
     @property
     def extent(self) -> PlotExtent:
@@ -167,6 +175,7 @@ class DetectionSpacing:
         # Adds up to less than 1 over all pings: 1 / (s ln(s + 1)^2), of which the first has 0.6.
         begins = -math.log(self._pings) - 2.0 * math.log(math.log1p(self._pings)) - 1.25
         self._log, self._fit = np.logaddexp(self._log, begins), np.logaddexp(self._fit, begins)
+        self.last_log_ratio = 0.0
         if position is None:
             position = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
         covered = self._sensor.covers(range, azimuth)
@@ -174,11 +183,18 @@ class DetectionSpacing:
             covered &= seen.contains(range, azimuth)
         range, azimuth, position = range[covered], azimuth[covered], position[covered]
         streak = [one.step(range, azimuth, position, reach) for one in self._streaks]
-        if len(range) < 2:
-            return
+        if len(range) >= 2:
+            self._count(range, azimuth, np.stack(streak), seen)
+        total = float(np.logaddexp.reduce(self._log, axis=None))
+        self.log_ratio = total - math.log(self._log.size)
+
+    def _count(
+        self, range: FloatArray, azimuth: FloatArray, streak: IntArray, seen: Region | None
+    ) -> None:
+        """Multiply the likelihood ratios by those of a ping, with streaks before it (k, n)."""
         rows = self._drawn(azimuth)
         range, azimuth = range[rows], azimuth[rows]
-        eligible = np.stack([streak[kind][rows] >= least for kind, least in STREAKS])
+        eligible = np.stack([streak[kind, rows] >= least for kind, least in STREAKS])
         area = self._sensor.coverage_area if seen is None else seen.area
         falls = _falls(_pairs(range, azimuth), eligible, area)
         if len(falls.earlier):
@@ -186,8 +202,9 @@ class DetectionSpacing:
             increments = self._increments(range, azimuth, falls, larger)
             first = np.flatnonzero(np.diff(falls.test, prepend=-1))
             for log, increment in zip((self._fit, self._log), increments, strict=True):
-                tests = log.reshape(-1, *log.shape[2:])
-                tests[falls.test[first]] += np.add.reduceat(increment, first)
+                tests, change = log.reshape(-1, *log.shape[2:]), np.add.reduceat(increment, first)
+                tests[falls.test[first]] += change
+            self.last_log_ratio = float(change.max(initial=0.0))
 
     def _seen_area(
         self, range: FloatArray, azimuth: FloatArray, falls: _Falls, seen: Region | None

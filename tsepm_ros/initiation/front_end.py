@@ -163,11 +163,9 @@ class FrontEnd:
         recent, self._recent = self._recent, [*self._recent, scan][-window:]
         if self.common.plots == "off":
             return []
-        interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
         seen = self.learned.clutter_map.seen
         held, usable = self.maintenance.held, self._usable(scan).scan
-        tracks = held.tracks.predicted(scan.stamp)
-        if not self.plots.learn(usable, interval, seen, tracks, held.fits, self._stays):
+        if not self.plots.learn(usable, seen, held, self._stays):
             return []
         again = recent[max(len(recent) - window + 1, 0) :]
         for one in [*again, scan]:

@@ -13,7 +13,9 @@ from tsepm_ros.environment.detection_spacing import DetectionSpacing
 from tsepm_ros.environment.echo_scatter import EchoScatter
 from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.initiation.looks import Looks
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import squared_distances
@@ -28,6 +30,10 @@ LONGEST_RUN = 30.0
 """Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
 SUSPICION = 10.0
 """Likelihood ratio from which on a second start beside a new track waits: a choice."""
+LOOK_RATIO = 10.0
+"""Likelihood ratio of a look from which on the next ping is looked at, however soon: a choice."""
+LOOK_STREAK = 2
+"""Looks in a row with detections close together at a place from which on it is: a choice."""
 BESIDE = 64.0
 """Distance of tracks from older ones beside them, m: the widest box in which a target is sought."""
 DEVIATIONS = 4.0
@@ -67,6 +73,7 @@ class PlotExtraction:
         self.seen = False
         self.scatter = EchoScatter.nothing()
         self._spacing = DetectionSpacing(self.sensor, self.common.target_extent)
+        self._looks = Looks()
         self._grouped: tuple[Scan, PlotExtent, IntArray] | None = None
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> PlotExtraction:
@@ -110,6 +117,13 @@ class PlotExtraction:
         return self._spacing.log_ratio
 
     @property
+    def _suspects(self) -> bool:
+        """Whether the last look leaves open that targets have several detections a ping."""
+        spacing = self._spacing
+        likely = spacing.last_log_ratio >= math.log(LOOK_RATIO)
+        return not self.seen and (likely or spacing.longest_streak >= LOOK_STREAK)
+
+    @property
     def extent(self) -> PlotExtent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
@@ -121,34 +135,35 @@ class PlotExtraction:
     def learn(
         self,
         scan: Scan,
-        interval: float,
         seen: Region,
-        tracks: TrackArrays,
-        fits: StraightFits,
+        held: HeldTracks,
         stays: Callable[[Scan], BoolArray],
     ) -> bool:
         """Learn from a scan's detections; returns whether plots look different from now on.
 
+        Of a fast sonar not every scan is looked at: see `Looks`. Which are depends on the scans
+        before alone, so that the bound of `DetectionSpacing` holds for those that are. A scan of
+        a part of the coverage (`swept`) always is.
+
         Parameters
         ----------
         scan : Scan
-        interval : float
-            Time since the scan before, s.
         seen : Region
             Where clutter was seen before.
-        tracks : TrackArrays
-            Held, in the order of their confirmation, at the scan's stamp.
-        fits : StraightFits
-            Of these.
+        held : HeldTracks
+            In the order of their confirmation, at the scan before.
         stays : callable
             Which detections of a scan are where clutter is known to stay: they do not count.
         """
         if self.common.plots == "off":
             return False
+        if not (self._looks.is_due(scan.stamp) or self._suspects or scan.swept is not None):
+            return False
         scan = self._without_runs(scan)
-        reach = self.common.max_speed * interval
-        place = plots.placed(scan)
-        left_out = of_neighbours(scan, place, tracks, fits, self.sensor) | stays(scan)
+        reach = self.common.max_speed * self._looks.elapsed(scan.stamp)
+        self._looks = self._looks.after(scan.stamp)
+        place, tracks = plots.placed(scan), held.tracks.predicted(scan.stamp)
+        left_out = of_neighbours(scan, place, tracks, held.fits, self.sensor) | stays(scan)
         rows = np.flatnonzero(~left_out)
         self._spacing.observe(scan.range[rows], scan.azimuth[rows], place[rows], reach, seen)
         before = self.seen
