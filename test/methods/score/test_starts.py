@@ -18,18 +18,17 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.methods.score.grown import Grown
 from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.resolution import Start
 from tsepm_ros.methods.score.score_method import Score
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import (
     TARGET_BIRTH_RATE,
-    Start,
     SummedEvidence,
-    credible_hits,
     existence,
-    held_share,
     min_purity_probability,
+    started_share,
 )
-from tsepm_ros.sensing.conversion import DETECTION, convert
+from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.estimation import fit
 from tsepm_ros.stages.paths import NO_HIT
@@ -213,29 +212,45 @@ def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
     assert len(found) == 1
 
 
-def test_the_held_share_is_over_all_hits_weighted_by_likelihood():
-    window = DetectionWindow()
-    ids = window.append(np.zeros(4, DETECTION))
-    window.note_held(ids[:2], np.array([1.0, 0.5]))
+@dataclass(frozen=True)
+class PartlyHeld:
+    """The rule as built, where held tracks caused the detections of each scan with a probability.
+
+    The threshold is 3 below the largest evidence: not enough for a second target.
+    """
+
+    probability: list[float]
+
+    def starts(
+        self, grown: Grown, window: DetectionWindow, threshold: float, **figures: Any
+    ) -> list[Start]:
+        window.note_held(grown.ids, np.full(len(grown.ids), self.probability.pop(0)))
+        return SummedEvidence().starts(grown, window, grown.evidence.max() - 3.0, **figures)
+
+
+@pytest.mark.parametrize(("earlier", "starts"), [(0.45, 1), (0.8, 0)])
+def test_a_target_is_started_that_a_held_track_explains_in_part(earlier, starts):
+    # 0.45 or 0.8 of the first four hits are due to the held track, 0.67 of six at least.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    rule = PartlyHeld([earlier] * 4 + [0.4] * 2)
+    initiator = Initiator(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions(), rule))
+    scans = [scan_at(12.0 * k, [(3000.0, 84.0 * k)]) for k in range(6)]
+    assert sum(len(initiator.process(scan)) for scan in scans) == starts
+
+
+def test_the_share_of_hits_that_are_other_starts_is_weighted_by_likelihood_and_existence():
     of = Hypotheses.none(3)
     hypotheses = replace(
         of,
-        hits=np.array([[0, 1, NO_HIT], [1, 2, 3], [2, 3, NO_HIT]]),
-        hit_count=np.array([2, 3, 2]),
-        score=np.log([1.0, 3.0, 5.0]),
+        hits=np.array([[0, 1, NO_HIT], [1, 2, 3]]),
+        hit_count=np.array([2, 3]),
+        score=np.log([1.0, 3.0]),
     )
-    share = held_share(hypotheses, np.array([0, 0, 2]), 3, window)
-    np.testing.assert_allclose(share, [(1.5 + 3 * 0.5) / (2 + 3 * 3), 0.0, 0.0])
-
-
-def test_hits_are_the_credible_detections_or_the_likeliest_of_the_best_hypothesis():
-    detections, best = np.arange(5), np.array([0, 2, 3, 4, NO_HIT])
-    probability = np.array([0.95, 0.2, 0.92, 0.99, 0.5])
-    assert credible_hits(detections, probability, best).tolist() == [0, 2, 3]
-    probability[0] = 0.85
-    assert credible_hits(detections, probability, best).tolist() == [0, 2, 3]
-    probability[0] = 0.4
-    assert credible_hits(detections, probability, best).tolist() == [2, 3, 4]
+    ids, state = np.array([0, 1, 2]), (np.zeros(4), np.eye(4))
+    start = Start(ids, ids, np.array([1.0, 0.5, 0.8]), *state, 5.0)
+    assert started_share(hypotheses, [], []) == 0.0
+    expected = 0.9 * (1.5 + 3 * 1.3) / (2 + 3 * 3)
+    assert started_share(hypotheses, [start], [0.9]) == pytest.approx(expected)
 
 
 def test_existence_is_even_where_false_tracks_are_as_frequent_as_targets():

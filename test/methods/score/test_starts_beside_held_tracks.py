@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,15 @@ def test_few_targets_in_clutter_are_started_twice():
     runs = [summarise(simulate(scene, [17, index], point)) for index in range(60)]
     assert sum(run.count(Outcome.TRUE) for run in runs) >= 50
     assert sum(run.count(Outcome.REDUNDANT) for run in runs) <= 3
+
+
+@pytest.mark.parametrize("run", [39, 85, 120])
+def test_paths_of_a_target_that_end_in_two_detections_of_a_scan_start_it_once(run):
+    # Runs in which each of the two has evidence enough, and the hits before are uncertain.
+    scene = replace(load_scenario("box"), warm_up=16, scans=8)
+    point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
+    outcomes = [judged.outcome for judged in simulate(scene, [900, run], point).judged()]
+    assert (outcomes.count(Outcome.TRUE), outcomes.count(Outcome.REDUNDANT)) == (1, 0)
 
 
 def test_a_second_target_is_started_beside_one_that_is_held():

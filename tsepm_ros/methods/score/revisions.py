@@ -29,7 +29,7 @@ from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import speed_prior
 from tsepm_ros.methods.score.grown import Grown
-from tsepm_ros.methods.score.starts import (
+from tsepm_ros.methods.score.resolution import (
     MIN_PURITY_PROBABILITY,
     HitFit,
     Start,

@@ -29,8 +29,8 @@ of hypothesis i, a scan goes through::
     revise        a held track whose majority of hits turns out wrong is corrected under its id
 
 Each has its module: `tree` (predict to evidence, prune) with `fading`, `speed_prior`, `threshold`
-with `threshold_plan`, `starts` (confirm), and `revisions`. The full references are in
-`likelihood_ratio`; the jump is simulated in `threshold_plan`.
+with `threshold_plan`, `starts` (confirm) with `resolution` (hits, purity, state), and `revisions`.
+The full references are in `likelihood_ratio`; the jump is simulated in `threshold_plan`.
 
 Readings
 --------
@@ -56,9 +56,10 @@ from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import NO_TRACKS, ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.score import path_strength, speed_prior, starts, tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score.resolution import Start, held_share, spans_time
 from tsepm_ros.methods.score.revisions import doubtful, revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.methods.score.starts import Start, StartRule, SummedEvidence
+from tsepm_ros.methods.score.starts import StartRule, SummedEvidence
 from tsepm_ros.methods.score.threshold import Threshold
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.sensing.detection_window import DetectionWindow
@@ -223,11 +224,10 @@ class Score(Method):
         See `Method.potential_tracks`.
         """
         hypotheses = self.hypotheses
-        hypotheses = hypotheses[starts.spans_time(hypotheses, 2, self.detections, self._min_time)]
+        hypotheses = hypotheses[spans_time(hypotheses, 2, self.detections, self._min_time)]
         each = np.arange(len(hypotheses))
         hypotheses = hypotheses[
-            starts.held_share(hypotheses, each, len(hypotheses), self.detections)
-            <= starts.MAX_HELD_SHARE
+            held_share(hypotheses, each, len(hypotheses), self.detections) <= starts.MAX_HELD_SHARE
         ]
         if not len(hypotheses):
             return TrackArrays.of([])
