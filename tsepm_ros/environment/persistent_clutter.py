@@ -180,39 +180,59 @@ class _Period(NamedTuple):
 
 def _densities(periods: list[_Period]) -> tuple[IntArray, FloatArray]:
     """Cells in which clutter stays, (k,), ascending, and its density there, 1/m^2."""
-    every = np.sort(np.concatenate([one.cells for one in periods]))
-    cells = np.unique(every[1:][every[1:] == every[:-1]])  # those of two periods at least
-    counts = np.zeros((len(cells), len(periods)))
-    for column, one in enumerate(periods):
-        row, known = _found(cells, one.cells)
-        counts[known, column] = one.counts[row[known]]
-    second, largest = np.partition(counts, -2, axis=1)[:, -2:].T
-    number = _staying(cells, counts.sum(axis=1) - (largest - second))
+    cells, counts, first = _counted(periods)
+    number = _staying(cells, counts)
     stays = np.flatnonzero(number)
-    cells, counts, number = cells[stays], counts[stays], number[stays]
-    scans = _scans_since(np.argmax(counts > 0.0, axis=1), _middles(cells), periods)
+    cells, number, first = cells[stays], number[stays], first[stays]
+    scans = _scans_since(first, _middles(cells), periods)
     use = np.flatnonzero(scans)
     return cells[use], number[use] / (scans[use] * _sides(cells[use]) ** 2)
+
+
+def _counted(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
+    """Cells of two periods at least, (k,), ascending, their counts, and their first periods.
+
+    The largest period of a cell is counted as the second largest.
+    """
+    cells = np.concatenate([one.cells for one in periods])
+    counts = np.concatenate([one.counts for one in periods]).astype(float)
+    number = np.repeat(np.arange(len(periods)), [len(one.cells) for one in periods])
+    order = np.argsort(cells, kind="stable")
+    cells, counts = cells[order], counts[order]
+    group = np.cumsum(np.append(True, cells[1:] != cells[:-1])) - 1
+    begin = np.flatnonzero(np.append(True, group[1:] != group[:-1]))
+    several = np.diff(np.append(begin, len(cells))) > 1
+    largest = np.maximum.reduceat(counts, begin)
+    # The first of a group's largest counts is left out; what remains has the second largest.
+    left = np.where(counts == largest[group], np.arange(len(cells)), len(cells))
+    rest = counts.copy()
+    rest[np.minimum.reduceat(left, begin)] = 0.0
+    second = np.maximum.reduceat(rest, begin)
+    total = np.add.reduceat(rest, begin) + second
+    return cells[begin[several]], total[several], number[order[begin[several]]]
 
 
 def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
     """Number of detections of clutter that stays in cells (n,), of the counts there (n,)."""
     staying = np.zeros(len(cells))
     for x, y in DIRECTIONS:
+        between = np.arange(len(cells))
         least, total = counts, counts
         for sign in (1, -1):
-            row, known = _found(_beside(cells, sign * x, sign * y), cells)
-            count = np.where(known, counts[row], 0.0)
-            least, total = np.minimum(least, count), total + count
+            row, known = _found(_beside(cells[between], sign * x, sign * y), cells)
+            between, count = between[known], counts[row[known]]
+            least, total = np.minimum(least[known], count), total[known] + count
         low = root_bound(total, -1.0) ** 2
-        staying = np.maximum(staying, np.minimum(low / 3.0, 2.0 * least))
+        number = np.minimum(low / 3.0, 2.0 * least)
+        staying[between] = np.maximum(staying[between], number)
     return staying
 
 
 def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) -> FloatArray:
     """Number of scans, (n,), that saw each place (n, 2), from its first period (n,) on; about."""
     # Most sensors look at the same from scan to scan.
-    covered = {view: view.covers(places) for one in periods for view in one.views}
+    views = {view for one in periods for view in one.views}
+    covered = {view: view.covers(places) for view in views}
     scans = np.zeros(len(places))
     for number, one in enumerate(periods):
         seen = sum((share * covered[view] for view, share in one.views.items()), np.zeros(1))
