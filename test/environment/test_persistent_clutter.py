@@ -194,6 +194,24 @@ def test_a_target_that_passes_is_no_clutter():
     assert not learned.found
 
 
+@pytest.mark.parametrize("silent", [0, 24], ids=["always", "after a quay"])
+def test_without_detections_nothing_stays(silent):
+    # After a quay: until no period with detections is left.
+    def places(ping, rng):
+        return quay(rng) if ping < silent else np.zeros((0, 2))
+
+    learned = learned_from(places, silent + (PERIODS + 2) * SCANS)
+    assert not learned.found
+    assert learned_from(lambda ping, rng: quay(rng), 24).found
+
+
+def test_a_quay_is_found_after_silence():
+    def places(ping, rng):
+        return np.zeros((0, 2)) if ping < 40 else quay(rng)
+
+    assert learned_from(places, 120).found
+
+
 def test_even_clutter_is_hardly_raised():
     def places(ping, rng):
         return rng.uniform(-300.0, 300.0, (rng.poisson(36), 2))  # 1e-4 1/m^2

@@ -145,7 +145,7 @@ def plain_starts(grown: Grown, threshold: float, target_rate: float) -> list[Sta
     for members in strong_groups(grown, threshold):
         newest = members[0].keys[-1]
         start = None
-        if free.get(newest, 1.0) >= 0.5 and held_share(members, free) <= 0.3:
+        if free.get(newest, 1.0) >= 0.5:
             start = resolved(members, grown, free, 0.5)
         if start is None:
             ending = [one for one in left.ending if one.keys[-1] == newest]

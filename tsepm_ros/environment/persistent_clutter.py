@@ -190,30 +190,34 @@ def _densities(periods: list[_Period]) -> tuple[IntArray, FloatArray]:
 
 
 def _counted(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
-    """Cells of two periods at least, (k,), ascending, their counts, and their first periods.
+    """Cells of two periods at least, (k,), ascending, their counts over all, and first periods.
 
-    The largest period of a cell is counted as the second largest.
+    The largest count of a cell counts as the second largest.
     """
     cells = np.concatenate([one.cells for one in periods])
     counts = np.concatenate([one.counts for one in periods]).astype(float)
-    number = np.repeat(np.arange(len(periods)), [len(one.cells) for one in periods])
+    period = np.repeat(np.arange(len(periods)), [len(one.cells) for one in periods])
     order = np.argsort(cells, kind="stable")
     cells, counts = cells[order], counts[order]
-    group = np.cumsum(np.append(True, cells[1:] != cells[:-1])) - 1
-    begin = np.flatnonzero(np.append(True, group[1:] != group[:-1]))
-    several = np.diff(np.append(begin, len(cells))) > 1
-    largest = np.maximum.reduceat(counts, begin)
-    # The first of a group's largest counts is left out; what remains has the second largest.
-    left = np.where(counts == largest[group], np.arange(len(cells)), len(cells))
-    rest = counts.copy()
-    rest[np.minimum.reduceat(left, begin)] = 0.0
-    second = np.maximum.reduceat(rest, begin)
-    total = np.add.reduceat(rest, begin) + second
-    return cells[begin[several]], total[several], number[order[begin[several]]]
+    begin = np.flatnonzero(np.diff(cells, prepend=-1))  # numbers of cells are not negative
+    if not len(begin):
+        return cells, counts, period
+    size = np.diff(np.append(begin, len(cells)))
+    largest = np.repeat(np.maximum.reduceat(counts, begin), size)
+    rows = np.arange(len(cells))
+    omitted = np.minimum.reduceat(np.where(counts == largest, rows, len(cells)), begin)
+    counts[omitted] = 0.0
+    second = np.maximum.reduceat(counts, begin)
+    total = np.add.reduceat(counts, begin) + second
+    several = size > 1
+    return cells[begin[several]], total[several], period[order[begin[several]]]
 
 
 def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
-    """Number of detections of clutter that stays in cells (n,), of the counts there (n,)."""
+    """Number of detections of clutter that stays in cells (n,), of the counts there (n,).
+
+    0 where no two cells on opposite sides have any.
+    """
     staying = np.zeros(len(cells))
     for x, y in DIRECTIONS:
         between = np.arange(len(cells))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,8 @@ from support.score_scenes import clutter, in_plain_loops, score
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.score.credible_hits import Start
 from tsepm_ros.methods.score.grown import Grown
-from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.resolution import Start
 from tsepm_ros.methods.score.score_method import Score
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import (
@@ -26,12 +25,10 @@ from tsepm_ros.methods.score.starts import (
     SummedEvidence,
     existence,
     min_purity_probability,
-    started_share,
 )
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.estimation import fit
-from tsepm_ros.stages.paths import NO_HIT
 
 
 @dataclass(frozen=True)
@@ -236,21 +233,6 @@ def test_a_target_is_started_that_a_held_track_explains_in_part(earlier, starts)
     initiator = Initiator(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions(), rule))
     scans = [scan_at(12.0 * k, [(3000.0, 84.0 * k)]) for k in range(6)]
     assert sum(len(initiator.process(scan)) for scan in scans) == starts
-
-
-def test_the_share_of_hits_that_are_other_starts_is_weighted_by_likelihood_and_existence():
-    of = Hypotheses.none(3)
-    hypotheses = replace(
-        of,
-        hits=np.array([[0, 1, NO_HIT], [1, 2, 3]]),
-        hit_count=np.array([2, 3]),
-        score=np.log([1.0, 3.0]),
-    )
-    ids, state = np.array([0, 1, 2]), (np.zeros(4), np.eye(4))
-    start = Start(ids, ids, np.array([1.0, 0.5, 0.8]), *state, 5.0)
-    assert started_share(hypotheses, [], []) == 0.0
-    expected = 0.9 * (1.5 + 3 * 1.3) / (2 + 3 * 3)
-    assert started_share(hypotheses, [start], [0.9]) == pytest.approx(expected)
 
 
 def test_existence_is_even_where_false_tracks_are_as_frequent_as_targets():

@@ -78,7 +78,7 @@ def test_few_targets_in_clutter_are_started_twice():
 
 @pytest.mark.parametrize("run", [39, 85, 120])
 def test_paths_of_a_target_that_end_in_two_detections_of_a_scan_start_it_once(run):
-    # Runs in which each of the two has evidence enough, and the hits before are uncertain.
+    # Each of the two has evidence enough; a share of held hits of 0.6 would start the target twice.
     scene = replace(load_scenario("box"), warm_up=16, scans=8)
     point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
     outcomes = [judged.outcome for judged in simulate(scene, [900, run], point).judged()]

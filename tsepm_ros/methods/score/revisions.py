@@ -28,14 +28,14 @@ from scipy.special import softmax
 from tsepm_ros.initiation.observation import Observation
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score import speed_prior
-from tsepm_ros.methods.score.grown import Grown
-from tsepm_ros.methods.score.resolution import (
+from tsepm_ros.methods.score.credible_hits import (
     MIN_PURITY_PROBABILITY,
     HitFit,
     Start,
     resolved,
     rivals_of,
 )
+from tsepm_ros.methods.score.grown import Grown
 from tsepm_ros.numerics.arrays import IntArray
 from tsepm_ros.sensing.detection_window import DetectionWindow
 

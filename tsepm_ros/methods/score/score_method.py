@@ -16,9 +16,9 @@ of hypothesis i, a scan goes through::
                   s_i + ln P(|v| <= v_max | x_i, P_i) - ln P_0 near the threshold
     threshold     A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
-    confirm       E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9, or by 8 hits (a lower
-                  probability at target rates above 3000 per hour); of a second target
+    confirm       E >= A, by at least 3 hits, at most half of them due to held tracks, more
+                  than half of them the target's with a probability of at least 0.9, or by 8
+                  hits (a lower probability at target rates above 3000 per hour); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
       state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
@@ -29,7 +29,7 @@ of hypothesis i, a scan goes through::
     revise        a held track whose majority of hits turns out wrong is corrected under its id
 
 Each has its module: `tree` (predict to evidence, prune) with `fading`, `speed_prior`, `threshold`
-with `threshold_plan`, `starts` (confirm) with `resolution` (hits, purity, state), and `revisions`.
+with `threshold_plan`, `starts` (confirm) with `credible_hits` (hits, purity, state), `revisions`.
 The full references are in `likelihood_ratio`; the jump is simulated in `threshold_plan`.
 
 Readings
@@ -55,8 +55,8 @@ from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.initiation.track_building import tracks_from_hits
 from tsepm_ros.kinematics.track import NO_TRACKS, ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.score import path_strength, speed_prior, starts, tree
+from tsepm_ros.methods.score.credible_hits import Start, held_share, spans_time
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.resolution import Start, held_share, spans_time
 from tsepm_ros.methods.score.revisions import doubtful, revisions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.score.starts import StartRule, SummedEvidence

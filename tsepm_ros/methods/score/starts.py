@@ -3,12 +3,12 @@
 With the evidence E of the hypotheses that end in one detection, summed under the velocity prior
 that ends at v_max (`speed_prior`), and the threshold A::
 
-    confirmed     E >= A, by at least 3 hits, no held track's, of which more than half are the
-                  target's with a probability of at least 0.9, or by 8 hits (a lower
-                  probability at target rates above 3000 per hour); of a second target
+    confirmed     E >= A, by at least 3 hits, at most half of them due to held tracks, more
+                  than half of them the target's with a probability of at least 0.9, or by 8
+                  hits (a lower probability at target rates above 3000 per hour); of a second target
                   E >= A + ln 1000, with the density due to held tracks added to lambda
 
-Hits, purity and state are those of `resolution`.
+Hits, purity and state are those of `credible_hits`.
 """
 
 from __future__ import annotations
@@ -24,21 +24,19 @@ import numpy as np
 from tsepm_ros.initiation.initiator import NEW_TRACK_EXISTENCE
 from tsepm_ros.maintenance.track_maintenance import MIN_EXISTENCE
 from tsepm_ros.methods.score import speed_prior
-from tsepm_ros.methods.score.grown import Grown
-from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.resolution import (
+from tsepm_ros.methods.score.credible_hits import (
     MIN_HIT_PROBABILITY,
     MIN_PURITY_PROBABILITY,
     HitFit,
     Start,
     held_share,
-    hit_share,
     resolved,
 )
+from tsepm_ros.methods.score.grown import Grown
+from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import MIN_HITS
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.numerics.grouped import sums_over_hits
 from tsepm_ros.sensing.detection_window import DetectionWindow
 
 MAX_RATE_OF_PURE_STARTS = 3000.0
@@ -51,11 +49,6 @@ lets it hide the target; a larger share makes redundant tracks. docs/score.md co
 """
 MAX_HELD_PROBABILITY = 0.5
 """Probability that a held track caused a detection above which it starts no other by itself."""
-MAX_STARTED_SHARE = 0.3
-"""Share of the hits due to other starts of the scan above which a hypothesis is of their targets.
-
-Less than `MAX_HELD_SHARE`: hypotheses of a target often end in several detections of a scan.
-"""
 SECOND_TARGET_MARGIN = math.log(1e3)
 """Evidence above the threshold, given held tracks, that a second target needs: a choice.
 
@@ -148,13 +141,11 @@ class SummedEvidence:
         grown = speed_prior.with_rivals(grown, decided, threshold, max_speed)
         purity = min_purity_probability(false_tracks_per_hour)
         starts: list[Start] = []
-        exists: list[float] = []
         for newest in sorted(np.flatnonzero(strong), key=lambda detection: -sums[detection]):
             members = ending[group == newest]
             start = None
             if (
                 new[newest]
-                and started_share(members, starts, exists) <= MAX_STARTED_SHARE
                 and window.held_probability(grown.ids[[newest]])[0] <= MAX_HELD_PROBABILITY
             ):
                 start = resolved(members, grown, window, MAX_HELD_SHARE, min_time, fit, purity)
@@ -167,8 +158,8 @@ class SummedEvidence:
             if start is not None:
                 starts.append(start)
                 beyond = np.array([start.evidence - threshold])
-                exists += existence(beyond, false_tracks_per_hour).tolist()
-                window.note_held(start.detections, start.probability * exists[-1])
+                exists = existence(beyond, false_tracks_per_hour)
+                window.note_held(start.detections, start.probability * exists)
         return starts
 
 
@@ -200,21 +191,6 @@ def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArra
     return np.clip(
         TARGET_BIRTH_RATE / (TARGET_BIRTH_RATE + false), MIN_NEW_EXISTENCE, NEW_TRACK_EXISTENCE
     )
-
-
-def started_share(
-    hypotheses: Hypotheses, starts: Sequence[Start], exists: Sequence[float]
-) -> float:
-    """Share of the hits that are those of starts, whose targets exist with probabilities (k,).
-
-    As `held_share`, over the hypotheses together; an expected number of common hits counts.
-    """
-    common = np.zeros(len(hypotheses))
-    for start, probability in zip(starts, exists, strict=True):
-        of_start = probability * start.probability
-        common += sums_over_hits(hypotheses.hits, start.detections, of_start)
-    together = np.zeros(len(hypotheses), np.int64)
-    return float(hit_share(hypotheses, common, together, 1)[0])
 
 
 def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tsepm_ros.methods.score.credible_hits import credible_hits, held_share
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.resolution import credible_hits, held_share
 from tsepm_ros.sensing.conversion import DETECTION
 from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.paths import NO_HIT

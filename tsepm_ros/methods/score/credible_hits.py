@@ -6,7 +6,9 @@ and end in another detection, or in none::
     P(hit)        sum of w_i over i with the hit,  w_i ~ exp(s_i)
     hits          the detections of a probability of at least 0.9, or, where these are fewer than
                   3, the 3 most probable, each more probable than not
-    resolved      sum of w_i over i with more than half of the hits is at least 0.9
+    resolved      sum of w_i over i with more than half of the hits is at least 0.9, with the
+                  hypotheses of a single hit among all i (by 8 hits, whose probabilities may be
+                  smaller: more than half; a smaller sum at high target rates)
     state         x = sum_i w_i x_i over these i,  P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
 x_i and P_i are fitted to the hits of hypothesis i alone.
@@ -32,7 +34,7 @@ from tsepm_ros.sensing.detection_window import DetectionWindow
 from tsepm_ros.stages.paths import NO_HIT
 
 MIN_HIT_PROBABILITY = 0.5
-"""Posterior probability that every hit of a confirmed track exceeds: more probable than not."""
+"""Posterior probability that every hit of a confirmed track exceeds, but of those by 8 hits."""
 SURE_HIT_PROBABILITY = 0.9
 """Posterior probability from which a detection is a hit in any case: a choice.
 
@@ -44,7 +46,7 @@ MIN_PURITY_PROBABILITY = 0.9
 
 A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
 choice; docs/score.md compares other values. Where false tracks are many by choice, it is lower, see
-`min_purity_probability`.
+`starts.min_purity_probability`.
 """
 MAX_UNRESOLVED_HITS = 8
 """Hits of the best hypothesis from which a start waits no longer: a choice.
@@ -139,20 +141,13 @@ def held_share(
 
     ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i due to held tracks.
     """
+    weight = np.exp(hypotheses.score - grouped.largest_of(hypotheses.score, group, count)[group])
     hit = hypotheses.hits != NO_HIT
     held = np.zeros(hypotheses.hits.shape)
     held[hit] = window.held_probability(hypotheses.hits[hit])
-    return hit_share(hypotheses, held.sum(axis=1), group, count)
-
-
-def hit_share(
-    hypotheses: Hypotheses, number: FloatArray, group: IntArray, count: int
-) -> FloatArray:
-    """Share of each group's hits, (count,), that the numbers (n,) of each hypothesis' hits are."""
-    weight = np.exp(hypotheses.score - grouped.largest_of(hypotheses.score, group, count)[group])
-    part = np.bincount(group, weight * number, minlength=count)
+    held_hits = np.bincount(group, weight * held.sum(axis=1), minlength=count)
     hits = np.bincount(group, weight * hypotheses.hit_count, minlength=count)
-    return np.asarray(part / np.maximum(hits, 1e-300))
+    return np.asarray(held_hits / np.maximum(hits, 1e-300))
 
 
 def rivals_of(members: Hypotheses, grown: Grown, evidence: float) -> Hypotheses:
