@@ -25,7 +25,7 @@ from tsepm_ros.environment import target_strength
 from tsepm_ros.environment.target_strength import PathRatio
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score import fading, likelihood_ratio
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, position_covariance
 from tsepm_ros.sensing.sensor import SensorModel
@@ -299,21 +299,22 @@ def _scores(
 
     -inf before the start, without a detection in that scan, and after deletion.
     """
-    n, window = targets.detected.shape
+    every, window = targets.detected.shape
+    rows = np.flatnonzero(targets.detected[:, first])
+    n = len(rows)
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    detections = targets.detections[first]
+    detections = targets.detections[first][rows]
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
     state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
-    start = start + targets.strength_increments(first, first)
     scores = np.full((n, window), -np.inf)
-    scores[:, first] = np.where(targets.detected[:, first], start, -np.inf)
+    scores[:, first] = start + targets.strength_increments(first, first)[rows]
     target, at_stamp = np.arange(n), np.zeros(n)
     faded = np.full(n, fading.FADED_AT_START)
     for scan in range(first + 1, window):
         state, covariance = kalman.predict(state, covariance, interval, process_noise)
-        detections = targets.detections[scan]
+        detections = targets.detections[scan][rows]
         innovation = detections["position"] - state[:, 0::2]
         innovation_covariance = covariance[:, 0::2, 0::2] + _errors(state, sensor)
         density = kalman.log_likelihood(
@@ -326,12 +327,12 @@ def _scores(
             detections,
             gate_probability,
         )
-        hit = targets.detected[:, scan] & np.isfinite(density)
+        hit = targets.detected[rows, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
         faded = fading.predicted(faded, interval)
         probability = sensor.detection_probability * fading.visible_share(faded)
         increment = likelihood_ratio.hit_increment(density, probability, clutter)
-        increment = increment + targets.strength_increments(first, scan)
+        increment = increment + targets.strength_increments(first, scan)[rows]
         missed = likelihood_ratio.miss_increment(probability, gate_probability)
         faded = np.where(
             hit,
@@ -340,28 +341,35 @@ def _scores(
         )
         scores[:, scan] = scores[:, scan - 1] + np.where(hit, increment, missed)
         scores[scores[:, scan] < deletion, scan] = -np.inf
-        state[hit], covariance[hit] = kalman.update(
+        updated = kalman.update(
             state[hit], covariance[hit], at_stamp[hit], innovation[hit], innovation_covariance[hit]
         )
-        state[hit], covariance[hit] = range_rates.update(
-            state[hit], covariance[hit], at_stamp[hit], detections[hit]
-        )
-    return scores
+        state[hit], covariance[hit] = range_rates.update(*updated, at_stamp[hit], detections[hit])
+    of_all = np.full((every, window), -np.inf)
+    of_all[rows] = scores
+    return of_all
 
 
 def _plan(tested: FloatArray, window: int) -> ScorePlan:
     """``E_1[exp(-evidence at the first passage); passes]`` in the window, and passages by scan."""
     running = np.maximum.accumulate(tested, axis=1)
-    false, true = [], []
-    for threshold in THRESHOLDS:
-        passed = running >= threshold
-        in_window = passed[:, window - 1]
-        first = passed.argmax(axis=1)[in_window]
-        if len(first) < MIN_PASSAGES:
-            break
-        false.append(np.exp(-tested[in_window, first]).sum() / len(tested))
-        true.append(passed.mean(axis=0))
-    return ScorePlan(np.array(false), np.reshape(true, (-1, tested.shape[1])))
+    passed = np.stack([_at_least(column) for column in running.T], axis=1)
+    used = np.count_nonzero(passed[:, window - 1] >= MIN_PASSAGES)
+    # A target passes the thresholds above its largest evidence so far, up to the new largest.
+    before = np.concatenate([np.full((len(tested), 1), -np.inf), running[:, : window - 1]], axis=1)
+    in_window = running[:, :window]
+    highest = np.where(in_window > before, np.exp(-in_window), 0.0).ravel()
+    steps = np.zeros(len(THRESHOLDS) + 1)
+    np.add.at(steps, np.searchsorted(THRESHOLDS, in_window.ravel(), side="right"), highest)
+    np.subtract.at(steps, np.searchsorted(THRESHOLDS, before.ravel(), side="right"), highest)
+    # From the highest threshold down: the shares fall over many powers of ten.
+    false = np.cumsum(steps[::-1])[-2::-1][:used] / len(tested)
+    return ScorePlan(false, passed[:used] / len(tested))
+
+
+def _at_least(values: FloatArray) -> IntArray:
+    """Number of the values (n,) that are at least each threshold, (t,)."""
+    return np.asarray(len(values) - np.searchsorted(np.sort(values), THRESHOLDS))
 
 
 def _errors(state: FloatArray, sensor: SensorModel) -> FloatArray:
