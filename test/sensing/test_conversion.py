@@ -203,7 +203,14 @@ def test_covariance_at_another_position_is_that_of_a_target_there():
         SENSOR.range_variance(range_),
         SENSOR.azimuth_std,
     )
-    np.testing.assert_allclose(covariance_at(hits, there, SENSOR), expected, rtol=1e-12)
+    np.testing.assert_allclose(covariance_at(hits, there, SENSOR), expected, rtol=1e-12, atol=1e-9)
+
+
+def test_covariance_at_the_sensor_is_that_of_any_direction():
+    hits = convert(Scan(0.0, [3000.0], [0.2]), SENSOR, 0)
+    expected = position_covariance(0.0, 0.0, SENSOR.range_variance(0.0), SENSOR.azimuth_std)
+    found = covariance_at(hits, np.zeros((1, 2)), SENSOR)
+    np.testing.assert_allclose(found, expected[None], rtol=1e-12)
 
 
 def test_covariance_at_keeps_own_deviations_and_pose_errors():

@@ -18,9 +18,10 @@ from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at
 from tsepm_ros.sensing.sensor import SensorModel
 
-_POSITIONS, _VELOCITIES = slice(0, 11, 10), slice(5, 16, 10)
-_ACROSS, _ACROSS_TRANSPOSED = slice(1, 12, 10), slice(4, 15, 10)
-"""Places of both axes in the 16 numbers of a covariance: variances, and what is between them."""
+_POSITIONS, _ACROSS, _VELOCITIES = np.zeros((3, 4, 4))
+_POSITIONS[[0, 2], [0, 2]] = _VELOCITIES[[1, 3], [1, 3]] = 1.0
+_ACROSS[[0, 1, 2, 3], [1, 0, 3, 2]] = 1.0
+"""Places of both axes in a covariance: variances, and what is between them."""
 
 
 def predict(
@@ -50,18 +51,25 @@ def predict(
     state, covariance = state.copy(), covariance.copy()
     step = elapsed[..., None]
     state[..., 0::2] += step * state[..., 1::2]
-    step = step[..., None]
-    covariance[..., 0::2, :] += step * covariance[..., 1::2, :]
-    covariance[..., 0::2] += step * covariance[..., 1::2]
+    # Of both axes, position and velocity: views, whose rows and columns are long.
+    rows = covariance.reshape(*covariance.shape[:-2], 2, 2, 4)
+    rows[..., 0, :] += step[..., None] * rows[..., 1, :]
+    columns = covariance.reshape(*covariance.shape[:-2], 8, 2)
+    columns[..., 0] += step * columns[..., 1]
     if np.any(noise):
-        velocity_variance = np.abs(elapsed) * noise
-        across = (velocity_variance * elapsed / 2.0)[..., None]
-        numbers = covariance.reshape(*covariance.shape[:-2], 16)  # the same memory
-        numbers[..., _POSITIONS] += (velocity_variance * elapsed**2 / 3.0)[..., None]
-        numbers[..., _ACROSS] += across
-        numbers[..., _ACROSS_TRANSPOSED] += across
-        numbers[..., _VELOCITIES] += velocity_variance[..., None]
+        covariance += process_noise(elapsed, np.abs(elapsed) * noise)
     return state, covariance
+
+
+def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatArray:
+    """Q of white acceleration, (..., 4, 4), that adds a variance (...) to each velocity in (...) s.
+
+    ``[[t^2 / 3, t / 2], [t / 2, 1]]`` of each axis, times the variance.
+    """
+    t = elapsed[..., None, None]
+    of_variance = t * t / 3.0 * _POSITIONS + t / 2.0 * _ACROSS + _VELOCITIES
+    noise: FloatArray = velocity_variance[..., None, None] * of_variance
+    return noise
 
 
 def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:

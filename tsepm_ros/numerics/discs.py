@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -96,68 +97,84 @@ def pairs_nearer(positions: FloatArray, distance: float) -> tuple[IntArray, IntA
     return pairs.min(axis=1, initial=n), pairs.max(axis=1, initial=-1)
 
 
+class _Axis(NamedTuple):
+    """Cells of equal side along an axis, m."""
+
+    low: float
+    extent: float
+    number: int
+
+    @classmethod
+    def of(cls, values: FloatArray, radius: float, most: int) -> _Axis:
+        """Cells over the extent of values (n,), no more than `most`."""
+        low = float(values.min())
+        extent = float(values.max()) - low
+        return cls(low, extent, _parts(extent, radius, most))
+
+    def cells(self, values: FloatArray) -> IntArray:
+        """Number of the cell nearest to each value, (n,)."""
+        cell = (values - self.low) / ((self.extent or 1.0) / self.number)
+        return np.clip(cell, 0, self.number - 1, out=cell).astype(np.int64)
+
+
 class _Cells:
     """Positions sorted by the cells of a grid, row by row, and where each cell begins."""
 
     def __init__(self, positions: FloatArray, radius: float) -> None:
-        self._low = positions.min(axis=0)
-        extent = positions.max(axis=0) - self._low
+        x, y = positions.T.copy()
         most = max(int(CELLS_PER_ROOT * math.sqrt(len(positions))), 1)
-        self._number = np.array([_parts(float(side), radius, most) for side in extent])
-        self._side = np.where(extent > 0.0, extent, 1.0) / self._number
+        self._columns = _Axis.of(x, radius, most)
+        self._rows = _Axis.of(y, radius, most)
+        extent = max(self._columns.extent, self._rows.extent)
         # Beyond rounding errors of the cells.
-        self._margin = 1e-9 * (float(extent.max()) + float(np.abs(positions).max()))
-        column, row = self._of(positions)
-        cell = row * self._number[0] + column
-        order = np.argsort(cell, kind="stable")
-        self._order = order
-        self._x, self._y = positions[order].T.copy()
-        self._begin = np.zeros(int(self._number.prod()) + 1, np.int64)
+        self._margin = 1e-9 * (extent + float(np.abs(positions).max()))
+        cell = self._rows.cells(y) * self._columns.number + self._columns.cells(x)
+        self._order = np.argsort(cell, kind="stable")
+        self._x, self._y = x[self._order], y[self._order]
+        self._begin = np.zeros(self._columns.number * self._rows.number + 1, np.int64)
         np.cumsum(np.bincount(cell, minlength=len(self._begin) - 1), out=self._begin[1:])
-
-    def _of(self, places: FloatArray) -> IntArray:
-        """Column and row of the cell nearest to places (n, 2), (2, n)."""
-        cell = np.clip((places - self._low) / self._side, 0, self._number - 1)
-        return np.asarray(cell.astype(np.int64).T)
 
     def pairs(self, centres: FloatArray, radius: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
         """Parts of the pairs of these centres; no centre is in two parts."""
-        reach = (radius + self._margin)[:, None]
-        left, lowest = self._of(centres - reach)
-        right, highest = self._of(centres + reach)
+        reach = radius + self._margin
+        x, y = centres.T.copy()
+        left, right = self._columns.cells(x - reach), self._columns.cells(x + reach)
+        lowest, highest = self._rows.cells(y - reach), self._rows.cells(y + reach)
         rows = highest - lowest + 1
         owner = np.arange(len(centres)).repeat(rows)
-        base = _counted(lowest, rows) * self._number[0]
+        base = _counted(lowest, rows) * self._columns.number
         begin = self._begin.take(base + left.take(owner))
         number = self._begin.take(base + right.take(owner) + 1) - begin
         ends = np.cumsum(np.bincount(owner, number, minlength=len(centres)))
+        square = radius * radius
         first = 0
         while first < len(centres):
             before = ends[first - 1] if first else 0.0
             last = int(np.searchsorted(ends, before + CANDIDATES_TOGETHER, side="right"))
             last = max(last, first + 1)
             part = slice(*np.searchsorted(owner, [first, last]))
-            yield self._inside(centres, radius, owner[part], begin[part], number[part])
+            yield self._inside(x, y, square, owner[part], begin[part], number[part])
             first = last
 
     def _inside(
         self,
-        centres: FloatArray,
-        radius: FloatArray,
+        x_of: FloatArray,
+        y_of: FloatArray,
+        square: FloatArray,
         owner: IntArray,
         begin: IntArray,
         number: IntArray,
     ) -> tuple[IntArray, IntArray]:
         """Of runs of sorted positions, the pairs that are inside."""
         centre, row = owner.repeat(number), _counted(begin, number)
-        x = centres[:, 0].take(centre)
+        x = x_of.take(centre)
         x -= self._x.take(row)
-        y = centres[:, 1].take(centre)
+        y = y_of.take(centre)
         y -= self._y.take(row)
         x *= x
         y *= y
         x += y
-        inside = np.flatnonzero(x <= (radius * radius).take(centre))
+        inside = np.flatnonzero(x <= square.take(centre))
         return centre.take(inside), self._order.take(row.take(inside))
 
 

@@ -102,7 +102,14 @@ def position_covariance(
     (..., 2, 2) ndarray
         m^2.
     """
-    square = np.square(range)
+    along, across = _variances(np.square(range), np.asarray(range_variance), azimuth_std)
+    return rotated(along, across, azimuth)
+
+
+def _variances(
+    square: FloatArray, range_variance: FloatArray, azimuth_std: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Variances along and across the line of sight, at squared ranges; see above."""
     angle_variance = np.square(azimuth_std)
     # (1 +- b^4) / (2 b^2) = cosh(s^2), sinh(s^2), and cosh(u) - 1 = 2 sinh(u/2)^2: small s
     # costs no digits.
@@ -111,13 +118,18 @@ def position_covariance(
     across = (square + range_variance) * np.sinh(angle_variance)
     # Beyond this ratio the rotation and sums of covariances lose the smaller to rounding.
     least = MIN_VARIANCE_SHARE * np.maximum(along, across)
-    return rotated(np.maximum(along, least), np.maximum(across, least), azimuth)
+    return np.maximum(along, least), np.maximum(across, least)
 
 
 def rotated(along: ArrayLike, across: ArrayLike, azimuth: ArrayLike) -> FloatArray:
     """Covariance (..., 2, 2) of variances (...) along and across a direction (...), rad."""
-    along, across = np.asarray(along), np.asarray(across)
-    cosine, sine = np.cos(azimuth), np.sin(azimuth)
+    return _rotated(np.asarray(along), np.asarray(across), np.cos(azimuth), np.sin(azimuth))
+
+
+def _rotated(
+    along: FloatArray, across: FloatArray, cosine: FloatArray, sine: FloatArray
+) -> FloatArray:
+    """As `rotated`, with the direction's cosine and sine (...)."""
     covariance = np.empty((*np.shape(along), 2, 2))
     covariance[..., 0, 0] = along * cosine**2 + across * sine**2
     covariance[..., 1, 1] = along * sine**2 + across * cosine**2
@@ -261,13 +273,14 @@ def covariance_at(
         m^2.
     """
     offset = positions - detections["sensor_pose"][..., :2]
-    range_ = np.hypot(offset[..., 0], offset[..., 1])
-    covariance = position_covariance(
-        range_,
-        np.arctan2(offset[..., 1], offset[..., 0]),
-        range_variance_at(detections, range_, sensor),
-        detections["azimuth_std"],
-    )
+    x, y = offset[..., 0], offset[..., 1]
+    range_ = np.hypot(x, y)
+    range_variance = range_variance_at(detections, range_, sensor)
+    along, across = _variances(range_**2, range_variance, detections["azimuth_std"])
+    away = range_ > 0.0
+    cosine = np.divide(x, range_, out=np.ones(range_.shape), where=away)
+    sine = np.divide(y, range_, out=np.zeros(range_.shape), where=away)
+    covariance = _rotated(along, across, cosine, sine)
     if not detections["sensor_pose_covariance"].any():
         return covariance
     return covariance + pose_error_covariance(offset, detections["sensor_pose_covariance"])
