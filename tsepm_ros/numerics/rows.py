@@ -55,18 +55,17 @@ class Rows:
 
     @classmethod
     def chosen(cls, parts: Sequence[Self], rows: Sequence[NDArray[np.integer]]) -> Self:
-        """The given rows of each part, in order; a column at a time, which spares memory."""
-        return cls(
-            *(
-                np.concatenate(
-                    [
-                        getattr(part, name).take(of, axis=0)
-                        for part, of in zip(parts, rows, strict=True)
-                    ]
-                )
-                for name in _names(cls)
-            )
-        )
+        """The given rows (indices) of each part, in order."""
+        ends = np.cumsum([len(of) for of in rows])
+        columns = []
+        for name in _names(cls):
+            values = [getattr(part, name) for part in parts]
+            column = np.empty((ends[-1], *values[0].shape[1:]), values[0].dtype)
+            for of_part, of, end in zip(values, rows, ends, strict=True):
+                # "clip" writes into the place at once; "raise", the default, copies.
+                of_part.take(of, axis=0, out=column[end - len(of) : end], mode="clip")
+            columns.append(column)
+        return cls(*columns)
 
 
 def _names(kind: type[Rows]) -> tuple[str, ...]:
