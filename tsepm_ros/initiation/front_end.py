@@ -29,7 +29,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, View, echo_poses_of, swept
+from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, View, echo_poses_of, looked_at
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -388,6 +388,5 @@ class FrontEnd:
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
-        range_, azimuth = self._poses.polar(positions)
-        covered = self.sensor.covers(range_, azimuth) & swept(self._scan, azimuth)
+        covered = looked_at(self._scan, self.sensor, self._poses, positions)
         return np.where(covered, self.detection_probability, 0.0)

@@ -66,16 +66,20 @@ class PosesByRange:
         """The pose of the echo of median range, (3,)."""
         return self.pose[len(self.pose) // 2]
 
-    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame.
+    def of_echoes_from(self, positions: FloatArray) -> FloatArray:
+        """Pose (3,), or poses (3, n), at the echoes from positions (n, 2) in the fixed frame.
 
         The pose is interpolated at the range from the middle pose.
         """
         pose = self.middle
         if len(self.pose) > 1:
-            distance = np.hypot(*(positions - pose[:2]).T)
+            distance = _range(positions, pose)
             pose = np.stack([np.interp(distance, self.range, values) for values in self.pose.T])
-        return _polar(positions, pose)
+        return pose
+
+    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame."""
+        return _polar(positions, self.of_echoes_from(positions))
 
 
 @dataclass(frozen=True)
@@ -98,8 +102,8 @@ class PosesByAzimuth:
         """The pose of the echo of median azimuth, (3,)."""
         return self.pose[len(self.pose) // 2]
 
-    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame.
+    def of_echoes_from(self, positions: FloatArray) -> FloatArray:
+        """Poses (3, n) at the echoes from positions (n, 2) in the fixed frame.
 
         The azimuth determines the pose, and the pose the azimuth: `TURNS` rounds from the middle
         pose solve for both, since the beam turns much faster than the sensor.
@@ -110,7 +114,11 @@ class PosesByAzimuth:
             beam = self.azimuth - self.azimuth[0]
             # Beyond the last echo begins the seam, which the first follows.
             pose = np.stack([np.interp(from_seam, beam, values) for values in self.pose.T])
-        return _polar(positions, pose)
+        return pose
+
+    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame."""
+        return _polar(positions, self.of_echoes_from(positions))
 
 
 EchoPoses = PosesByRange | PosesByAzimuth
@@ -139,9 +147,16 @@ def echo_poses_of(scan: Scan) -> EchoPoses | None:
     return PosesByAzimuth(azimuth, pose)
 
 
-def swept(scan: Scan, azimuth: FloatArray) -> BoolArray:
-    """Whether azimuths (n,) in the sensor frame, rad, are of the arc that a scan looked at."""
-    return _in_arc(None if scan.swept is None else tuple(scan.swept), azimuth)
+def looked_at(
+    scan: Scan, sensor: SensorModel, poses: EchoPoses, positions: FloatArray
+) -> BoolArray:
+    """Whether a scan looked at positions (n, 2) in the fixed frame: coverage, and arc swept."""
+    pose = poses.of_echoes_from(positions)
+    swept = None if scan.swept is None else tuple(scan.swept)
+    if sensor.all_round and swept is None:
+        return sensor.covers(_range(positions, pose), 0.0)
+    range_, azimuth = _polar(positions, pose)
+    return sensor.covers(range_, azimuth) & _in_arc(swept, azimuth)
 
 
 def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
@@ -181,6 +196,11 @@ class View(NamedTuple):
         """Whether positions (n, 2) in the fixed frame were looked at."""
         range_, azimuth = _polar(positions, np.array(self.pose))
         return self.sensor.covers(range_, azimuth) & _in_arc(self.swept, azimuth)
+
+
+def _range(positions: FloatArray, pose: FloatArray) -> FloatArray:
+    """Range of positions (n, 2) from a pose (3,) or poses (3, n)."""
+    return np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
 
 
 def _polar(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
