@@ -78,7 +78,7 @@ class PosesByRange:
         return pose
 
     def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame."""
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
         return _polar(positions, self.of_echoes_from(positions))
 
 
@@ -117,7 +117,7 @@ class PosesByAzimuth:
         return pose
 
     def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2) in the fixed frame."""
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
         return _polar(positions, self.of_echoes_from(positions))
 
 
