@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ class Sea:
             n, strength = len(scan), changed(scan.features["intensity"], scan.range)
             direction = np.array([np.cos(scan.azimuth), np.sin(scan.azimuth)])
             position = (scan.range * direction).T
-            cells = cells_of(scan.range, scan.azimuth)
+            cells = partial(cells_of, scan.range, scan.azimuth)
             found = self.learner.judge(strength, index, np.arange(n), cells, position)
             self.learner.update(np.ones(n), 750.0, REACH)
             judged.append(found)
@@ -235,7 +236,8 @@ def test_a_large_scan_is_bounded_in_memory():
     for scan in range(3):
         n = 20_000
         position = rng.uniform(-9000.0, 9000.0, (n, 2))
-        cells = cells_of(np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0]))
+        polar = np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0])
+        cells = partial(cells_of, *polar)
         learner.judge(rng.exponential(size=n), scan, np.arange(n), cells, position)
         learner.update(np.ones(n), 500.0, REACH)
     assert len(learner.memory[0]) == 256 and learner.memory[1] <= 3 * 64

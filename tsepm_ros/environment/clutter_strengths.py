@@ -10,6 +10,7 @@ their positions alone: weighed by their strength, clutter would lose its tail.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -115,7 +116,7 @@ class ClutterStrengths:
         strength: FloatArray,
         scan: int,
         index: IntArray,
-        rings: Cells,
+        rings: Callable[[], Cells],
         position: FloatArray,
     ) -> Judged | None:
         """Exponents of a scan's detections, by the scans before it.
@@ -128,8 +129,8 @@ class ClutterStrengths:
             Its index.
         index : (d,) ndarray of int
             Index of each detection in the scan.
-        rings : Cells
-            Of the clutter map, its rows divided into `RINGS`.
+        rings : callable
+            Cells of the clutter map, its rows divided into `RINGS`; asked for with strengths only.
         position : (d, 2) ndarray
             In the fixed frame, m.
 
@@ -149,7 +150,8 @@ class ClutterStrengths:
         raw = strength[row] if self._decibels else np.log(np.maximum(strength[row], 1e-30))
         one = np.empty(len(row), REFERENCE)
         one["key"] = keys_of(scan, index[row])
-        one["at"] = self._places.places_of(rings.row[row], rings.column[row])
+        cells = rings()
+        one["at"] = self._places.places_of(cells.row[row], cells.column[row])
         place = self._places.at(one["at"])
         raw -= place
         level = self._level_with(raw)

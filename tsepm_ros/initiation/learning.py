@@ -52,7 +52,7 @@ def judge_strengths(
         detections["features"][:, INTENSITY],
         scan_index,
         detections["index"],
-        clutter.rings,
+        lambda: clutter.rings,
         detections["position"],
     )
     if judged is None:

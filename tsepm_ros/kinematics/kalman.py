@@ -18,10 +18,11 @@ from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at
 from tsepm_ros.sensing.sensor import SensorModel
 
-_POSITIONS, _ACROSS, _VELOCITIES = np.zeros((3, 4, 4))
-_POSITIONS[[0, 2], [0, 2]] = _VELOCITIES[[1, 3], [1, 3]] = 1.0
-_ACROSS[[0, 1, 2, 3], [1, 0, 3, 2]] = 1.0
-"""Places of both axes in a covariance: variances, and what is between them."""
+_CONSTANT, _LINEAR, _SQUARE = np.zeros((3, 4, 4))
+_CONSTANT[[1, 3], [1, 3]] = 1.0
+_LINEAR[[0, 1, 2, 3], [1, 0, 3, 2]] = 1.0 / 2.0
+_SQUARE[[0, 2], [0, 2]] = 1.0 / 3.0
+"""Coefficients of `process_noise`, as a polynomial of the time."""
 
 
 def predict(
@@ -56,7 +57,8 @@ def predict(
     rows[..., 0, :] += step[..., None] * rows[..., 1, :]
     columns = covariance.reshape(*covariance.shape[:-2], 8, 2)
     columns[..., 0] += step * columns[..., 1]
-    if np.any(noise):
+    noise = np.asarray(noise, float)
+    if noise.any():
         covariance += process_noise(elapsed, np.abs(elapsed) * noise)
     return state, covariance
 
@@ -67,8 +69,9 @@ def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatAr
     ``[[t^2 / 3, t / 2], [t / 2, 1]]`` of each axis, times the variance.
     """
     t = elapsed[..., None, None]
-    of_variance = t * t / 3.0 * _POSITIONS + t / 2.0 * _ACROSS + _VELOCITIES
-    noise: FloatArray = velocity_variance[..., None, None] * of_variance
+    noise: FloatArray = (t * (t * _SQUARE + _LINEAR) + _CONSTANT) * velocity_variance[
+        ..., None, None
+    ]
     return noise
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 
@@ -147,9 +147,7 @@ class SensorModel:
 
     def with_detection_probability(self, probability: float) -> SensorModel:
         """The same sensor with an estimated detection probability, above 0 and at most 1."""
-        changed = copy.copy(self)
-        object.__setattr__(changed, "detection_probability", probability)  # checked are the others
-        return changed
+        return changed(self, detection_probability=probability)  # checked are the others
 
     @property
     def sector_width(self) -> float:
