@@ -1,0 +1,142 @@
+"""Starts of `score` with other values of a constant of its start rule, in the same scenes.
+
+The box's target appears after 16 pings of clutter. Values stand beside that of the built rule: P_D
+after 8 and 16 pings, other starts and corrections per run, and the difference in P_D after 16 pings
+over the pairs of runs, with 95 % intervals. The constants are those of `methods/score/starts.py`.
+
+    python benchmarks/start_choices.py MAX_HELD_SHARE --value 0.3 --rate 20 --rate 100
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from unittest.mock import patch
+
+import fixed_threads  # noqa: F401
+import numpy as np
+
+from tsepm_ros.analysis.intervals import mean
+from tsepm_ros.analysis.measures import measures_of
+from tsepm_ros.analysis.operating_points import OperatingPoint
+from tsepm_ros.analysis.result_files import add_result, printed, write_table
+from tsepm_ros.analysis.run_summary import RunSummary, summarise
+from tsepm_ros.analysis.simulated_run import simulate
+from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.commands.arguments import add_runs, workers_of
+from tsepm_ros.methods.score import starts
+from tsepm_ros.progress import with_progress
+from tsepm_ros.simulation import Scenario, load_scenario
+
+CHOICES = (
+    "MAX_HELD_SHARE",
+    "MIN_PURITY_PROBABILITY",
+    "SECOND_TARGET_MARGIN",
+    "TARGET_BIRTH_RATE",
+)
+WARM_UP = 16
+"""Pings of clutter alone before the target appears."""
+EARLY = 8
+"""Pings after the target appears in which P_D is counted too."""
+HEADER = (
+    "target rate",
+    "value",
+    "P_D, 8 pings",
+    "P_D, 16 pings",
+    "less that of the built rule",
+    "with corrections",
+    "false + misplaced per run",
+    "redundant per run",
+    "corrections per run",
+)
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run: a constant and its value, the target false-track rate per hour, and the seed."""
+
+    choice: str
+    value: float
+    rate: float
+    seed: list[int]
+
+
+@cache
+def box() -> Scenario:
+    """The box scene after a warm-up."""
+    return replace(load_scenario("box", {}), warm_up=WARM_UP)
+
+
+def run(job: Job) -> RunSummary:
+    """Simulate a run with the constant changed."""
+    point = OperatingPoint("score", options={"false_tracks_per_hour": job.rate})
+    with patch.object(starts, job.choice, job.value):
+        return summarise(simulate(box(), job.seed, point))
+
+
+def found(run: RunSummary) -> bool:
+    """Whether the target has a true start."""
+    return run.count(Outcome.TRUE) > 0
+
+
+def cells(runs: Sequence[RunSummary], built: Sequence[RunSummary]) -> list[str]:
+    """Cells of the runs with a value, beside those of the built rule."""
+    early, late = measures_of(box(), runs, EARLY), measures_of(box(), runs)
+    difference = np.subtract([found(one) for one in runs], [found(one) for one in built], dtype=int)
+    return [
+        early.text("detection"),
+        late.text("detection"),
+        "" if runs is built else f"{mean(difference):+.3f}",
+        late.text("detection_corrected", interval=False),
+        late.text("false_per_run"),
+        f"{late.redundant_per_run:.3f}",
+        late.text("corrections_per_run"),
+    ]
+
+
+def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
+    """The values, the built rule's first, at each rate."""
+    yield HEADER
+    as_built = float(getattr(starts, options.choice))
+    values = [as_built, *(value for value in options.value if value != as_built)]
+    for rate in options.rate or [20.0]:
+        jobs = [
+            Job(options.choice, value, rate, [options.seed, index])
+            for value in values
+            for index in range(options.runs)
+        ]
+        runs = list(with_progress(options.workers.mapped(run, jobs), len(jobs)))
+        of_value = [
+            runs[first : first + options.runs] for first in range(0, len(runs), options.runs)
+        ]
+        for value, some in zip(values, of_value, strict=True):
+            name = f"{value:g}" + (", as built" if value == as_built else "")
+            yield [f"{rate:g}/h", name, *cells(some, of_value[0])]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("choice", choices=CHOICES, help="constant of the start rule")
+    parser.add_argument(
+        "--value", type=float, action="append", default=[], help="beside that of the built rule"
+    )
+    parser.add_argument(
+        "--rate", type=float, action="append", help="target false-track rate, per hour; default 20"
+    )
+    add_runs(parser, 300, "runs of a row")
+    add_result(parser)
+    options = parser.parse_args(arguments)
+    options.workers = workers_of(options)
+    line = f"python benchmarks/start_choices.py {options.choice}"
+    line += "".join(f" --value {value:g}" for value in options.value)
+    line += "".join(f" --rate {rate:g}" for rate in options.rate or ())
+    line += f" --runs {options.runs} --seed {options.seed}"
+    measured = printed(table(options))
+    write_table(options.result, line, measured, seed=options.seed, runs=options.runs)
+
+
+if __name__ == "__main__":
+    main()
