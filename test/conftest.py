@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from support.interrupts import heed_interrupts
-from support.patience import STATISTICAL_TEST, TEST
+from support.patience import LONG_TEST, TEST
 
 
 def pytest_configure() -> None:
@@ -14,5 +14,5 @@ def pytest_configure() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if not item.get_closest_marker("timeout"):
-            statistical = item.get_closest_marker("statistical")
-            item.add_marker(pytest.mark.timeout(STATISTICAL_TEST if statistical else TEST))
+            long = item.get_closest_marker("long")
+            item.add_marker(pytest.mark.timeout(LONG_TEST if long else TEST))

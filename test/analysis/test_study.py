@@ -36,7 +36,7 @@ def few() -> list[RunSummary]:
     return list(study(BOX, TSEPM, range(6), 2018))
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_p_d_in_the_box_scene_is_the_design_s(box):
     # Design, section 6: 0.916 in 500 runs. The two shares differ by chance with a standard error
     # of sqrt(0.916 * 0.084 * (1 / 150 + 1 / 500)) = 0.026; 3.3 of them are 99.9 %.
@@ -45,7 +45,7 @@ def test_p_d_in_the_box_scene_is_the_design_s(box):
     assert abs(share - 0.916) < 3.3 * error
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_false_tracks_in_the_box_scene_are_the_design_s(box):
     # Design: 21.6 per run in 500 runs, false and misplaced; one run has a standard deviation of
     # about 6.4. 3.3 standard errors of the difference, 2.0, are 99.9 %.

@@ -15,6 +15,7 @@ AUTOFERRY = Path(__file__).parents[2].parent / "shared" / "data" / "autoferry"
 NOTHING = TrackArrays.of([])
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not AUTOFERRY.is_dir(), reason="the recordings in a harbour are not here")
 @pytest.mark.parametrize("how, late", [("estimated", 1), ("given", 0)])
 def test_each_vessel_in_the_harbour_is_a_single_track(how, late):

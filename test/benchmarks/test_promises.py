@@ -116,7 +116,7 @@ def test_the_wish_is_kept_about():
     assert ratio.low < ratio.value < ratio.high
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path):
     header, *rows = promises.starts_table(options(tmp_path, runs=4), {1e-8: 2.5})
     one_degree = [dict(zip(header, row, strict=True)) for row in rows[:3]]
@@ -151,6 +151,7 @@ def test_equal_rates_are_measured_at_both_horizons(tmp_path):
     assert [row[:2] for row in rows] == [["density 1e-7", "8"], ["density 1e-7", "16"]]
 
 
+@pytest.mark.long
 def test_a_design_is_put_beside_whole_scenes(tmp_path):
     row = promises.designed(3e-8, 8, options(tmp_path, runs=15))
     planned, simulated, measured = (float(cell.split()[0]) for cell in row[2:5])

@@ -126,6 +126,7 @@ def test_stamps_beyond_ros_times_are_one_sentence_and_leave_no_file(capsys, reco
     assert main(["run", recording]) == 0, "CSV has no such limit"
 
 
+@pytest.mark.long
 def test_a_run_that_is_killed_leaves_no_half_file_and_the_next_cleans_up(scenario, tmp_path):
     pytest.importorskip("rosbags")
     out = tmp_path / "out"

@@ -31,7 +31,7 @@ from tsepm_ros.stages.pruning import clutter_threshold
 SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("method", "options"),
     [("score", {"false_tracks_per_hour": 3.0}), ("tsepm", {"min_hits": 6, "window": 8})],
@@ -48,6 +48,7 @@ def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options
     assert abs(predicted.detection.value - measured.value) < 0.03 + 2.6 * noise
 
 
+@pytest.mark.long
 def test_rules_confirm_no_more_clutter_than_they_are_said_to():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
     rules = search.rules_within(case, TsepmOptions(), 60.0)
@@ -59,6 +60,7 @@ def test_rules_confirm_no_more_clutter_than_they_are_said_to():
     assert measured.low < rule.false_per_hour <= 60.0
 
 
+@pytest.mark.long
 def test_one_hit_fewer_would_break_the_wish():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
     rule = next(r for r in search.rules_within(case, TsepmOptions(), 30.0) if r.window == 8)
@@ -244,6 +246,7 @@ def test_an_angle_that_looks_like_degrees_is_asked_about(capsys):
     assert said.startswith("note: sensor.azimuth_std") and "degrees" in said
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_a_first_set_up_is_designed_further(capsys, tmp_path):
     file, further = tmp_path / "sonar.yaml", tmp_path / "further.yaml"

@@ -73,7 +73,9 @@ def test_a_miss_and_a_detection_stay_possible():
     assert known.estimate(0.9) == 0.05
 
 
-@pytest.mark.parametrize("true", [0.6, 0.8, 0.95])
+@pytest.mark.parametrize(
+    "true", [0.6, *(pytest.param(true, marks=pytest.mark.long) for true in (0.8, 0.95))]
+)
 def test_the_estimate_comes_near_the_truth(true):
     # 3 targets in 80 scans: 0.03 is the standard error of a share of 0.6 in 200 scans.
     found = [run(seen(true, seed), "estimated") for seed in range(4)]
@@ -111,6 +113,7 @@ def test_it_is_known_in_either_case_and_used_where_asked_for():
     assert estimated.method.threshold != given.method.threshold
 
 
+@pytest.mark.long
 def test_starts_are_not_harmed_where_the_data_sheet_is_right():
     starts = {
         how: [run(seen(0.9, seed, 40), how).totals.confirmed for seed in range(4)]

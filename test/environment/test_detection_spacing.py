@@ -39,7 +39,7 @@ def test_clutter_of_the_box_looks_like_clutter(kind):
 
 
 @pytest.mark.parametrize("kind", ["uniform", "smooth", "rough", "blocks"])
-@pytest.mark.statistical
+@pytest.mark.long
 def test_clutter_of_the_box_looks_like_clutter_for_long(kind):
     assert largest(SensorModel(), box(kind, 10_000, seed=2)) < LIMIT
 

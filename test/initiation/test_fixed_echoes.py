@@ -58,7 +58,7 @@ def test_errors_of_the_own_pose_and_a_moving_sonar_move_no_reflector(kind):
     assert listed >= 0.9
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_at_most_two_of_a_hundred_reflectors_are_ever_published_in_two_minutes():
     published, number, listed = published_reflectors(range(1, 21), 120)
     assert number == 100

@@ -49,7 +49,7 @@ def test_a_swimmer_of_several_echoes_is_one(spread, common):
     check([benchmark.run(scene, seed) for seed in range(2)])
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize("density", ["given", "estimated"])
 @pytest.mark.parametrize(("spread", "common"), MANY)
 @pytest.mark.timeout(600)
@@ -110,7 +110,7 @@ def test_swimmers_of_one_echo_that_pass_each_other_are_no_plots(seed):
     assert run.held > 0.97
 
 
-@pytest.mark.parametrize("false", [16.0, 50.0])
+@pytest.mark.parametrize("false", [16.0, pytest.param(50.0, marks=pytest.mark.long)])
 def test_swimmers_are_held_in_the_clutter_of_a_fast_sonar(false):
     # 5e-4 and 1.6e-3 false detections a m^2: a hull's gate holds some anywhere.
     for seed in range(2):

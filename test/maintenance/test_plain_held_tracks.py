@@ -24,7 +24,7 @@ from tsepm_ros.sensing.coverage import PosesByRange
 
 SCENES = 120
 BATCH = 10
-ALWAYS = 40
+ALWAYS = 20
 TOLERANCE = 1e-7
 MAX_SPEED = 10.0
 OPTIONS = ("sector", "moving", "offsets", "rates", "own_errors", "pose_errors", "reports")

@@ -12,8 +12,8 @@ from support.scenes import Scene, random_scene
 from tsepm_ros import SensorModel, make_initiator
 
 SCENES = 300
-BATCH = 25
-ALWAYS = 25
+BATCH = 15
+ALWAYS = 15
 """Scenes without the marker; a fault of the method shows in nearly every scene."""
 TOLERANCE = 1e-9
 

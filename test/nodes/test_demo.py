@@ -34,6 +34,7 @@ def test_the_demo_starts_every_target_and_draws_it(tmp_path):
     assert picture.read_bytes().startswith(PNG)
 
 
+@pytest.mark.long
 def test_a_target_that_is_not_started_fails_the_demo(tmp_path):
     scenario = tmp_path / "deaf.yaml"
     scenario.write_text(
@@ -46,6 +47,7 @@ def test_a_target_that_is_not_started_fails_the_demo(tmp_path):
     assert "1 of 1 targets were not truly started" in done.stderr
 
 
+@pytest.mark.long
 def test_a_recording_is_reviewed_by_the_distance_from_its_targets(tmp_path):
     """A target at 5 m/s along x, 3 km north of a sensor at rest, and an echo that stands still."""
     rows, truth, own_ship = [], [], []

@@ -19,7 +19,11 @@ from tsepm_ros.simulation import Simulator, load_scenario
 SECOND = 10**9
 EXECUTABLES = ("track_initiator", "sonar_simulator", "scan_player")
 SIGNALS = pytest.mark.parametrize(
-    "number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"]
+    "number",
+    [
+        pytest.param(signal.SIGINT, id="SIGINT"),
+        pytest.param(signal.SIGTERM, marks=pytest.mark.long, id="SIGTERM"),
+    ],
 )
 
 MOVING_SHIP = """

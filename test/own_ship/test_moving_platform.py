@@ -61,7 +61,7 @@ def assert_equal(one, other, largest):
     assert abs(one.mean() - other.mean()) <= Z * error
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["score", "tsepm"])
 def test_detections_and_errors_are_those_of_a_sonar_that_stays(method):
     # 160 targets; the same scenes, 40 runs, seed 1. A difference of 0.08 in P_D would be seen, or
@@ -76,7 +76,7 @@ def test_detections_and_errors_are_those_of_a_sonar_that_stays(method):
         assert_equal(one, other, largest)
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_placed_by_the_pose_of_the_stamp_the_same_pings_find_less_later_and_worse():
     found, starts = figures(True, "score")
     found_badly, bad = figures(True, "score", PlacedByTheStamp)

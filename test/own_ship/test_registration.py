@@ -271,7 +271,7 @@ def nees(seed: int, estimator: str, *, known: bool) -> float | None:
     return None
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize("estimator", ["unweighted", "weighted"])
 def test_a_heading_that_errs_from_scan_to_scan_is_in_the_track_s_covariance(estimator):
     # 1 degree at 4 km is 70 m, over three times what the sonar's own azimuth errs by.

@@ -229,7 +229,7 @@ def fingerprint(results):
     return stamps + b"|".join(track_points(part)[0].tobytes() for part in parts)
 
 
-@pytest.mark.parametrize("number", [10, pytest.param(100, marks=pytest.mark.statistical)])
+@pytest.mark.parametrize("number", [10, pytest.param(100, marks=pytest.mark.long)])
 def test_replays_of_a_bag_are_the_same_to_the_bit(tmp_path, number):
     paths = [write_bag(tmp_path / storage, simulated(), storage) for storage in STORAGES]
     replays = [fingerprint(run(paths[k % 2])[0]) for k in range(number)]

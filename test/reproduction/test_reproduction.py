@@ -337,6 +337,7 @@ def test_another_source_is_refused(capsys):
     assert "tsepm_2018, split_merge_2016" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_tables_and_pictures_are_written(tmp_path):
     pytest.importorskip("matplotlib")
     setting = Setting(folder=tmp_path / "runs", runs=1)

@@ -257,9 +257,9 @@ def clutter(seed: int, scans: int):
 @pytest.mark.parametrize(
     "given",
     [
-        pytest.param({}, marks=pytest.mark.statistical, id="right"),
-        pytest.param({"max_range": 3500.0}, marks=pytest.mark.statistical, id="3500 m"),
-        pytest.param({"max_range": 2800.0}, id="2800 m"),
+        pytest.param({}, marks=pytest.mark.long, id="right"),
+        pytest.param({"max_range": 3500.0}, marks=pytest.mark.long, id="3500 m"),
+        pytest.param({"max_range": 2800.0}, marks=pytest.mark.long, id="2800 m"),
         pytest.param({"azimuth_min": -1.0, "azimuth_max": 1.0}, id="sector"),
     ],
 )

@@ -379,7 +379,7 @@ def test_range_rates_that_are_not_used_or_not_measured_change_nothing(method, un
     assert started
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_the_wanted_false_track_rate_is_kept_where_clutter_has_range_rates():
     # 60 false tracks are wished for: a true factor of 1.5 stays within 2 with 99 %.
     sensor = SensorModel(range_rate_std=0.3)
@@ -411,7 +411,7 @@ def starts_of_runs(sensor: SensorModel, runs: int) -> tuple[list[float], list[fl
     return stamps, nees
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_targets_are_found_more_often_and_sooner_and_their_states_tell_the_truth():
     # The same positions with and without range rates; 40 runs each.
     sensor = SensorModel(
@@ -444,7 +444,7 @@ def test_a_held_track_keeps_its_velocity_by_range_rates():
     assert error(0.2) < 0.5 * error(0.0)
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize("true", [0.5, 8.0])
 def test_an_unknown_spread_of_the_clutter_s_range_rates_is_learned(true):
     # Given as 3 m/s: with 0.5 that would be 17 times as many false tracks, with 8 half as many.

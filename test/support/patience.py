@@ -20,5 +20,5 @@ WAIT = patient(3.0)
 TEST = patient(15.0)
 """For a test, s."""
 
-STATISTICAL_TEST = patient(60.0)
-"""For a test that is marked `statistical`, s."""
+LONG_TEST = patient(60.0)
+"""For a test that is marked `long`, s."""

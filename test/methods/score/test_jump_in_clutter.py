@@ -48,7 +48,7 @@ def jumps(rate: float) -> tuple[np.ndarray, float]:
     return np.array(beyond), initiator.method.threshold
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [1.0, 100.0])
 def test_the_planned_jump_is_that_of_targets_in_clutter(rate):
     # 64 targets: a standard error of 0.04.

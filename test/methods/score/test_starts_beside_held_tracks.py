@@ -66,7 +66,7 @@ def test_a_held_target_has_no_potential_tracks():
     assert initiator.statistics.potential_tracks > 0, "they are kept, as rivals"
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_few_targets_in_clutter_are_started_twice():
     # 0.003 a run are expected.
     scene = load_scenario("box")
@@ -97,7 +97,9 @@ def test_a_second_target_is_started_beside_one_that_is_held():
     assert y == pytest.approx([1000.0, 2000.0], abs=200)
 
 
-@pytest.mark.parametrize(("apart", "least"), [(100.0, 1), (300.0, 5)])
+@pytest.mark.parametrize(
+    ("apart", "least"), [pytest.param(100.0, 1, marks=pytest.mark.long), (300.0, 5)]
+)
 def test_of_two_targets_abreast_both_are_held(apart, least):
     # Their errors are 55 m by 65 m: each may be the other's detection.
     lanes = [(3100.0, 5.0, 2000.0, 0.0), (3100.0, 5.0, 2000.0 + apart, 0.0)]
@@ -147,8 +149,8 @@ def zigzag(time: float) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("paths", "faded", "starts"),
     [
-        ([zigzag], frozenset(), 10),
-        ([lane(600.0)], frozenset(range(30, 37)), 10),
+        pytest.param([zigzag], frozenset(), 10, marks=pytest.mark.long),
+        pytest.param([lane(600.0)], frozenset(range(30, 37)), 10, marks=pytest.mark.long),
         ([lane(600.0), lane(500.0)], frozenset(range(30, 37)), 18),
     ],
     ids=["turning", "fading", "fading beside another"],
@@ -159,6 +161,7 @@ def test_a_target_seen_by_a_fast_radar_is_started_once(paths, faded, starts):
     assert sum(map(len, runs)) <= starts
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not JOYRIDE.exists(), reason="the joyride data is not here")
 def test_the_vessel_of_the_joyride_is_started_at_most_three_times():
     recording = read_recording(JOYRIDE)

@@ -65,7 +65,7 @@ def test_a_generous_coverage_keeps_the_wish():
     assert false_tracks(initiator, 60) <= 18, "6 wished for in 60 scans"
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize("wish", [30.0, 300.0])
 @pytest.mark.parametrize("density", [3e-7, 1e-6])
 def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, density):
@@ -82,7 +82,7 @@ def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, densit
     assert wish / 2 < rate < 2 * wish
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 def test_an_unknown_clutter_density_is_learned_within_ten_scans():
     # Ten times too low or too high at first; the detections are of the same sea.
     def rate(given: float, clutter_is: str = "estimated") -> float:
@@ -113,7 +113,7 @@ def test_the_clutter_density_in_use_is_told(clutter_is, density):
     assert initiator.clutter_density == pytest.approx(density, rel=0.15)
 
 
-@pytest.mark.statistical
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density(factor):
     # The box of 6 by 6 km in 12 km; 58 false tracks are expected with the density known.
