@@ -12,6 +12,7 @@ from support.builders import reconfigured
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.environment.detection_probability import DATA_SHEET_SCANS, DetectionProbability
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.score.fading import FADED_FACTOR
 from tsepm_ros.methods.score.score_method import Score
 
 SENSOR = SensorModel(clutter_density=3e-7)
@@ -51,16 +52,6 @@ def test_the_data_sheet_counts_until_tracks_tell_otherwise():
     expected = (0.6 * DATA_SHEET_SCANS + 1.0 / 0.99) / (DATA_SHEET_SCANS + 3.0)
     # The prior does not fade, and what was known before was nothing.
     assert known.estimate(0.6) == pytest.approx(expected)
-
-
-def test_above_0_8_a_stated_probability_counts_as_less_until_tracks_show_more():
-    known = DetectionProbability()
-    stated = [0.5, 0.8, 0.85, 0.9, 0.95, 1.0]
-    counted = [known.estimate(probability) for probability in stated]
-    assert counted == pytest.approx([0.5, 0.8, 0.8, 0.8, 0.85, 0.9])
-    for _ in range(200):
-        known.update(np.ones(1), np.ones(1), 0.99)
-    assert known.estimate(0.9) > 0.95
 
 
 def test_a_miss_and_a_detection_stay_possible():
@@ -106,10 +97,11 @@ def test_it_is_known_in_either_case_and_used_where_asked_for():
     first = estimated.potential_tracks()
     for initiator in (given, estimated):
         initiator.process(Scan(12.0 * len(scans), [], []))
-    missed = math.log1p(-0.99 * estimated.detection_probability)
+    seen_p_d = estimated.detection_probability
     loss = first.score.max() - estimated.potential_tracks().score.max()
-    # That of a target which may have faded: see `fading`.
-    assert 0.9 * -missed < loss <= -missed
+    # Between those of a target that has faded for certain, and one that certainly has not.
+    faded_p_d = FADED_FACTOR * seen_p_d
+    assert -math.log1p(-0.99 * faded_p_d) < loss < -math.log1p(-0.99 * seen_p_d)
     assert estimated.method.threshold != given.method.threshold
 
 

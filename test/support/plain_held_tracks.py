@@ -247,9 +247,8 @@ class PlainMaintenance:
         self.covered = keep * self.covered + covered
 
     def learned_detection_probability(self, given: float) -> float:
-        """Mean of the beta distribution, the stated one worth five scans, above 0.8 as less."""
-        begun = max(given - 0.1, min(given, 0.8))
-        return min(max((5.0 * begun + self.detected) / (5.0 + self.covered), 0.05), 0.999)
+        """Mean of the beta distribution, the stated one worth five scans."""
+        return min(max((5.0 * given + self.detected) / (5.0 + self.covered), 0.05), 0.999)
 
     def end(self, why: str, kept: Sequence[bool]) -> None:
         """End tracks, but for those that the downstream tracker lists while it is heard."""

@@ -41,7 +41,7 @@ class Hypothesis:
     state: np.ndarray
     covariance: np.ndarray
     score: float
-    faded: float = 0.1 * 0.5 / (0.9 + 0.1 * 0.5)
+    faded: float = 0.4 * 0.6 / (0.6 + 0.4 * 0.6)
 
 
 @dataclass(frozen=True)
@@ -280,14 +280,14 @@ def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
         transition @ hypothesis.state,
         transition @ hypothesis.covariance @ transition.T + noise,
         hypothesis.score,
-        0.1 + (hypothesis.faded - 0.1) * math.exp(-elapsed / 120.0),
+        0.4 + (hypothesis.faded - 0.4) * math.exp(-elapsed / 120.0),
     )
 
 
 def of_states(hypothesis: Hypothesis, rule: Rule) -> list[tuple[float, float]]:
     """Probability of each state of a target, seen and faded, and P_D in it."""
     p_d = rule.detection_probability
-    return [(1.0 - hypothesis.faded, p_d), (hypothesis.faded, 0.5 * p_d)]
+    return [(1.0 - hypothesis.faded, p_d), (hypothesis.faded, 0.6 * p_d)]
 
 
 def extend(

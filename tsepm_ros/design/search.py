@@ -197,7 +197,7 @@ def passages(
 ) -> list[tuple[float, FloatArray]]:
     """For each window the threshold of `score` and the share of targets that passed it by scan.
 
-    The targets have at least the case's scans, without clutter.
+    The targets have the stated P_D and at least the case's scans, without clutter.
     """
     plans_of = partial(
         threshold_plan.score_plans,
@@ -212,10 +212,10 @@ def passages(
         min_hits=MIN_HITS,
     )
     if case.ratio_db is None or case.common.intensity == "off":
-        plans = of_targets = plans_of()
+        plans, of_targets = plans_of(), plans_of(fades=False)
     else:  # nobody tells the method the ratio
         plans = plans_of(ratio=threshold_plan.ANY_RATIO)
-        of_targets = plans_of(ratio=10.0 ** (case.ratio_db / 10.0))
+        of_targets = plans_of(ratio=10.0 ** (case.ratio_db / 10.0), fades=False)
     share = min(options.false_tracks_per_hour / case.starts_per_hour, 1.0)
     thresholds = [plan.threshold(share) for plan in plans]
     return [

@@ -130,7 +130,8 @@ class ClutterStrengths:
         index : (d,) ndarray of int
             Index of each detection in the scan.
         rings : callable
-            Cells of the clutter map, its rows divided into `RINGS`; asked for with strengths only.
+            Cells of the clutter map, its rows divided into `RINGS`; called only if there are
+            strengths.
         position : (d, 2) ndarray
             In the fixed frame, m.
 

@@ -14,13 +14,6 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 DATA_SHEET_SCANS = 5.0
 """Weight of the data sheet's probability, as a number of scans of a target."""
-CREDIBLE_PROBABILITY, MAX_OVERSTATEMENT = 0.8, 0.1
-"""A stated probability above the first counts as less, by at most the second: a choice.
-
-Data sheets overstate: a target far away, or seen from ahead, is detected less often. Where P_D is
-smaller than assumed, a miss speaks too much against the target, and targets are lost; where it is
-larger, starts are slightly later. docs/score.md has the figures.
-"""
 MEMORY = 200.0
 """Time constant, in scans of a target, with which older scans fade."""
 MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
@@ -30,8 +23,8 @@ MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
 class DetectionProbability:
     """Estimates P_D from D detections in C scans of covered targets, both fading.
 
-    ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0, see `credible`, worth w scans,
-    and the probability P_G that a detection falls into the gate: the mean of a beta distribution.
+    ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0 worth w scans, and the
+    probability P_G that a detection falls into the gate: the mean of a beta distribution.
     """
 
     def __init__(self) -> None:
@@ -68,10 +61,5 @@ class DetectionProbability:
     def estimate(self, given: float) -> float:
         """The estimate of P_D, with `given` as the data sheet's."""
         weight = DATA_SHEET_SCANS
-        estimate = (weight * credible(given) + self._detected) / (weight + self._covered)
+        estimate = (weight * given + self._detected) / (weight + self._covered)
         return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)
-
-
-def credible(stated: float) -> float:
-    """Probability that a stated probability p counts as: ``max(min(p, 0.8), p - 0.1)``."""
-    return max(min(stated, CREDIBLE_PROBABILITY), stated - MAX_OVERSTATEMENT)

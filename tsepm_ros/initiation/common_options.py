@@ -57,9 +57,8 @@ class CommonOptions:
     detection_probability: str = parameter(
         "auto",
         "Detection probability. estimated: from the hits and misses of held tracks, "
-        "starting from sensor.detection_probability, above 0.8 up to 0.1 less; given: "
-        "sensor.detection_probability; auto: estimated with the method score, given with the "
-        "other methods, whose tracks may be false",
+        "starting from sensor.detection_probability; given: sensor.detection_probability; auto: "
+        "estimated with the method score, given with the other methods, whose tracks may be false",
         choices=("auto", "estimated", "given"),
     )
     clutter_density: str = parameter(

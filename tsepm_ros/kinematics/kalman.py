@@ -52,7 +52,7 @@ def predict(
     state, covariance = state.copy(), covariance.copy()
     step = elapsed[..., None]
     state[..., 0::2] += step * state[..., 1::2]
-    # Of both axes, position and velocity: views, whose rows and columns are long.
+    # Views by axis; long rows are faster.
     rows = covariance.reshape(*covariance.shape[:-2], 2, 2, 4)
     rows[..., 0, :] += step[..., None] * rows[..., 1, :]
     columns = covariance.reshape(*covariance.shape[:-2], 8, 2)
@@ -64,9 +64,10 @@ def predict(
 
 
 def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatArray:
-    """Q of white acceleration, (..., 4, 4), that adds a variance (...) to each velocity in (...) s.
+    """Covariance Q (..., 4, 4) of white acceleration over times (...), s.
 
-    ``[[t^2 / 3, t / 2], [t / 2, 1]]`` of each axis, times the variance.
+    ``v [[t^2 / 3, t / 2], [t / 2, 1]]`` for each axis, with the variance v (...) that it adds to
+    each velocity, m^2/s^2.
     """
     t = elapsed[..., None, None]
     noise: FloatArray = (t * (t * _SQUARE + _LINEAR) + _CONSTANT) * velocity_variance[

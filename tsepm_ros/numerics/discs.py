@@ -112,7 +112,7 @@ class _Axis(NamedTuple):
         return cls(low, extent, _parts(extent, radius, most))
 
     def cells(self, values: FloatArray) -> IntArray:
-        """Number of the cell nearest to each value, (n,)."""
+        """Index of the cell nearest to each value, (n,)."""
         cell = (values - self.low) / ((self.extent or 1.0) / self.number)
         return np.clip(cell, 0, self.number - 1, out=cell).astype(np.int64)
 

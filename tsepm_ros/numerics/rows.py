@@ -55,12 +55,12 @@ class Rows:
 
     @classmethod
     def chosen(cls, parts: Sequence[Self], rows: Sequence[NDArray[np.integer]]) -> Self:
-        """The given rows (indices) of each part, in order."""
+        """The given rows (indices from 0 to the length of the part) of each part, in order."""
         ends = np.cumsum([len(of) for of in rows])
         columns = []
         for name in _names(cls):
             values = [getattr(part, name) for part in parts]
-            column = np.empty((ends[-1], *values[0].shape[1:]), values[0].dtype)
+            column = np.empty((ends[-1], *values[0].shape[1:]), np.result_type(*values))
             for of_part, of, end in zip(values, rows, ends, strict=True):
                 # "clip" writes into the place at once; "raise", the default, copies.
                 of_part.take(of, axis=0, out=column[end - len(of) : end], mode="clip")

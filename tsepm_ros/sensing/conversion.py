@@ -109,7 +109,10 @@ def position_covariance(
 def _variances(
     square: FloatArray, range_variance: FloatArray, azimuth_std: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Variances along and across the line of sight, at squared ranges; see above."""
+    """Variances along and across the line of sight, of squared ranges.
+
+    See `position_covariance`.
+    """
     angle_variance = np.square(azimuth_std)
     # (1 +- b^4) / (2 b^2) = cosh(s^2), sinh(s^2), and cosh(u) - 1 = 2 sinh(u/2)^2: small s
     # costs no digits.

@@ -15,7 +15,7 @@ from tsepm_ros.sensing.sensor import SensorModel
 EDGE_DEVIATIONS = 3.0
 """Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
 TURNS = 3
-"""Rounds of `PosesByAzimuth.polar`: each divides the error by the ratio of the two rates."""
+"""Rounds of `PosesByAzimuth`: each divides the error by the ratio of the two rates."""
 
 
 def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:

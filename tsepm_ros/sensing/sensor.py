@@ -147,7 +147,7 @@ class SensorModel:
 
     def with_detection_probability(self, probability: float) -> SensorModel:
         """The same sensor with an estimated detection probability, above 0 and at most 1."""
-        return changed(self, detection_probability=probability)  # checked are the others
+        return changed(self, detection_probability=probability)  # the others are checked
 
     @property
     def sector_width(self) -> float:

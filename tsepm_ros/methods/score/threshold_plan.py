@@ -165,6 +165,7 @@ def score_plans(
     deletion: float,
     min_hits: int,
     ratio: float | None = None,
+    fades: bool = True,
 ) -> list[ScorePlan]:
     """The plans of several windows, from the same targets.
 
@@ -176,10 +177,13 @@ def score_plans(
     ratio : float, optional
         Signal-to-clutter ratio of the targets, not in dB; `ANY_RATIO`: of the prior; None: their
         detections have no strength.
+    fades : bool, optional
+        Whether the targets fade, as the model's do: only these give `ScorePlan.false_share`.
+        Otherwise they have the sensor's P_D throughout.
     sensor, max_speed, interval, gate_probability, process_noise, deletion, min_hits
         See `score_plan`.
     """
-    targets = _draw_targets(sensor, max_speed, interval, scans, process_noise, ratio)
+    targets = _draw_targets(sensor, max_speed, interval, scans, process_noise, ratio, fades)
     evidences = np.full((len(windows), SIMULATED_TARGETS, scans), -np.inf)
     for first in range(scans):
         score = _scores(
@@ -234,6 +238,7 @@ def _draw_targets(
     window: int,
     process_noise: float,
     ratio: float | None,
+    fades: bool,
 ) -> _Targets:
     """Targets anywhere in the coverage."""
     rng = np.random.default_rng(SEED)
@@ -255,7 +260,7 @@ def _draw_targets(
         truth[:, 1::2] += rng.normal(
             0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
         )
-    share = np.where(_faded(window, interval), fading.FADED_FACTOR, 1.0)
+    share = np.where(_faded(window, interval) & fades, fading.FADED_FACTOR, 1.0)
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
     return _Targets(scans, detected, _drawn_exponents(ratio, window))
