@@ -1,8 +1,9 @@
 """Starts of `score` with other values of a constant of its start rule, in the same scenes.
 
-The box's target appears after 16 pings of clutter. Values stand beside that of the built rule: P_D
+The box's target appears after 16 pings of clutter. Each value is compared with the built one: P_D
 after 8 and 16 pings, other starts and corrections per run, and the difference in P_D after 16 pings
-over the pairs of runs, with 95 % intervals. The constants are those of `methods/score/starts.py`.
+over the pairs of runs, with 95 % intervals. The constants are those of `methods/score/starts.py`;
+the rule that corrects starts (`revisions.py`) stays as built.
 
     python benchmarks/start_choices.py MAX_HELD_SHARE --value 0.3 --rate 20 --rate 100
 """
@@ -10,15 +11,14 @@ over the pairs of runs, with 95 % intervals. The constants are those of `methods
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from unittest.mock import patch
 
 import fixed_threads  # noqa: F401
-import numpy as np
 
-from tsepm_ros.analysis.intervals import mean
 from tsepm_ros.analysis.measures import measures_of
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.analysis.result_files import add_result, printed, write_table
@@ -27,15 +27,18 @@ from tsepm_ros.analysis.simulated_run import simulate
 from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.methods.score import starts
+from tsepm_ros.methods.score.credible_hits import MIN_HIT_PROBABILITY
 from tsepm_ros.progress import with_progress
+from tsepm_ros.reproduction.paired import share_difference
 from tsepm_ros.simulation import Scenario, load_scenario
 
-CHOICES = (
-    "MAX_HELD_SHARE",
-    "MIN_PURITY_PROBABILITY",
-    "SECOND_TARGET_MARGIN",
-    "TARGET_BIRTH_RATE",
-)
+CHOICES = {
+    "MAX_HELD_SHARE": (0.0, 1.0),
+    "MIN_PURITY_PROBABILITY": (MIN_HIT_PROBABILITY, 1.0),
+    "SECOND_TARGET_MARGIN": (0.0, math.inf),
+    "TARGET_BIRTH_RATE": (0.0, math.inf),
+}
+"""Constants of the start rule, with the least and the largest value that takes effect."""
 WARM_UP = 16
 """Pings of clutter alone before the target appears."""
 EARLY = 8
@@ -45,7 +48,7 @@ HEADER = (
     "value",
     "P_D, 8 pings",
     "P_D, 16 pings",
-    "less that of the built rule",
+    "difference from the built rule",
     "with corrections",
     "false + misplaced per run",
     "redundant per run",
@@ -84,11 +87,11 @@ def found(run: RunSummary) -> bool:
 def cells(runs: Sequence[RunSummary], built: Sequence[RunSummary]) -> list[str]:
     """Cells of the runs with a value, beside those of the built rule."""
     early, late = measures_of(box(), runs, EARLY), measures_of(box(), runs)
-    difference = np.subtract([found(one) for one in runs], [found(one) for one in built], dtype=int)
+    difference = share_difference([found(one) for one in runs], [found(one) for one in built])
     return [
         early.text("detection"),
         late.text("detection"),
-        "" if runs is built else f"{mean(difference):+.3f}",
+        "" if runs is built else f"{difference:+.3f}",
         late.text("detection_corrected", interval=False),
         late.text("false_per_run"),
         f"{late.redundant_per_run:.3f}",
@@ -100,7 +103,7 @@ def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
     """The values, the built rule's first, at each rate."""
     yield HEADER
     as_built = float(getattr(starts, options.choice))
-    values = [as_built, *(value for value in options.value if value != as_built)]
+    values = [as_built, *(v for v in options.value if not math.isclose(v, as_built, rel_tol=1e-5))]
     for rate in options.rate or [20.0]:
         jobs = [
             Job(options.choice, value, rate, [options.seed, index])
@@ -121,7 +124,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("choice", choices=CHOICES, help="constant of the start rule")
     parser.add_argument(
-        "--value", type=float, action="append", default=[], help="beside that of the built rule"
+        "--value",
+        type=float,
+        action="append",
+        default=[],
+        help="beside the built one; a margin is a natural logarithm",
     )
     parser.add_argument(
         "--rate", type=float, action="append", help="target false-track rate, per hour; default 20"
@@ -129,6 +136,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_runs(parser, 300, "runs of a row")
     add_result(parser)
     options = parser.parse_args(arguments)
+    least, largest = CHOICES[options.choice]
+    for value in options.value:
+        if not least <= value <= largest:
+            parser.error(f"{options.choice} must be from {least:g} to {largest:g}; got {value:g}")
     options.workers = workers_of(options)
     line = f"python benchmarks/start_choices.py {options.choice}"
     line += "".join(f" --value {value:g}" for value in options.value)

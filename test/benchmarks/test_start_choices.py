@@ -34,9 +34,29 @@ def test_a_run_has_the_value_and_leaves_the_rule_as_built(monkeypatch, short_box
 
     monkeypatch.setattr(start_choices, "simulate", seeing)
     built = getattr(starts, choice)
-    run(Job(choice, 0.125, 20.0, [1, 0]))
-    assert seen == [0.125]
+    run(Job(choice, 0.75, 20.0, [1, 0]))
+    assert seen == [0.75]
     assert getattr(starts, choice) == built
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("choice", "value"),
+    [("MAX_HELD_SHARE", 0.0), ("MIN_PURITY_PROBABILITY", 1.0), ("TARGET_BIRTH_RATE", 0.01)],
+)
+def test_a_value_takes_effect(monkeypatch, choice, value):
+    box = replace(load_scenario("box", {}), scans=12, warm_up=4)
+    monkeypatch.setattr(start_choices, "box", lambda: box)
+    built = float(getattr(starts, choice))
+    seeds = [[1, index] for index in range(3)]
+    one, other = ([run(Job(choice, v, 300.0, seed)) for seed in seeds] for v in (built, value))
+    assert one != other
+
+
+def test_a_value_without_effect_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        start_choices.main(["MIN_PURITY_PROBABILITY", "--value", "0.2"])
+    assert "must be from 0.5 to 1; got 0.2" in capsys.readouterr().err
 
 
 def test_the_difference_is_that_of_the_pairs(short_box):
@@ -46,10 +66,11 @@ def test_the_difference_is_that_of_the_pairs(short_box):
     runs, built = [start] * 3 + [none] * 7, [none] * 9 + [start]
     row = dict(zip(HEADER[2:], cells(runs, built), strict=True))
     assert row["P_D, 16 pings"].startswith("0.3000 ")
-    # Three pairs gain, one loses.
-    assert row["less that of the built rule"].startswith("+0.200 ")
+    # Three runs gain the target, one loses it.
+    assert row["difference from the built rule"].startswith("+0.200 ")
     assert (
-        dict(zip(HEADER[2:], cells(built, built), strict=True))["less that of the built rule"] == ""
+        dict(zip(HEADER[2:], cells(built, built), strict=True))["difference from the built rule"]
+        == ""
     )
 
 

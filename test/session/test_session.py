@@ -85,7 +85,7 @@ def test_figures_tell_the_state():
     assert (figures.totals.scans, figures.totals.detections, figures.totals.confirmed) == (3, 3, 1)
     assert (figures.waiting, figures.tracks, figures.scan_stamp) == (0, 1, 24.0)
     assert figures.detection_probability == 0.9
-    assert figures.detection_probability_estimated == pytest.approx(0.8)
+    assert figures.detection_probability_estimated == pytest.approx(0.9)
     assert figures.clutter_density < FIXED_RANGE_ERROR.clutter_density, "a calm sea"
     assert figures.coverage_area < FIXED_RANGE_ERROR.coverage_area, "a target's neighbourhood"
     play(one, [24, 20])
