@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import option_cost
 import pytest
 import strength
-import strength_cost
 import strength_scenes as scenes
 
 from tsepm_ros.analysis.intervals import Estimate
@@ -55,7 +55,7 @@ def test_changes_of_strengths_are_of_the_scan():
 def test_cost_is_the_ratio_of_the_mean_times_after_the_warm_up():
     times = np.full((60, 2), 2e-3)
     times[:, 1] *= np.tile([1.0, 1.4], 30)
-    assert strength_cost.ratio_of(times).value == pytest.approx(1.2)
-    scenario = strength_cost.SEAS["4 detections, small radar"].scenario(42, 10.0)
-    measured = strength_cost.times_of(scenario, [1, 0])
+    assert option_cost.ratio_of(times).value == pytest.approx(1.2)
+    scenario = option_cost.SEAS["4 detections, small radar"].scenario(42, 10.0)
+    measured = option_cost.times_of(scenario, [1, 0], "learning")
     assert measured.shape == (2, 2) and (measured > 0.0).all()

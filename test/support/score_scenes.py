@@ -57,7 +57,7 @@ def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, d
         detection_probability=(0.6, 0.9, 0.999)[seed % 3],
         gate_probability=(0.9, 0.99)[seed % 2],
         process_noise=(0.0, 0.01)[seed % 2],
-        deletion=math.log(0.005),
+        deletion=math.log(0.02),
         window=3 if seed % 3 == 0 else 16,
         max_range=3700.0,
     )

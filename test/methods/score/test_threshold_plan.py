@@ -17,7 +17,7 @@ RULE = {
     "window": 16,
     "gate_probability": 0.99,
     "process_noise": 0.001,
-    "deletion": math.log(0.005),
+    "deletion": math.log(0.02),
     "min_hits": 3,
 }
 

@@ -29,7 +29,7 @@ class ScoreOptions:
         maximum=1e6,
     )
     miss_probability: float = parameter(
-        0.005,
+        0.02,
         "Probability that the correct hypothesis of a target is deleted; sets the "
         "deletion threshold",
         positive=True,

@@ -1,12 +1,12 @@
-"""Time of a ping with strengths over that without, in one run.
+"""Time of a ping with strengths, learning or plots over that without, in one run.
 
-Two initiators of the method `score` process the same scans in turn, the order alternating; the one
-leaves intensities out. Processor time, of the scans after the first `WARM_UP`. The strengths of
-targets are those of clutter, so that both have the same hypotheses but for chance, or 10 dB more.
-The ratio is that of the mean times, with the 95 % interval over blocks of scans, and that of the
-medians, in which the rare simulation of a threshold's plan does not count.
+Two initiators of the method `score` process the same scans in turn, the order alternating: one of
+them with an option, the other without. Processor time, of the scans after the first `WARM_UP`. The
+strengths of targets are those of clutter, so that both have the same hypotheses but for chance, or
+10 dB more. The ratio is that of the mean times, with the 95 % interval over blocks of scans, and
+that of the medians, in which the rare simulation of a threshold's plan does not count.
 
-    python benchmarks/strength_cost.py [--scans 600] [--repeats 3] [--result FILE]
+    python benchmarks/option_cost.py [strengths|learning|all] [--scans 600] [--repeats 3]
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
@@ -36,6 +37,16 @@ DISC = SensorModel(
     range_std_fraction=0.015, azimuth_std=np.deg2rad(1.0), max_range=9000.0, min_range=500.0
 )
 RADAR = SensorModel(range_std=6.0, azimuth_std=np.deg2rad(1.5), max_range=600.0)
+Options = dict[str, Any]
+GIVEN = {"clutter_density": "given", "detection_probability": "given"}
+PLAIN = {"plots": "off", "intensity": "off"}
+CHOICES: dict[str, tuple[Options, Options]] = {
+    "strengths": ({"intensity": "off"}, {"intensity": "auto"}),
+    "learning": (PLAIN | GIVEN, PLAIN),
+    "all": (PLAIN, {"plots": "auto", "intensity": "auto", "min_speed": 0.1}),
+}
+"""Options without and with: the strength of echoes; density and P_D learned; plots, fixed echoes
+and strengths together."""
 LIKE_CLUTTER = -30.0
 """Ratio of a target whose echoes are as strong as clutter's, dB."""
 
@@ -89,11 +100,10 @@ SEAS = {
 }
 
 
-def times_of(scenario: Scenario, seed: list[int]) -> FloatArray:
-    """Processor time of each scan without strengths and with them, (n, 2), s."""
+def times_of(scenario: Scenario, seed: list[int], choice: str) -> FloatArray:
+    """Processor time of each scan without an option and with it, (n, 2), s."""
     both = [
-        make_initiator("score", sensor=scenario.sensor, intensity=intensity)
-        for intensity in ("off", "auto")
+        make_initiator("score", sensor=scenario.sensor, **options) for options in CHOICES[choice]
     ]
     times = np.zeros((scenario.scans, 2))
     for index, simulated in enumerate(Simulator(scenario, seed)):
@@ -117,7 +127,10 @@ def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
         for ratio_db in (LIKE_CLUTTER, 10.0):
             scenario = sea.scenario(options.scans, ratio_db)
             times = np.concatenate(
-                [times_of(scenario, [options.seed, repeat]) for repeat in range(options.repeats)]
+                [
+                    times_of(scenario, [options.seed, repeat], options.option)
+                    for repeat in range(options.repeats)
+                ]
             )
             strength = "as clutter" if ratio_db == LIKE_CLUTTER else f"{ratio_db:g} dB"
             without, with_ = 1e3 * times.mean(axis=0)
@@ -129,12 +142,13 @@ def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("option", nargs="?", choices=CHOICES, default="strengths")
     parser.add_argument("--scans", type=int, default=600)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
     add_result(parser)
     options = parser.parse_args(arguments)
-    command = "python benchmarks/strength_cost.py " + " ".join(arguments or sys.argv[1:])
+    command = "python benchmarks/option_cost.py " + " ".join(arguments or sys.argv[1:])
     measured = printed(table(options))
     write_table(options.result, command, measured, seed=options.seed, runs=options.repeats)
 
