@@ -39,10 +39,11 @@ DISC = SensorModel(
 RADAR = SensorModel(range_std=6.0, azimuth_std=np.deg2rad(1.5), max_range=600.0)
 Options = dict[str, Any]
 GIVEN = {"clutter_density": "given", "detection_probability": "given"}
+ESTIMATED = {"clutter_density": "estimated", "detection_probability": "estimated"}
 PLAIN = {"plots": "off", "intensity": "off"}
 CHOICES: dict[str, tuple[Options, Options]] = {
     "strengths": ({"intensity": "off"}, {"intensity": "auto"}),
-    "learning": (PLAIN | GIVEN, PLAIN),
+    "learning": (PLAIN | GIVEN, PLAIN | ESTIMATED),
     "all": (PLAIN, {"plots": "auto", "intensity": "auto", "min_speed": 0.1}),
 }
 """Options without and with: the strength of echoes; density and P_D learned; plots, fixed echoes
@@ -123,8 +124,9 @@ def ratio_of(times: FloatArray) -> Estimate:
 def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
     """The rows of the table."""
     yield "scene", "target", "ms without", "ms with", "ratio of means", "ratio of medians"
+    without_strengths = options.option == "learning"
     for name, sea in SEAS.items():
-        for ratio_db in (LIKE_CLUTTER, 10.0):
+        for ratio_db in (LIKE_CLUTTER,) if without_strengths else (LIKE_CLUTTER, 10.0):
             scenario = sea.scenario(options.scans, ratio_db)
             times = np.concatenate(
                 [
