@@ -238,6 +238,7 @@ def test_a_gap_that_begins_with_a_dropped_scan_is_still_a_gap(world):
     boat.driver.ping(later[0])
     world.until(lambda: world.dropped() == {"own_ship_stale": 1}, "the count")
     publish_poses(boat, Ship(), 36 + 4010, 36 + 4140)
+    until_poses_are_read(world, 139.0)
     received += boat.send(later[1:])
     assert_same(received, [[]] * 4 + confirmed(later[1:]))
 
