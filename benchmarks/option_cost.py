@@ -6,7 +6,7 @@ strengths of targets are those of clutter, so that both have the same hypotheses
 10 dB more. The ratio is that of the mean times, with the 95 % interval over blocks of scans, and
 that of the medians, in which the rare simulation of a threshold's plan does not count.
 
-    python benchmarks/option_cost.py [strengths|learning|all] [--scans 600] [--repeats 3]
+    python benchmarks/option_cost.py [strengths|learning|all] [--scans 600] [--result FILE]
 """
 
 from __future__ import annotations

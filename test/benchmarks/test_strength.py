@@ -1,9 +1,8 @@
-"""Benchmarks of strengths: the comparison at equal false rate, the scenes, and the time's ratio."""
+"""Benchmarks of strengths: the comparison at equal false rate, and the scenes."""
 
 from __future__ import annotations
 
 import numpy as np
-import option_cost
 import pytest
 import strength
 import strength_scenes as scenes
@@ -50,16 +49,3 @@ def test_changes_of_strengths_are_of_the_scan():
     assert (bits == np.round(bits)).all() and len(np.unique(bits)) < len(bits)
     gained = scenes.with_a_gain(drawn_strength, scan, scenes.GAIN_AT)
     np.testing.assert_allclose(gained, 100.0 * drawn_strength)
-
-
-def test_cost_is_the_ratio_of_the_mean_times():
-    times = np.full((60, 2), 2e-3)
-    times[:, 1] *= np.tile([1.0, 1.4], 30)
-    assert option_cost.ratio_of(times).value == pytest.approx(1.2)
-
-
-@pytest.mark.parametrize("choice", option_cost.CHOICES)
-def test_both_sides_of_an_option_are_timed_after_the_warm_up(choice):
-    scenario = option_cost.SEAS["4 detections, small radar"].scenario(42, 10.0)
-    measured = option_cost.times_of(scenario, [1, 0], choice)
-    assert measured.shape == (2, 2) and (measured > 0.0).all()

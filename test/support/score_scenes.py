@@ -11,6 +11,7 @@ from support.plain_tsepm import Parameters
 from support.scenes import Scene
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.methods.score.score_options import ScoreOptions
 
 NEVER = 1e-30
 """A rate of so few false tracks that nothing is confirmed."""
@@ -57,7 +58,7 @@ def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, d
         detection_probability=(0.6, 0.9, 0.999)[seed % 3],
         gate_probability=(0.9, 0.99)[seed % 2],
         process_noise=(0.0, 0.01)[seed % 2],
-        deletion=math.log(0.02),
+        deletion=ScoreOptions().deletion_threshold,
         window=3 if seed % 3 == 0 else 16,
         max_range=3700.0,
     )

@@ -10,6 +10,7 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.methods.score import threshold_plan
+from tsepm_ros.methods.score.score_options import ScoreOptions
 
 RULE = {
     "max_speed": 10.0,
@@ -17,7 +18,7 @@ RULE = {
     "window": 16,
     "gate_probability": 0.99,
     "process_noise": 0.001,
-    "deletion": math.log(0.02),
+    "deletion": ScoreOptions().deletion_threshold,
     "min_hits": 3,
 }
 
