@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,17 @@ def test_a_scan_in_a_hole_of_the_odometry_is_dropped(world):
     received += boat.send(SENT[6:])
     assert_same(received, confirmed([*SENT[:4], *SENT[6:]]))
     assert world.dropped() == {"own_ship_stale": 1}
+
+
+def test_odometry_that_waits_unread_while_the_machine_is_busy_is_used(world):
+    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=SOON)
+    boat.driver.ping(SENT[0])
+    world.until(lambda: world.figures()["waiting_for_own_ship"] == "1", "the scan to wait")
+    publish_poses(boat, Ship(), 0, 140)
+    sleep(2 * SOON)  # nobody reads; the timer is due first
+    received = boat.take(1, 0) + boat.send(SENT[1:])
+    assert_same(received, confirmed(SENT))
+    assert world.dropped() == {}
 
 
 def test_a_scan_older_than_all_odometry_is_dropped_at_once(world):

@@ -60,13 +60,17 @@ class Radar:
         world.make(TrackInitiator, named({**SENSOR, **parameters}))
         self.tracks = world.listen(PointCloud2, "tracks")
         world.until(self.publisher.get_subscription_count, "the node to subscribe")
+        self.heard = world.listen(LaserScan, "detections")
         world.until_connected()
 
     def send(self, messages, number: int) -> list[PointCloud2]:
         seen = len(self.tracks)
         for one in messages:
+            heard = len(self.heard)
             self.publisher.publish(message(one))
-            self.world.spin_once()  # the queues are shorter than a turn
+            # One by one: the queues are shorter than a turn, and on a busy machine messages that
+            # wait for seconds are skipped.
+            self.world.until(lambda heard=heard: len(self.heard) > heard, "the message")
         self.world.until(lambda: len(self.tracks) >= seen + number, f"{number} scans")
         return self.tracks[seen:]
 

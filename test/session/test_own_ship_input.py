@@ -87,6 +87,18 @@ def test_a_scan_whose_own_ship_data_never_comes_is_dropped_after_the_timeout():
     assert one.waiting == 0
 
 
+def test_no_scan_is_dropped_while_own_ship_data_is_still_being_read():
+    one = moving(own_ship_timeout=2.0)
+    one.add_scan(ping(3.0), (50.0, 50.0))
+    sail(one, 0.0, 2.0)
+    assert list(one.process((60.0, 60.0), give_up=False)) == []
+    assert one.waiting == 1
+    sail(one, 4.0)
+    (result,) = one.process((61.0, 61.0), give_up=False)
+    assert (result.stamp, result.waiting) == (3.0, 11.0)
+    assert one.dropped == Counter()
+
+
 def test_stale_own_ship_data_drops_the_scan_and_the_next_good_one_is_processed():
     one = moving(own_ship_timeout=2.0, own_ship_max_extrapolation=0.5)
     sail(one, 0.0, 10.0)

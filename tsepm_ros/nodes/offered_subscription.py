@@ -65,14 +65,18 @@ class OfferedSubscription:
     def take_waiting(self) -> list[tuple[Any, Any]]:
         """Take all messages that wait in the middleware, oldest first, with their information."""
         taken: list[tuple[Any, Any]] = []
-        handle, subscription = self._subscription.handle, self._subscription
-        with handle:
-            while len(taken) < self._depth:
-                entry = handle.take_message(subscription.msg_type, subscription.raw)
-                if entry is None:
-                    break
-                taken.append(entry)
+        while len(taken) < self._depth and (entry := self.take()) is not None:
+            taken.append(entry)
         return taken
+
+    def take(self) -> tuple[Any, Any] | None:
+        """Take the oldest message that waits in the middleware, with its information, if any."""
+        subscription = self._subscription
+        with subscription.handle:
+            entry: tuple[Any, Any] | None = subscription.handle.take_message(
+                subscription.msg_type, subscription.raw
+            )
+        return entry
 
     def _subscribe(self, reliability: ReliabilityPolicy) -> None:
         self._subscription = self._node.create_subscription(

@@ -242,7 +242,9 @@ class Session:
         self._land.add(mask, frame_id)
         self._report_all(self._land.settle(self.fixed_frame))
 
-    def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
+    def process(
+        self, now: Now = math.inf, *, last: bool = False, give_up: bool = True
+    ) -> Iterator[ScanResult]:
         """Process the scans that are ready, in order.
 
         A scan whose stamp is far back waits for the next scan, which distinguishes a restart from a
@@ -256,6 +258,8 @@ class Session:
             waits any longer.
         last : bool, optional
             Whether no further scan follows; what there is of a sweep is processed then.
+        give_up : bool, optional
+            Whether scans that waited too long are dropped; not while poses are still to be read.
 
         Yields
         ------
@@ -267,7 +271,7 @@ class Session:
         while (first := self._queue.first(now, last=last)) is not None:
             result = None
             try:
-                if self._must_wait(first):
+                if self._must_wait(first, give_up):
                     return
                 result = self._result(first)
             except FAILURES as error:
@@ -323,11 +327,12 @@ class Session:
             f"a scan has {len(scan)} detections, more than max_detections = {limit}",
         )
 
-    def _must_wait(self, first: Waiting) -> bool:
+    def _must_wait(self, first: Waiting, give_up: bool) -> bool:
         """Whether the first scan needs own-ship data that may still arrive."""
         if first.arrival is Arrival.RESTART and not self._own_ship.restarted:
             self._own_ship.restart(first.scan.scan.stamp)
-        return first.usable and self._own_ship.must_wait(first.scan, first.seconds)
+        waited = first.seconds if give_up else 0.0
+        return first.usable and self._own_ship.must_wait(first.scan, waited)
 
     def _result(self, first: Waiting) -> ScanResult | None:
         """Register and process the first scan, which need not wait; None if it is dropped."""
