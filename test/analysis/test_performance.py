@@ -71,6 +71,7 @@ def lines(folder) -> dict[str, int]:
     return {path.name: len(path.read_text().splitlines()) for path in folder.iterdir()}
 
 
+@pytest.mark.long
 def test_an_interrupted_evaluation_goes_on_where_it_stopped(tmp_path, expected):
     class StopError(Exception):
         pass
@@ -100,11 +101,13 @@ def test_more_runs_add_the_missing_ones_only(tmp_path, expected):
         assert len(path.read_text().splitlines()) == 5
 
 
+@pytest.mark.long
 def test_fewer_runs_than_are_there_are_the_first_ones(tmp_path, expected):
     evaluate(plan(runs=6), tmp_path)
     assert tables(plan(), tmp_path) == expected
 
 
+@pytest.mark.long
 def test_a_killed_process_costs_the_run_that_it_was_writing(tmp_path, expected):
     evaluate(plan(), tmp_path)
     for path in tmp_path.iterdir():
@@ -116,6 +119,7 @@ def test_two_workers_give_the_same_tables_as_one(tmp_path, expected):
     assert tables(plan(), tmp_path, workers=Workers(processes=2)) == expected
 
 
+@pytest.mark.long
 def test_horizons_give_what_shorter_evaluations_give(tmp_path):
     at_5, at_7 = evaluate(plan(horizons=[5]), tmp_path)
     (alone,) = evaluate(

@@ -36,6 +36,7 @@ def point(method: str) -> OperatingPoint:
     return OperatingPoint(method, options=MANY.get(method, {}))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", available_methods())
 def test_a_prefix_of_a_run_is_the_run_with_fewer_scans(method):
     started = np.zeros(2)

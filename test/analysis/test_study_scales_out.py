@@ -31,6 +31,7 @@ def expected(scenario):
     return as_json(study(scenario, TSEPM, RUNS, SEED))
 
 
+@pytest.mark.long
 def test_two_processes_give_the_same_numbers_as_one(scenario, expected):
     assert as_json(study(scenario, TSEPM, RUNS, SEED, Workers(processes=2))) == expected
 
@@ -69,6 +70,7 @@ def test_a_scheduler_without_its_package_is_said(scenario, monkeypatch):
         next(results)
 
 
+@pytest.mark.long
 def test_workers_end_with_the_study_that_is_closed_early(scenario, expected):
     results = study(scenario, TSEPM, RUNS, SEED, Workers(processes=2))
     assert as_json([next(results)]) == expected[:1]

@@ -32,6 +32,7 @@ def is_alive(process: int) -> bool:
         return False
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="needs /proc")
 def test_workers_of_a_killed_parent_end(tmp_path):
     script = tmp_path / "run.py"
@@ -72,6 +73,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_workers_start_is_not_lost(tmp_path, number):
     script = tmp_path / "run.py"

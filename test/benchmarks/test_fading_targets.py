@@ -39,6 +39,7 @@ def test_a_target_fades_for_four_pings_of_sixteen():
     assert gone[5 : 5 + FADED] == [True] * FADED
 
 
+@pytest.mark.long
 def test_a_run_of_two_pairs_writes_its_result(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(fading_targets, "TARGETS", dict([*fading_targets.TARGETS.items()][:1]))
     path = tmp_path / "fading.json"

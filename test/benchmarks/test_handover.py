@@ -45,6 +45,7 @@ def test_doubled_blocks_exceed_any_covariance_that_they_may_be_of():
     assert np.linalg.eigvalsh(VARIANTS["blocks"](COVARIANCE) - COVARIANCE).min() < 0.0
 
 
+@pytest.mark.long
 def test_at_the_start_all_have_the_start_s_errors(followed):
     at_start = followed.figures[:, :, 0]
     for figure in (POSITION, VELOCITY):

@@ -13,6 +13,7 @@ def test_cost_is_the_ratio_of_the_mean_times():
     assert option_cost.ratio_of(times).value == pytest.approx(1.2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("choice", option_cost.CHOICES)
 def test_both_sides_of_an_option_are_timed_after_the_warm_up(choice):
     scenario = option_cost.SEAS["4 detections, small radar"].scenario(42, 10.0)

@@ -110,6 +110,7 @@ def test_a_difference_of_shares_is_close_far_or_open():
     assert closeness(Estimate(-0.05, -0.07, -0.031)) == "does not"
 
 
+@pytest.mark.long
 def test_the_wish_is_kept_about():
     ratio = promises.rate_ratio(density=3e-7, rate=100.0, hours=0.1, seed=1, workers=Workers())
     assert 0.3 < ratio.value < 2.0
@@ -135,6 +136,7 @@ def test_the_mean_over_all_speeds_has_the_interval_of_independent_estimates():
     assert (mean.value, mean.low, mean.high) == pytest.approx((4.0, 3.75, 4.25))
 
 
+@pytest.mark.long
 def test_speeds_stand_for_equal_parts_of_all_velocities(tmp_path):
     _, *rows, over_all = promises.speeds_table(options(tmp_path, runs=2), [1e-8])
     speeds = np.array([float(row[1]) for row in rows])
@@ -144,6 +146,7 @@ def test_speeds_stand_for_equal_parts_of_all_velocities(tmp_path):
     assert float(over_all[4].split()[0]) == pytest.approx(np.mean(nees), abs=0.02)
 
 
+@pytest.mark.long
 def test_equal_rates_are_measured_at_both_horizons(tmp_path):
     given = options(tmp_path, runs=2)
     given.scene = ["density 1e-7"]

@@ -15,6 +15,7 @@ WITHOUT = {"target 8 m/s outward": 40.0, "ship turns 2 deg/s": 2900.0, "both, sh
 """What a target gains in the 5.3 s of its echo's way, and a ship turns in 10.7 s; at least, m."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["score", "tsepm"])
 @pytest.mark.parametrize("scene", WITHOUT)
 def test_with_echo_times_the_bias_of_the_first_position_is_below_a_tenth_of_its_sigma(

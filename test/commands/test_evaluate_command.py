@@ -15,6 +15,7 @@ def evaluated(tmp_path, *arguments):
     assert main(["evaluate", *small, "--out", str(tmp_path), *arguments]) == 0
 
 
+@pytest.mark.long
 def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_path):
     path = tmp_path / "deep" / "figures.json"
     changed = ("--seed", "3", "-p", "false_tracks_per_hour:=300.0")
@@ -40,6 +41,7 @@ def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_pat
         read_result(path)
 
 
+@pytest.mark.long
 def test_an_evaluation_draws_three_pictures_of_each_scene(tmp_path):
     pytest.importorskip("matplotlib")
     evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
@@ -55,6 +57,7 @@ def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, mo
     assert not list(tmp_path.glob("*.png"))
 
 
+@pytest.mark.long
 def test_the_scene_of_an_evaluation_can_be_changed(tmp_path):
     one_point = ("-p", "false_tracks_per_hour:=300.0")
     evaluated(tmp_path, "--scene", "sensor.clutter_density:=2.0e-6", *one_point)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import pytest
 import yaml
 
+from tsepm_ros.commands import init_command
 from tsepm_ros.commands.cli import main
 from tsepm_ros.commands.init_command import asked
 from tsepm_ros.design.sonar_questions import QUESTIONS, completed
@@ -17,6 +18,7 @@ from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
 
 
+@pytest.mark.long
 def test_in_a_pipe_defaults_are_taken_and_said(capsys, tmp_path):
     file = tmp_path / "sonar.yaml"
     assert main(["init", str(file), *GIVEN]) == 0
@@ -32,7 +34,14 @@ def test_in_a_pipe_defaults_are_taken_and_said(capsys, tmp_path):
     assert values["sensor.max_range"] == 200.0 and values["max_speed"] == 3.0
 
 
-def test_the_line_in_the_file_writes_it_again(capsys, tmp_path):
+@pytest.fixture
+def no_expectation(monkeypatch):
+    """Without the simulation of what to expect, which takes seconds."""
+    monkeypatch.setattr(init_command, "expectation_text", lambda answers, path: "")
+
+
+@pytest.mark.usefixtures("no_expectation")
+def test_the_line_in_the_file_writes_it_again(tmp_path):
     file = tmp_path / "sonar.yaml"
     assert main(["init", str(file), *GIVEN]) == 0
     text = file.read_text()
@@ -98,7 +107,8 @@ def test_an_end_of_the_input_is_said():
         asked({}, ask)
 
 
-def test_on_a_terminal_it_asks(capsys, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("no_expectation")
+def test_on_a_terminal_it_asks(tmp_path, monkeypatch):
     file = tmp_path / "sonar.yaml"
     texts = replies("300", *[""] * len(QUESTIONS))
     monkeypatch.setattr("builtins.input", lambda prompt: next(texts))

@@ -10,6 +10,7 @@ import pytest
 from tsepm_ros.commands.cli import main
 
 
+@pytest.mark.long
 def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
     pytest.importorskip("matplotlib")
     from PIL import Image
@@ -28,6 +29,7 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
     assert animation.stat().st_size < 3e6
 
 
+@pytest.mark.long
 def test_an_animation_alone_makes_no_picture(scenario, tmp_path):
     pytest.importorskip("matplotlib")
     assert main(["run", scenario, "--animation", str(tmp_path / "run.gif")]) == 0

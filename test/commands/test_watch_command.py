@@ -50,6 +50,7 @@ def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
     assert [str(row[0]) for row in page["frames"][-1]["tracks"]] == [track_id]
 
 
+@pytest.mark.long
 def test_the_page_of_a_scenario_has_its_truth(tmp_path):
     path = tmp_path / "run.html"
     assert main(["run", "four_targets", "--html", str(path), "--out", str(tmp_path / "out")]) == 0
@@ -67,6 +68,7 @@ def test_the_page_says_what_was_dropped(capsys, recording, tmp_path):
     assert any(entry["message"].startswith("1 detection dropped") for entry in health["entries"])
 
 
+@pytest.mark.long
 def test_watch_serves_a_recording_until_interrupted(recording):
     command = [sys.executable, "-m", "tsepm_ros.commands.cli", "watch", recording, "--port", "0"]
     with subprocess.Popen(

@@ -68,6 +68,7 @@ def test_one_hit_fewer_would_break_the_wish():
     assert false_tracks_per_hour(case, "tsepm", options, scans=400, seed=3).low > 30.0
 
 
+@pytest.mark.long
 def test_nothing_is_promised_where_a_hit_is_worth_nothing():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=5e-6))
     assert search.ping_increments(case, 0.99).hit < 0.01
@@ -150,6 +151,7 @@ def test_no_target_passes_where_none_has_enough_hits():
     assert target_pass_share(gating, TsepmOptions(min_hits=16, window=16), 5.0) == 0.0
 
 
+@pytest.mark.long
 def test_a_longer_window_is_chosen_where_it_pays():
     easy = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=1e-8), scans=24)
     hard = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=2e-6), scans=24)
@@ -182,6 +184,7 @@ def _little_clutter(monkeypatch):
     monkeypatch.setattr(search, "MAX_CLUTTER_DETECTIONS", 1_000.0)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
     """12 of 12 pings at p_d = 0.9: a third of the targets at most, and `score` finds nearly all."""
@@ -202,6 +205,7 @@ def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
     assert score.false_simulated.low >= 0.0 and math.isnan(rule.false_simulated.value)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path):
     file = tmp_path / "sonar.yaml"
@@ -262,6 +266,7 @@ def test_a_first_set_up_is_designed_further(capsys, tmp_path):
     assert "none.yaml is no parameter file" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_bisection_finds_the_first_rule_that_keeps_the_rate():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
     for rule in search.rules_within(case, TsepmOptions(), 60.0):
@@ -275,6 +280,7 @@ def test_bisection_finds_the_first_rule_that_keeps_the_rate():
             assert rate * clutter_pass_share(gating, fewer) > 60.0
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_the_first_estimate_comes_before_the_simulation(capsys):
     arguments = ["design", "--runs", "2", "--workers", "1", "--wanted", "0.01"]
@@ -284,6 +290,7 @@ def test_the_first_estimate_comes_before_the_simulation(capsys):
     assert first < said.index("simulated: up to 2 targets")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_a_wish_that_cannot_be_met_comes_with_what_would_help(capsys):
     given = ["-p", "sensor.clutter_density:=4.0e-6", "-p", "sensor.max_range:=1500.0"]
@@ -294,6 +301,7 @@ def test_a_wish_that_cannot_be_met_comes_with_what_would_help(capsys):
     assert "as it is" in said and "twice as many pings" in said
 
 
+@pytest.mark.long
 def test_a_design_knows_the_strength_of_its_targets():
     plain = Case(sensor=SensorModel())
     strong = dataclasses.replace(plain, ratio_db=6.0)

@@ -99,6 +99,7 @@ def test_answers_that_contradict_each_other_are_refused():
         parameters(completed({"range_error": 0.0}))
 
 
+@pytest.mark.long
 def test_more_clutter_needs_more_pings():
     estimates = [estimate for _, estimate in expected(completed({"range_error": 1.0}))]
     thresholds = [estimate.threshold for estimate in estimates]

@@ -65,6 +65,7 @@ def test_where_the_coverage_is_too_large_each_target_has_its_patch(monkeypatch):
         assert scene.area < CASE.sensor.coverage_area
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("processes", [1, 2])
 def test_the_simulation_ends_when_enough_is_known(processes):
     case = Case(sensor=SensorModel(max_range=4000.0, clutter_density=1e-7), scans=6)

@@ -85,6 +85,7 @@ def test_targets_that_vanish_are_not_missed():
     assert initiator.estimated_detection_probability == pytest.approx(before, abs=0.02)
 
 
+@pytest.mark.long
 def test_it_is_known_in_either_case_and_used_where_asked_for():
     scans = seen(0.6, 2)
     given, estimated = run(scans, "given"), run(scans, "estimated")

@@ -181,6 +181,7 @@ def held_through(features: bool, seed: int) -> bool:
     return own[-1] == own[15]
 
 
+@pytest.mark.long
 def test_features_keep_two_tracks_apart_that_are_one_without():
     # 12 of 12 and 0 of 12 in such runs.
     assert [held_through(True, seed) for seed in range(3)] == [True] * 3

@@ -259,6 +259,7 @@ def test_no_tracks_start_on_the_piles_of_a_quay_once_they_are_learned(seed):
     assert starts <= 1
 
 
+@pytest.mark.long
 def test_a_target_that_moves_to_and_fro_stays_held():
     """It has detections on both sides of every place; counted as clutter, it lost its track."""
     rng = np.random.default_rng(3)

@@ -141,6 +141,7 @@ def ghost_scene(seed: int, ghosts: float) -> tuple[list[np.ndarray], int]:
     return elsewhere, on_vessel
 
 
+@pytest.mark.long
 def test_few_tracks_start_on_ghosts_and_the_vessel_is_started_once():
     found = [ghost_scene(seed, 5.0) for seed in range(2)]
     assert [number for _, number in found] == [1, 1]

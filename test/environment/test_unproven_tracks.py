@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from support.score_scenes import clutter, score
 
 from tsepm_ros import Scan, SensorModel
 
 
+@pytest.mark.long
 def test_a_sea_without_targets_leaves_the_detection_probability_as_given():
     # Five false tracks a minute are allowed; each is missed most of the time.
     sensor = SensorModel(max_range=4000.0, clutter_density=2e-6, detection_probability=0.8)

@@ -76,6 +76,7 @@ def test_of_a_fast_sonar_few_pings_are_and_the_reach_is_that_of_the_time_between
     assert sum(reaches) == pytest.approx(SPEED * 5.0, abs=SPEED * 1.5 * looks.INTERVAL)
 
 
+@pytest.mark.long
 def test_every_ping_is_while_detections_stay_close_and_few_once_plots_are_made(reaches):
     scene, seen = Pool(swimmers=3, echoes=3, false=4.0, pings=200), []
     initiator = make_initiator("score", sensor=scene.sensor, max_speed=SPEED)

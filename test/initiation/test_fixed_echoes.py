@@ -43,6 +43,7 @@ def published_reflectors(seeds: range, pings: int, **kind) -> tuple[int, int, fl
     return published, 5 * len(seeds), listed / (5 * len(seeds))
 
 
+@pytest.mark.long
 def test_fixed_reflectors_are_listed_and_not_published():
     published, number, listed = published_reflectors(range(1, 4), 40)
     assert (published, number) == (0, 15)

@@ -232,6 +232,7 @@ def test_time_counts_from_the_begin_and_without_a_limit_there_is_always_some_lef
     assert make_initiator("tsepm", sensor=SensorModel()).max_scan_time == math.inf
 
 
+@pytest.mark.long
 def test_many_detections_in_one_place_in_two_scans_are_processed_in_time():
     # A saturated receiver: 16 million pairs, of which 250 000 may be kept.
     initiator = make_initiator("tsepm", sensor=SensorModel(), plots="off")

@@ -89,6 +89,7 @@ def test_of_an_unknown_sensor_too_a_swimmer_of_several_echoes_is_one(spread):
     check([benchmark.run(scene, seed, "estimated", "unknown") for seed in range(2)])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hull", [20.0, 40.0])
 def test_a_vessel_longer_than_a_plot_is_one(hull):
     scene = Swimmers(echoes=(3, 8), hull=hull, speed=3.0, pings=35)
@@ -103,6 +104,7 @@ def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
     assert len(benchmark.run(scene, 5, "estimated").starts) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [2, 5, 6])
 def test_swimmers_of_one_echo_that_pass_each_other_are_no_plots(seed):
     run = benchmark.watched(Pool(echoes=1, false=4.0, pings=140), seed)
@@ -120,6 +122,7 @@ def test_swimmers_are_held_in_the_clutter_of_a_fast_sonar(false):
         assert run.elsewhere < 0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["score", "tsepm"])
 @pytest.mark.parametrize("kind", ["uniform", "rough"])
 def test_auto_changes_nothing_in_the_box(method, kind):

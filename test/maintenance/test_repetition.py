@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from support.builders import detections
 from support.held import P_D, ids, step, tracks
 
@@ -15,6 +16,7 @@ from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.stages.paths import NO_HIT
 
 
+@pytest.mark.long
 def test_a_target_that_is_started_again_and_again_is_held_once():
     initiator = make_initiator("tsepm", sensor=SensorModel(range_std=15.0, range_std_fraction=0.0))
     rng = np.random.default_rng(1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
@@ -94,6 +95,7 @@ def test_a_late_echo_is_taken_at_its_own_time_against_the_clutter_where_it_is(st
     np.testing.assert_allclose(hold.current.state[0], mean, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_covariances_stay_positive_definite_and_numbers_finite():
     hold = holding(1, 2, 3)
     rng = np.random.default_rng(2)

@@ -72,6 +72,7 @@ def fast(seed: int) -> list[Scan]:
     ]
 
 
+@pytest.mark.long
 @EVERY_METHOD
 def test_no_published_speed_is_above_the_maximum(method):
     sensor = SensorModel(range_std=40.0, range_std_fraction=0.0, azimuth_std=0.02)
@@ -87,6 +88,7 @@ def test_no_published_speed_is_above_the_maximum(method):
     assert max(published) <= 10.0
 
 
+@pytest.mark.long
 def test_without_the_limit_a_start_is_the_fit_to_its_hits():
     sensor = SensorModel(range_std=40.0, range_std_fraction=0.0, azimuth_std=0.02)
     pairs = []

@@ -22,6 +22,7 @@ def demo(*arguments):
     )
 
 
+@pytest.mark.long
 def test_the_demo_starts_every_target_and_draws_it(tmp_path):
     picture = tmp_path / "demo.png"
     patience = ("--parameter", f"own_ship_timeout:={WAIT}")

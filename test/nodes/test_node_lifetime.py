@@ -44,6 +44,7 @@ def live(domain: int, recording: Path) -> None:
         boat.send(pings(6))
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
 def test_twenty_rounds_leave_no_thread_or_file_or_memory_behind(domain, tmp_path):
     (tmp_path / "detections.csv").write_text("time_s,range_m,azimuth_rad\n0,1000,0.1\n")

@@ -172,6 +172,7 @@ def test_a_signal_ends_the_initiator_in_the_middle_of_traffic(world, start, give
     assert_clean_end(process)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pause", [0.0, 0.02], ids=["at_once", "20_ms"])
 def test_a_second_interrupt_does_no_harm(world, start, given, pause):
     """As from a terminal and its launcher both."""

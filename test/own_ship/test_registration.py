@@ -282,6 +282,7 @@ def test_a_heading_that_errs_from_scan_to_scan_is_in_the_track_s_covariance(esti
     assert low < np.mean(good) < high
 
 
+@pytest.mark.long
 def test_without_the_own_ship_s_covariance_the_track_s_is_far_too_small():
     found = [nees(seed, "unweighted", known=False) for seed in range(100)]
     good = [value for value in found if value is not None]

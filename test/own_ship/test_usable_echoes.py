@@ -61,6 +61,7 @@ def test_a_sensor_at_rest_keeps_such_echoes():
     assert not session.dropped
 
 
+@pytest.mark.long
 def test_offline_the_poses_of_later_pings_are_still_there():
     """The poses up to the last echo are read before a ping: none must be read for a wrong one."""
     times = np.arange(0.0, 2000.0, 1.0)

@@ -88,6 +88,7 @@ def test_no_unbiased_estimate_has_the_published_speed_error():
     assert closed > published.TABLE_1["least_squares"][1]
 
 
+@pytest.mark.long
 def test_the_chapter_is_written(tmp_path):
     pytest.importorskip("matplotlib")
     setting = Setting(folder=tmp_path / "runs", runs=3)

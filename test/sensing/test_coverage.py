@@ -88,6 +88,7 @@ def test_bearings_from_north_give_the_same_tracks_as_those_from_the_bow(density)
         np.testing.assert_allclose(pose, expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_sector_of_bearings_from_north_keeps_the_wished_false_tracks():
     scene = scenario(targets=(), scans=300, sound_speed=0.0)
     found = sum(len(result.new) for result in run(scene, from_north, 2))
@@ -130,6 +131,7 @@ def shuffled(scan: Scan, order: np.ndarray) -> Scan:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", batches(6, 2))
 def test_the_order_of_a_scan_s_detections_does_not_change_its_tracks(seed):
     scene = scenario(own_ship=TURNING, sensor=dataclasses.replace(SECTOR, max_range=9000.0))

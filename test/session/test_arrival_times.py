@@ -84,6 +84,7 @@ EAST = OwnShipMotion(speed=2.0)
 NORTH = OwnShipMotion(7000.0, 5000.0, math.pi / 2, speed=3.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("period", [0.1, 0.5, 4.0, 12.0])
 @pytest.mark.parametrize("rate", [1.0, 5.0, 50.0])
 def test_after_a_short_restart_no_scan_is_placed_by_the_poses_before_it(rate, period):

@@ -78,6 +78,7 @@ def test_confirmations_far_above_the_target_rate_are_named():
     assert findings(SensorFigures(confirmed=400, duration=1200.0)) == {}, "no rate, no promise"
 
 
+@pytest.mark.long
 def test_a_session_says_each_finding_once_and_again_after_a_reset():
     heard: list[tuple[str, str]] = []
     session = Session(Settings(), lambda subject, said: heard.append((subject, said)))
@@ -104,6 +105,7 @@ def test_a_session_says_each_finding_once_and_again_after_a_reset():
     assert [subject for subject, _ in heard] == ["coverage", "coverage"]
 
 
+@pytest.mark.long
 def test_what_is_mended_as_told_is_no_longer_named():
     """Coverage and errors at once; other errors than those of the parameters count anew."""
     heard: list[tuple[str, str]] = []

@@ -62,6 +62,7 @@ def test_a_turn_in_parts_gives_the_tracks_of_the_turn_in_one_message(pose, size)
         assert min(np.hypot(*(track.state[[1, 3]] - np.array(TARGETS)[:, [1, 3]]).T)) < 1.5
 
 
+@pytest.mark.long
 def test_a_target_at_the_seam_is_one_track():
     ranges = turns(14, targets=((-300.0, 0.0, 0.0, 0.5),), clutter=0, width=3)
     results = played(Session(settings(f"{TURN}")), in_parts(ranges))
@@ -95,6 +96,7 @@ def test_the_state_of_a_given_sweep_is_that_none_is_complete_until_one_is():
     assert one.figures().sweep == f"sweeps of 3.14 s in {BEAMS // 6} messages"
 
 
+@pytest.mark.long
 def test_a_learned_sweep_is_given_up_where_the_beam_stands():
     said = []
     one = Session(settings("auto"), lambda reason, sentence: said.append(sentence))

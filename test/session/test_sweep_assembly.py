@@ -295,6 +295,7 @@ def test_no_echo_is_lost_or_doubled_in_any_disorder():
         assert len(found) + len(reasons) == len(order)
 
 
+@pytest.mark.long
 def test_hostile_stamps_and_azimuths_lose_no_echo_uncounted():
     """Every message is in one scan, or counted; what waits is bounded by the limit."""
     rng = np.random.default_rng(8)

@@ -83,6 +83,7 @@ def test_a_fan_that_stays_is_none():
     assert learned(fans) is None
 
 
+@pytest.mark.long
 def test_few_detections_here_and_there_are_none():
     rng = np.random.default_rng(1)
     for number in (0.5, 1.0, 3.0):

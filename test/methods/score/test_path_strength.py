@@ -160,6 +160,7 @@ def test_law_of_clutter_leaves_out_targets_by_their_positions_alone():
     np.testing.assert_allclose(again.probability, found.probability)
 
 
+@pytest.mark.long
 def test_a_single_strong_echo_starts_no_track_with_clutter_before_it():
     """Its target may have just appeared: the start waits until its hits are clear."""
     false = 0

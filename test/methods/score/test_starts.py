@@ -89,7 +89,10 @@ def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.nda
     return mean, spread
 
 
-@pytest.mark.parametrize(("make", "threshold"), [(random_scene, 4.0), (crowded_scene, 3.0)])
+@pytest.mark.parametrize(
+    ("make", "threshold"),
+    [(random_scene, 4.0), pytest.param(crowded_scene, 3.0, marks=pytest.mark.long)],
+)
 def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold):
     counts = [decided(make(seed), seed, threshold) for seed in range(12)]
     started, strong = np.sum(counts, axis=0)
@@ -162,6 +165,7 @@ def test_no_track_on_two_hits_however_strong():
     assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
 
 
+@pytest.mark.long
 def test_a_confirmed_track_has_hits_enough_whatever_is_wished_for():
     initiator = score(false_tracks_per_hour=1e5)
     rng = np.random.default_rng(1)

@@ -104,6 +104,7 @@ def test_an_unknown_clutter_density_is_learned_within_ten_scans():
         assert known / 1.5 < rate(given) < known * 1.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("clutter_is", "density"), [("given", 1e-7), ("estimated", 1e-6)])
 def test_the_clutter_density_in_use_is_told(clutter_is, density):
     initiator = score(SensorModel(clutter_density=1e-7), clutter_density=clutter_is)
