@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing.range_rates import measured, over_ground
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -28,7 +29,7 @@ class ClutterRangeRates:
 
     def update(self, detections: NDArray[np.void]) -> None:
         """Update the estimate with the range rates of a scan's detections."""
-        rated = detections[measured(detections)]
+        rated = taken(detections, measured(detections))
         if len(rated):
             self._rates.append(np.abs(over_ground(rated)))
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.rows import taken
 
 CHI_SQUARE_MEDIAN = 0.4549
 """Median of a squared standard normal variable."""
@@ -88,7 +89,7 @@ class MeasurementErrors:
         ids = self._track_id[order]
         place = np.searchsorted(ids, track_id)
         own = np.flatnonzero(np.searchsorted(ids, track_id, "right") > place)
-        row, detections = order[place[own]], detections[own]
+        row, detections = order[place[own]], taken(detections, own)
         position, sensor = detections["position"], detections["sensor_pose"]
         for last, newest in (
             (self._time, detections["time"]),

@@ -106,14 +106,14 @@ class PathRatio:
         return _path_ratio(step, most_hits)
 
     def at(self, hits: IntArray, total: FloatArray) -> FloatArray:
-        """``ln L(n, V)`` of paths, (p,): exactly 0 without a hit.
+        """``ln L(n, V)`` of paths, (p,) or of any shape: exactly 0 without a hit.
 
         Parameters
         ----------
-        hits : (p,) ndarray of int
+        hits : ndarray of int
             n, up to the table's.
-        total : (p,) ndarray
-            V.
+        total : ndarray
+            V, of the same shape.
         """
         place = np.log1p(total) * ((GRID_POINTS - 1) / math.log1p(GRID_END))
         left = np.minimum(place.astype(np.int64), GRID_POINTS - 2)

@@ -14,6 +14,7 @@ from tsepm_ros.environment.target_strength import ScanStrengths
 from tsepm_ros.initiation.scan_clutter import ScanClutter
 from tsepm_ros.maintenance.held_tracks import HeldTracks
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing.conversion import measured_polar
 from tsepm_ros.sensing.coverage import EchoPoses
 from tsepm_ros.sensing.plot_features import NAMES
@@ -90,7 +91,7 @@ def learn_errors(
     """Learn the sensor's errors from held tracks' detections, if these have its errors."""
     track_id, row = maintenance.own_detections
     rows = np.isnan(detections["range_std"][row])
-    own = detections[row[rows]]
+    own = taken(detections, row[rows])
     variance = sensor.range_variance(measured_polar(own)[0])
     errors.update(track_id[rows], own, variance, maintenance.held.tracks.track_id)
 

@@ -16,6 +16,7 @@ from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing.conversion import DETECTION
 from tsepm_ros.sensing.plot_features import Histories
 from tsepm_ros.sensing.sensor import SensorModel
@@ -87,7 +88,8 @@ class PathFollower(HitCounter):
         pairs, cut_pairs = self.pairs(detections)
         pairs = self._resembling(pairs, observed)
         extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
-        children = self.extended(extending.parent, ids[extending.row], detections[extending.row])
+        row = extending.row
+        children = self.extended(extending.parent, ids[row], taken(detections, row))
         reached = pruning.confirmed(children.hit_count, self.options.min_hits)
         confirmation = self.confirm(children[reached])
         missed = np.ones(len(self.potential), bool)
@@ -95,11 +97,13 @@ class PathFollower(HitCounter):
         waiting, terminated = self._waiting(
             children[~reached], self.potential[missed], confirmation.hits
         )
-        free = ~np.isin(ids, confirmation.hits)
+        is_free = ~np.isin(ids, confirmation.hits)
         if not self.every_detection_starts:
-            free[extending.row] = False
-        beyond = max(int(np.count_nonzero(free)) - self.max_tracks, 0)
-        started = self.started(ids[free][: self.max_tracks], detections[free][: self.max_tracks])
+            is_free[row] = False
+        free = np.flatnonzero(is_free)
+        beyond = max(len(free) - self.max_tracks, 0)
+        begun = free[: self.max_tracks]
+        started = self.started(ids[begun], taken(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
         self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at
 from tsepm_ros.sensing.sensor import SensorModel
@@ -235,7 +236,7 @@ def log_likelihood(
         innovation[rows],
         innovation_covariance[rows],
     )
-    error, variance, _ = range_rates.innovations(*updated, interval, detections[rows])
+    error, variance, _ = range_rates.innovations(*updated, interval, taken(detections, rows))
     density[rows] += range_rates.log_density(error, variance)
     distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.discs import squared_distances
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.sensor import SensorModel
@@ -142,7 +143,7 @@ def gate(
     pairs = FILTER_MODES * [of_filter] + [of_fit]
     owner = np.concatenate([mode * n + part.track for mode, part in enumerate(pairs)])
     row = np.concatenate([part.row for part in pairs])
-    nearest = detections[np.stack([part.nearest for part in pairs])]
+    nearest = taken(detections, np.stack([part.nearest for part in pairs]))
     time_after_scan, pair_time = nearest["time"] - stamp, detections["time"][row] - stamp
     innovation_covariance = kalman.position_covariance_after(covariance, time_after_scan)
     innovation_covariance += covariance_at(
@@ -151,12 +152,12 @@ def gate(
     states, covariances = state.reshape(-1, 4), covariance.reshape(-1, 4, 4)
     updated = None
     if not range_rates.measured(detections).any():
-        expected = kalman.position_after(states[owner], pair_time)
+        expected = kalman.position_after(states.take(owner, axis=0), pair_time)
         innovation = detections["position"][row] - expected
-        of_pairs = innovation_covariance.reshape(-1, 2, 2)[owner]
+        of_pairs = innovation_covariance.reshape(-1, 2, 2).take(owner, axis=0)
         density = kalman.position_log_likelihood(innovation, of_pairs, GATE_PROBABILITY)
     else:
-        candidates = detections[row]
+        candidates = taken(detections, row)
         innovation, of_pairs = kalman.innovations(
             states[owner], covariances[owner], pair_time, candidates, sensor
         )

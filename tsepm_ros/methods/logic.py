@@ -49,6 +49,7 @@ from tsepm_ros.kinematics.polynomials import Polynomials
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.parameters import parameter
 from tsepm_ros.stages import splitting
 from tsepm_ros.stages.association import Pairs, within
@@ -163,7 +164,7 @@ class Logic(PathFollower):
         row: IntArray,
     ) -> FloatArray:
         """D of pairs of predictions and detections, (p,)."""
-        candidates = detections[row]
+        candidates = taken(detections, row)
         expected, covariance = predicted.at(owner, candidates["time"])
         misfit = candidates["position"] - expected
         if predicted.degree == 0:

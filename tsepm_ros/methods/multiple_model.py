@@ -46,6 +46,7 @@ from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.covariances import correlated_beyond_one, proper
 from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.parameters import parameter
 from tsepm_ros.sensing.conversion import major_sigma, rotated
 from tsepm_ros.sensing.sensor import SensorModel
@@ -192,7 +193,7 @@ class MultipleModel(PathFollower):
         parent, row, cut = splitting.neighbours(positions, centres, radius, late)
 
         def distance(parent: IntArray, row: IntArray) -> FloatArray:
-            hits = detections[row]
+            hits = taken(detections, row)
             elapsed = hits["time"] - self.stamp
             expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
             predicted = kalman.position_covariance_after(covariance[parent], elapsed)

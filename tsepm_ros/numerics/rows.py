@@ -24,9 +24,17 @@ def changed(table: T, **columns: Any) -> T:
     return new
 
 
-def indices(rows: NDArray[np.generic]) -> NDArray[np.generic]:
+def indices(rows: NDArray[np.generic]) -> NDArray[Any]:
     """Rows as indices, given as indices or a mask: several columns take them faster."""
     return rows.nonzero()[0] if rows.dtype == bool else rows
+
+
+def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
+    """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask.
+
+    Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
+    """
+    return records.take(indices(rows), axis=0)
 
 
 @dataclass(frozen=True)

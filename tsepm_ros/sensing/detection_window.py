@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing.conversion import DETECTION
 
 _BLOCK = np.dtype((np.void, DETECTION.itemsize))
@@ -42,7 +43,7 @@ class DetectionWindow:
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
-        return self._detections[ids - self._first_id]
+        return taken(self._detections, ids - self._first_id)
 
     def note_held(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
         """Note the probabilities that detections belong to confirmed tracks, (n,) each."""

@@ -16,6 +16,7 @@ from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.numerics.covariances import inverse
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
@@ -209,7 +210,7 @@ def update(
     if not len(rows):
         return state, covariance
     innovation, variance, cross = innovations(
-        state[rows], covariance[rows], time_after_state[rows], detections[rows]
+        state[rows], covariance[rows], time_after_state[rows], taken(detections, rows)
     )
     state, covariance = state.copy(), covariance.copy()
     state[rows] += cross * (innovation / variance)[:, None]
@@ -241,10 +242,9 @@ def begun(
     rows = np.flatnonzero(measured(detections))
     if not len(rows):
         return state, covariance, increment
-    innovation, variance, _ = innovations(
-        state[rows], covariance[rows], now[rows], detections[rows]
-    )
-    clutter = np.log(clutter_density(detections[rows], sensor))
+    rated = taken(detections, rows)
+    innovation, variance, _ = innovations(state[rows], covariance[rows], now[rows], rated)
+    clutter = np.log(clutter_density(rated, sensor))
     increment[rows] = log_density(innovation, variance) - clutter
     return *update(state, covariance, now, detections), increment
 
@@ -297,7 +297,7 @@ def fitted(
     rows = np.flatnonzero(rated.any(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
     if not len(rows):
         return state, covariance
-    rated, hits, time_after_state = rated[rows], hits[rows], time_after_state[rows]
+    rated, hits, time_after_state = rated[rows], taken(hits, rows), time_after_state[rows]
     prior, prior_covariance = state[rows], covariance[rows]
     # A hit without a range rate has a row of zeros; its variance has no effect.
     noise = np.where(rated, np.square(hits["range_rate_std"]), 1.0)[..., None] * np.eye(

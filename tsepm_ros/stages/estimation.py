@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.covariances import inverse
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import (
     covariance_at,
@@ -231,7 +232,7 @@ def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
     rows, current, current_covariance = np.arange(len(hits)), start.state, start.covariance
     for _ in range(POLAR_PASSES):
         linear = _nearly_linear(
-            hits[rows], start.time_after_state[rows], current, current_covariance, sensor
+            taken(hits, rows), start.time_after_state[rows], current, current_covariance, sensor
         )
         rows, current = rows[linear], current[linear]
         if not len(rows):
@@ -239,7 +240,7 @@ def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
         time_after_state = start.time_after_state[rows]
         correction, current_covariance = _solve(
             time_after_state,
-            *_polar_information(hits[rows], positions_at(current, time_after_state), sensor),
+            *_polar_information(taken(hits, rows), positions_at(current, time_after_state), sensor),
         )
         current = current + correction
         sigma = np.sqrt(np.diagonal(current_covariance, axis1=1, axis2=2))
@@ -247,7 +248,7 @@ def polar(hits: NDArray[np.void], start: Fit, sensor: SensorModel) -> Fit:
         converged = rows[done]
         state[converged], covariance[converged] = current[done], current_covariance[done]
         hit_covariance[converged] = covariance_at(
-            hits[converged], positions_at(current[done], time_after_state[done]), sensor
+            taken(hits, converged), positions_at(current[done], time_after_state[done]), sensor
         )
         rows, current = rows[~done], current[~done]
         current_covariance = current_covariance[~done]

@@ -16,6 +16,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_within
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.numerics.limits import keep_best
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing import range_rates
 
 MAX_GATED = 5_000_000
@@ -125,7 +126,10 @@ def gate_within(
     if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
         near = np.flatnonzero(inside)
         inside[near] = range_rates.agree(
-            last_hits[owner[near]], detections[candidate[near]], max_speed, range_rate_gate
+            taken(last_hits, owner[near]),
+            taken(detections, candidate[near]),
+            max_speed,
+            range_rate_gate,
         )
     start = np.zeros(n_gates + 1, np.int64)
     np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import covariance_at, major_sigma
 from tsepm_ros.sensing.sensor import SensorModel
@@ -122,7 +123,7 @@ class ExpectedDetections:
             innovation = self.detections["position"].take(row, axis=0)
             innovation -= expected.take(parent, axis=0)
             return innovation, spread.take(parent, axis=0)
-        detections = self.detections[row]
+        detections = taken(self.detections, row)
         return kalman.innovations(
             self.hypotheses.state[parent],
             self.hypotheses.covariance[parent],
@@ -138,7 +139,7 @@ class ExpectedDetections:
         innovation, spread = self.innovations(parent, row)
         if not self.has_range_rates:
             return kalman.position_log_likelihood(innovation, spread, gate_probability)
-        detections = self.detections[row]
+        detections = taken(self.detections, row)
         return kalman.log_likelihood(
             self.hypotheses.state,
             self.hypotheses.covariance,
@@ -175,7 +176,7 @@ class ExpectedDetections:
             changed = (before - change).take(place, axis=0)
         if not self.has_range_rates:
             return moved, changed
-        return range_rates.update(moved, changed, time_after_state, self.detections[row])
+        return range_rates.update(moved, changed, time_after_state, taken(self.detections, row))
 
 
 def _alike(detections: NDArray[np.void]) -> bool:

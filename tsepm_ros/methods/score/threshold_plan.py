@@ -26,6 +26,7 @@ from tsepm_ros.environment.target_strength import PathRatio
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score import fading, likelihood_ratio
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing import range_rates
 from tsepm_ros.sensing.conversion import DETECTION, position_covariance
 from tsepm_ros.sensing.sensor import SensorModel
@@ -217,18 +218,21 @@ class _Targets:
     detected: BoolArray
     exponents: FloatArray | None
 
-    def strength_increments(self, first: int, scan: int) -> FloatArray:
-        """What the strength of each target's detection in a scan adds, (n,), from a scan on."""
-        if self.exponents is None:
-            return np.zeros(len(self.detected))
-        hit = self.detected[:, first : scan + 1]
-        totals = np.cumsum(np.where(hit, self.exponents[:, first : scan + 1], 0.0), axis=1)
-        counts = np.cumsum(hit, axis=1, dtype=np.int64)
-        ratio = PathRatio.of(target_strength.LAW_KNOWN, self.detected.shape[1])
-        now = ratio.at(counts[:, -1], totals[:, -1])
-        if scan > first:
-            now -= ratio.at(counts[:, -2], totals[:, -2])
-        return now
+    def strength_increments(self, first: int) -> FloatArray:
+        """What the strength of each target's detection adds in each scan, (n, window).
+
+        Of the hypotheses that start in scan `first`; 0 before it.
+        """
+        increments = np.zeros(self.detected.shape)
+        if self.exponents is not None:
+            hit = self.detected[:, first:]
+            totals = np.cumsum(np.where(hit, self.exponents[:, first:], 0.0), axis=1)
+            counts = np.cumsum(hit, axis=1, dtype=np.int64)
+            ratio = PathRatio.of(target_strength.LAW_KNOWN, self.detected.shape[1])
+            evidence = ratio.at(counts, totals)
+            increments[:, first] = evidence[:, 0]
+            increments[:, first + 1 :] = np.diff(evidence, axis=1)
+        return increments
 
 
 def _draw_targets(
@@ -304,22 +308,24 @@ def _scores(
 
     -inf before the start, without a detection in that scan, and after deletion.
     """
-    every, window = targets.detected.shape
+    window = targets.detected.shape[1]
     rows = np.flatnonzero(targets.detected[:, first])
     n = len(rows)
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    detections = targets.detections[first][rows]
+    detections = taken(targets.detections[first], rows)
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
     state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
-    scores = np.full((n, window), -np.inf)
-    scores[:, first] = start + targets.strength_increments(first, first)[rows]
-    target, at_stamp = np.arange(n), np.zeros(n)
+    scores = np.full(targets.detected.shape, -np.inf)
+    of_strength = targets.strength_increments(first)
+    score = start + of_strength[rows, first]
+    scores[rows, first] = score
     faded = np.full(n, fading.FADED_AT_START)
     for scan in range(first + 1, window):
         state, covariance = kalman.predict(state, covariance, interval, process_noise)
-        detections = targets.detections[scan][rows]
+        target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
+        detections = taken(targets.detections[scan], rows)
         innovation = detections["position"] - state[:, 0::2]
         innovation_covariance = covariance[:, 0::2, 0::2] + _errors(state, sensor)
         density = kalman.log_likelihood(
@@ -337,22 +343,30 @@ def _scores(
         faded = fading.predicted(faded, interval)
         probability = sensor.detection_probability * fading.visible_share(faded)
         increment = likelihood_ratio.hit_increment(density, probability, clutter)
-        increment = increment + targets.strength_increments(first, scan)[rows]
+        increment = increment + of_strength[rows, scan]
         missed = likelihood_ratio.miss_increment(probability, gate_probability)
         faded = np.where(
             hit,
             fading.after_hit(faded),
             fading.after_miss(faded, probability, gate_probability),
         )
-        scores[:, scan] = scores[:, scan - 1] + np.where(hit, increment, missed)
-        scores[scores[:, scan] < deletion, scan] = -np.inf
+        score = score + np.where(hit, increment, missed)
+        found = np.flatnonzero(hit)
         updated = kalman.update(
-            state[hit], covariance[hit], at_stamp[hit], innovation[hit], innovation_covariance[hit]
+            state.take(found, axis=0),
+            covariance.take(found, axis=0),
+            at_stamp[found],
+            innovation.take(found, axis=0),
+            innovation_covariance.take(found, axis=0),
         )
-        state[hit], covariance[hit] = range_rates.update(*updated, at_stamp[hit], detections[hit])
-    of_all = np.full((every, window), -np.inf)
-    of_all[rows] = scores
-    return of_all
+        state[found], covariance[found] = range_rates.update(
+            *updated, at_stamp[found], taken(detections, found)
+        )
+        kept = np.flatnonzero(score >= deletion)
+        rows, score, faded = rows[kept], score[kept], faded[kept]
+        state, covariance = state.take(kept, axis=0), covariance.take(kept, axis=0)
+        scores[rows, scan] = score
+    return scores
 
 
 def _plan(tested: FloatArray, window: int) -> ScorePlan:
