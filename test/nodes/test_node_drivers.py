@@ -114,7 +114,7 @@ def test_a_sonar_frame_with_z_ahead_is_turned_by_that_axis():
         Settings(SessionOptions(method="tsepm", own_ship_source="tf", fixed_frame="map"))
     )
     rotation = quaternion(np.array([up, starboard, ahead]).T)
-    session.look_up = TfOwnShip(None, session, Standing(rotation)).look_up
+    session.own_ship.look_up = TfOwnShip(None, session, Standing(rotation)).look_up
     message, _ = MAKERS[SONAR_DETECTIONS](header(0), [Echo(3000.0, 0.25)])
     session.add_scan(read_detections(message).sensor_scan, 0.0)
     [result] = session.process(0.0)

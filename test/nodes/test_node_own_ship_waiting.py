@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support.boat import Boat
 from support.expectation import assert_same, assert_stamps, confirmed
@@ -103,10 +104,11 @@ def test_a_scan_in_a_hole_of_the_odometry_is_dropped(world):
 
 
 def test_odometry_that_waits_unread_while_the_machine_is_busy_is_used(world):
-    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=SOON)
+    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=3600.0)
     boat.driver.ping(SENT[0])
     world.until(lambda: world.figures()["waiting_for_own_ship"] == "1", "the scan to wait")
     publish_poses(boat, Ship(), 0, 140)
+    boat.node.set_parameters([Parameter("own_ship_timeout", value=SOON)])
     sleep(2 * SOON)  # nobody reads; the timer is due first
     received = boat.take(1, 0) + boat.send(SENT[1:])
     assert_same(received, confirmed(SENT))

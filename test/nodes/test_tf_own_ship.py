@@ -60,7 +60,7 @@ class Rolling:
 
 def session_with(buffer: Any) -> Session:
     session = Session(Settings(SessionOptions(own_ship_source="tf", fixed_frame="map")))
-    session.look_up = TfOwnShip(None, session, buffer).look_up
+    session.own_ship.look_up = TfOwnShip(None, session, buffer).look_up
     return session
 
 
@@ -162,7 +162,7 @@ def test_a_rotation_of_nothing_places_nothing():
     )
     buffer = SimpleNamespace(can_transform=lambda *_: True, lookup_transform=lambda *_: transform)
     session = session_with(buffer)
-    session.look_up("sonar", START, START + 0.1, "body")
+    session.own_ship.look_up("sonar", START, START + 0.1, "body")
     assert session.own_ship_stamp is None
     assert set(session.dropped) == {"own_ship_invalid"}
 

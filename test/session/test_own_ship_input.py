@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import Counter
+from collections import Counter, deque
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_scans_wait_for_the_own_ship_and_are_processed_in_order():
 def test_a_scan_waits_for_the_pose_of_its_last_echo():
     one = moving()
     needed = []
-    one.look_up = lambda *span: needed.append(span)
+    one.own_ship.look_up = lambda *span: needed.append(span)
     one.add_scan(arrived(Scan(30.0, [1500.0, 7500.0], [0.0, 0.0], time_offset=[1.0, 5.0])), 0.0)
     sail(one, 29.0, 39.9)
     assert list(one.process(0.0)) == []
@@ -52,7 +52,7 @@ def test_a_scan_waits_for_the_pose_of_its_last_echo():
 def test_a_scan_whose_echoes_are_sent_later_waits_for_and_uses_the_poses_of_then():
     one = moving()
     needed = []
-    one.look_up = lambda *span: needed.append(span[1:3])
+    one.own_ship.look_up = lambda *span: needed.append(span[1:3])
     scan = Scan(30.0, [100.0, 100.0], [-0.5, -0.5], time_offset=[4.0, 8.0])
     one.add_scan(arrived(scan, transmit_offset=np.array([4.0, 7.0])), 0.0)
     sail(one, 0.0, 100.0)
@@ -69,9 +69,9 @@ def test_a_look_up_that_fails_costs_one_scan():
     def fail(*span):
         raise LookupError("no transform")
 
-    one.look_up = fail
+    one.own_ship.look_up = fail
     assert play(one, [12], now=0.0) == []
-    one.look_up = None
+    one.own_ship.look_up = None
     assert len(play(one, [24], now=0.0)) == 1
     assert one.dropped == {"internal_error": 1}
 
@@ -87,16 +87,55 @@ def test_a_scan_whose_own_ship_data_never_comes_is_dropped_after_the_timeout():
     assert one.waiting == 0
 
 
-def test_no_scan_is_dropped_while_own_ship_data_is_still_being_read():
-    one = moving(own_ship_timeout=2.0)
-    one.add_scan(ping(3.0), (50.0, 50.0))
-    sail(one, 0.0, 2.0)
-    assert list(one.process((60.0, 60.0), give_up=False)) == []
-    assert one.waiting == 1
-    sail(one, 4.0)
-    (result,) = one.process((61.0, 61.0), give_up=False)
-    assert (result.stamp, result.waiting) == (3.0, 11.0)
+def reader(one, *stamps):
+    """Reads poses one by one, as a node does messages of odometry that wait."""
+    unread = deque(stamps)
+
+    def read() -> bool:
+        if unread:
+            sail(one, unread.popleft())
+            return True
+        return False
+
+    one.own_ship.read_unread = read
+    return unread
+
+
+@pytest.mark.parametrize("timeout", [0.0, 2.0])
+def test_unread_own_ship_data_is_read_before_a_scan_is_dropped(timeout):
+    one = moving(own_ship_timeout=timeout)
+    sail(one, 0.0)
+    unread = reader(one, 2.0, 4.0, 6.0)
+    one.add_scan(ping(3.0), 50.0)
+    (result,) = one.process(60.0)
+    assert (result.stamp, result.waiting) == (3.0, 10.0)
+    assert list(unread) == [6.0], "no more than the scan needs"
     assert one.dropped == Counter()
+
+
+def test_own_ship_data_is_not_read_out_of_turn_for_a_scan_that_may_wait_or_is_covered():
+    one = moving(own_ship_timeout=2.0)
+    unread = reader(one, 4.0, -900.0)
+    sail(one, 0.0, 2.0)
+    one.add_scan(ping(3.0), 50.0)
+    assert list(one.process(51.0)) == []
+    sail(one, 4.0)
+    assert [result.stamp for result in one.process(53.0)] == [3.0]
+    assert len(unread) == 2
+
+
+def test_a_scan_before_a_restart_is_not_placed_by_unread_own_ship_data_after_it():
+    one = moving(own_ship_timeout=2.0)
+    sail(one, 0.0, 69.0)
+    one.add_scan(ping(69.5), 50.0)
+    unread = reader(one, *np.arange(0.0, 80.0))
+    assert list(one.process(60.0)) == []
+    assert one.dropped == {"own_ship_stale": 1}
+    while unread:
+        one.own_ship.read_unread()
+    for stamp in (4.0, 16.0, 28.0):
+        one.add_scan(ping(stamp), 61.0)
+    assert [result.stamp for result in one.process(61.0)] == [4.0, 16.0, 28.0]
 
 
 def test_stale_own_ship_data_drops_the_scan_and_the_next_good_one_is_processed():

@@ -26,6 +26,7 @@ from tsepm_ros.design.prediction import (
     target_statistics,
 )
 from tsepm_ros.methods.score import threshold_plan
+from tsepm_ros.methods.score.drawn_targets import ANY_RATIO
 from tsepm_ros.methods.score.likelihood_ratio import MAX_DETECTION_PROBABILITY, miss_increment
 from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
@@ -214,7 +215,7 @@ def passages(
     if case.ratio_db is None or case.common.intensity == "off":
         plans, of_targets = plans_of(), plans_of(fades=False)
     else:  # nobody tells the method the ratio
-        plans = plans_of(ratio=threshold_plan.ANY_RATIO)
+        plans = plans_of(ratio=ANY_RATIO)
         of_targets = plans_of(ratio=10.0 ** (case.ratio_db / 10.0), fades=False)
     share = min(options.false_tracks_per_hour / case.starts_per_hour, 1.0)
     thresholds = [plan.threshold(share) for plan in plans]

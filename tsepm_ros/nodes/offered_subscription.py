@@ -70,7 +70,7 @@ class OfferedSubscription:
         return taken
 
     def take(self) -> tuple[Any, Any] | None:
-        """Take the oldest message that waits in the middleware, with its information, if any."""
+        """Take the oldest message that waits in the middleware with its information, or None."""
         subscription = self._subscription
         with subscription.handle:
             entry: tuple[Any, Any] | None = subscription.handle.take_message(

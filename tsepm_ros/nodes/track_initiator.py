@@ -75,7 +75,6 @@ class TrackInitiator(ParameterisedNode):
 
         self._announced = TrackAnnouncements(self.get_logger().info)
 
-        self._odometry: OfferedSubscription | None = None
         self._subscribe_own_ship(qos)
         self._tracked = OfferedSubscription(
             self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, qos
@@ -149,6 +148,14 @@ class TrackInitiator(ParameterisedNode):
         self._health.heard(OWN_SHIP, self._now())
         self._input.take_own_ship(message)
 
+    def _read_own_ship(self) -> bool:
+        """Take a message of odometry that waits in the middleware, if there is one."""
+        entry = self._own_ship.take()
+        if entry is None:
+            return False
+        self._note_own_ship(entry[0])
+        return True
+
     def _subscribe_own_ship(self, qos: QosWatch) -> None:
         if self._session.source == "none":
             frame = self._session.settings.session.fixed_frame or "of the detections"
@@ -157,11 +164,12 @@ class TrackInitiator(ParameterisedNode):
                 f"{frame}"
             )
         elif self._session.source == "tf":
-            self._session.look_up = TfOwnShip(self, self._session).look_up
+            self._session.own_ship.look_up = TfOwnShip(self, self._session).look_up
         else:
-            self._odometry = OfferedSubscription(
+            self._own_ship = OfferedSubscription(
                 self, Odometry, OWN_SHIP_TOPIC, OWN_SHIP_DEPTH, self._take_own_ship, qos
             )
+            self._session.own_ship.read_unread = self._read_own_ship
         if self._session.source == "none" and self._session.settings.session.sweep == "off":
             return  # nothing waits
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -171,27 +179,7 @@ class TrackInitiator(ParameterisedNode):
 
     def _process(self, entered: float) -> None:
         """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
-        if self._odometry is not None:
-            self._read_own_ship(self._odometry, entered)
-        self._process_ready(entered, give_up=True)
-        if self._waiting is not None and self._session.settings.session.sweep == "off":
-            if not self._session.waiting:
-                self._waiting.cancel()
-            elif self._waiting.is_canceled():
-                self._waiting.reset()
-
-    def _read_own_ship(self, odometry: OfferedSubscription, entered: float) -> None:
-        """Read what the middleware has for scans that wait: unread poses make no scan stale."""
-        for _ in range(OWN_SHIP_DEPTH):
-            entry = odometry.take() if self._session.waiting else None
-            if entry is None:
-                return
-            self._note_own_ship(entry[0])
-            self._process_ready(entered, give_up=False)
-
-    def _process_ready(self, entered: float, *, give_up: bool) -> None:
-        """Process and publish scans; `give_up` whether those that waited too long are dropped."""
-        for result in self._session.process(self._now(), give_up=give_up):
+        for result in self._session.process(self._now()):
             try:
                 latency = self._outputs.publish(result, entered)
             except FAILURES as error:  # such as a stamp beyond the range of a message
@@ -199,6 +187,11 @@ class TrackInitiator(ParameterisedNode):
             else:
                 self._health.processed(result.statistics.detections, latency, self._now())
             self._announced.announce(result, self._session.initiator.reason)
+        if self._waiting is not None and self._session.settings.session.sweep == "off":
+            if not self._session.waiting:
+                self._waiting.cancel()
+            elif self._waiting.is_canceled():
+                self._waiting.reset()
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         header = make_header(self.get_clock().now().nanoseconds, self._session.fixed_frame)

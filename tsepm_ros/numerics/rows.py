@@ -30,7 +30,7 @@ def indices(rows: NDArray[np.generic]) -> NDArray[Any]:
 
 
 def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
-    """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask.
+    """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask (n,).
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
     """

@@ -14,6 +14,7 @@ from tsepm_ros.session.refusal import Notice, Refusal
 from tsepm_ros.settings.session_options import SessionOptions
 
 LookUp = Callable[[str, float, float, str], str]
+ReadUnread = Callable[[], bool]
 
 
 class OwnShipInput:
@@ -33,6 +34,9 @@ class OwnShipInput:
     look_up : callable or None
         Called as ``look_up(sensor frame, first, last, axes)`` with the time span (s) of a scan, to
         add its poses; returns what is missing, in words. None if poses arrive as messages.
+    read_unread : callable or None
+        Adds the oldest pose that has arrived and is unread, if any; returns whether there was one.
+        None if no pose can be unread.
     """
 
     def __init__(self, options: SessionOptions) -> None:
@@ -43,6 +47,7 @@ class OwnShipInput:
         )
         self.restarted = False
         self.look_up: LookUp | None = None
+        self.read_unread: ReadUnread | None = None
         self._options = options
         self._missing = ""
 
@@ -111,7 +116,20 @@ class OwnShipInput:
             self._missing = self.look_up(arrived.frame_id, first, last, arrived.axes)
         if self.poses.coverage(first, last) is not PoseCoverage.NOT_YET:
             return False
-        return waiting < self._options.own_ship_timeout
+        if waiting < self._options.own_ship_timeout:
+            return True
+        self._read_unread(first, last)
+        return False
+
+    def _read_unread(self, first: float, last: float) -> None:
+        """Read unread poses until they cover a time span, s, or belong to another run."""
+        while self.read_unread and self.poses.coverage(first, last) is PoseCoverage.NOT_YET:
+            newest = self.poses.last_stamp
+            if not self.read_unread():
+                return
+            now = self.poses.last_stamp
+            if newest is not None and (now is None or now < newest):
+                return
 
     def refuse(self, arrived: SensorScan) -> Refusal | None:
         """Refuse a scan that need not wait and has no poses."""

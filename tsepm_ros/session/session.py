@@ -29,7 +29,7 @@ from tsepm_ros.session.downstream_input import DownstreamInput
 from tsepm_ros.session.frames import Frames
 from tsepm_ros.session.initiator_run import InitiatorRun
 from tsepm_ros.session.land_input import LandInput
-from tsepm_ros.session.own_ship_input import LookUp, OwnShipInput
+from tsepm_ros.session.own_ship_input import OwnShipInput
 from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark, shortened
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.scan_order import Arrival, ScanOrder
@@ -65,6 +65,8 @@ class Session:
         Drops by reason since the start or the last reset.
     arrived_stamp, arrivals : float or None, int
         Stamp of the last arrived scan, s, and their number, dropped or not; of complete sweeps.
+    own_ship : OwnShipInput
+        Poses; `look_up` and `read_unread` are set where poses must be fetched.
     """
 
     def __init__(
@@ -82,8 +84,8 @@ class Session:
         self._order = ScanOrder(settings.window, options.restart_jump, options.max_gap)
         self._queue = ScanQueue(self._order, queue_length)
         self._sweep = Sweep(settings)
-        self._own_ship = OwnShipInput(options)
-        self._frames = Frames(options, moves=self._own_ship.moves)
+        self.own_ship = OwnShipInput(options)
+        self._frames = Frames(options, moves=self.own_ship.moves)
         self._downstream = DownstreamInput()
         self._land = LandInput()
         self._angles = AngleUnits()
@@ -104,16 +106,7 @@ class Session:
     @property
     def source(self) -> str:
         """Source of own-ship data; fixed at the start."""
-        return self._own_ship.source
-
-    @property
-    def look_up(self) -> LookUp | None:
-        """Callback that adds the poses of a scan, see `OwnShipInput.look_up`."""
-        return self._own_ship.look_up
-
-    @look_up.setter
-    def look_up(self, look_up: LookUp | None) -> None:
-        self._own_ship.look_up = look_up
+        return self.own_ship.source
 
     @property
     def fixed_frame(self) -> str:
@@ -133,7 +126,7 @@ class Session:
     @property
     def own_ship_stamp(self) -> float | None:
         """Stamp of the newest own-ship pose, s."""
-        return self._own_ship.poses.last_stamp
+        return self.own_ship.poses.last_stamp
 
     def configure(self, settings: Settings) -> bool:
         """Change settings before the next scan; frames and the own-ship source do not change.
@@ -153,7 +146,7 @@ class Session:
         self._settings = settings
         self._order.restart_jump = options.restart_jump
         self._order.max_gap = options.max_gap
-        self._own_ship.configure(options)
+        self.own_ship.configure(options)
         self._frames.options = options
         self._sweep.configure(settings)
         return kept
@@ -169,7 +162,7 @@ class Session:
         self._order.reset()
         self._queue.clear()
         self._sweep.reset()
-        self._own_ship.reset()
+        self.own_ship.reset()
         self._frames.reset()
         self._downstream.clear()
         self._land.reset()
@@ -195,8 +188,8 @@ class Session:
             return
         if self._refused(self._frames.take_pose(sample)):
             return
-        if self._refused(self._own_ship.add(sample)):
-            self._report_all(self._own_ship.restart_if_late_for_long(sample.stamp))
+        if self._refused(self.own_ship.add(sample)):
+            self._report_all(self.own_ship.restart_if_late_for_long(sample.stamp))
 
     def add_scan(self, arrived: SensorScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
@@ -207,7 +200,7 @@ class Session:
         if self._refused(self._frames.refuse_scan(arrived) or self._refuse_size(arrived.scan)):
             return
         self._frames.take_scan(arrived)
-        arrived, refusal = self._own_ship.without_late_echoes(arrived)
+        arrived, refusal = self.own_ship.without_late_echoes(arrived)
         self._report_all(refusal, self._angles.judge(arrived))
         scans, remarks, changed = self._sweep.take(arrived, now)
         if changed:
@@ -242,9 +235,7 @@ class Session:
         self._land.add(mask, frame_id)
         self._report_all(self._land.settle(self.fixed_frame))
 
-    def process(
-        self, now: Now = math.inf, *, last: bool = False, give_up: bool = True
-    ) -> Iterator[ScanResult]:
+    def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
         """Process the scans that are ready, in order.
 
         A scan whose stamp is far back waits for the next scan, which distinguishes a restart from a
@@ -258,8 +249,6 @@ class Session:
             waits any longer.
         last : bool, optional
             Whether no further scan follows; what there is of a sweep is processed then.
-        give_up : bool, optional
-            Whether scans that waited too long are dropped; not while poses are still to be read.
 
         Yields
         ------
@@ -271,7 +260,7 @@ class Session:
         while (first := self._queue.first(now, last=last)) is not None:
             result = None
             try:
-                if self._must_wait(first, give_up):
+                if self._must_wait(first):
                     return
                 result = self._result(first)
             except FAILURES as error:
@@ -283,7 +272,7 @@ class Session:
     def figures(self) -> SessionSnapshot:
         """State of the session, for its diagnostics."""
         newest = self._queue.newest_stamp
-        if newest is None and not self._own_ship.restarted:
+        if newest is None and not self.own_ship.restarted:
             newest = self.initiator.stamp
         return SessionSnapshot(
             **self._run.figures(),
@@ -327,27 +316,24 @@ class Session:
             f"a scan has {len(scan)} detections, more than max_detections = {limit}",
         )
 
-    def _must_wait(self, first: Waiting, give_up: bool) -> bool:
+    def _must_wait(self, first: Waiting) -> bool:
         """Whether the first scan needs own-ship data that may still arrive."""
-        if first.arrival is Arrival.RESTART and not self._own_ship.restarted:
-            self._own_ship.restart(first.scan.scan.stamp)
-        waited = first.seconds if give_up else 0.0
-        return first.usable and self._own_ship.must_wait(first.scan, waited)
+        if first.arrival is Arrival.RESTART and not self.own_ship.restarted:
+            self.own_ship.restart(first.scan.scan.stamp)
+        return first.usable and self.own_ship.must_wait(first.scan, first.seconds)
 
     def _result(self, first: Waiting) -> ScanResult | None:
         """Register and process the first scan, which need not wait; None if it is dropped."""
         arrived, stamp = first.scan, first.scan.scan.stamp
-        refusal = (
-            first.refuse() or self._refuse_size(arrived.scan) or self._own_ship.refuse(arrived)
-        )
+        refusal = first.refuse() or self._refuse_size(arrived.scan) or self.own_ship.refuse(arrived)
         if self._refused(refusal):
             return None
-        scan, remarks = register(arrived, self._own_ship, self._frames, self._settings)
+        scan, remarks = register(arrived, self.own_ship, self._frames, self._settings)
         self._report_all(*remarks)
         if scan is None:
             return None
         self._order.accept(stamp, first.arrival)
-        self._own_ship.restarted = False
+        self.own_ship.restarted = False
         self._start_over(first.arrival, stamp)
         return self._run_on(scan, first)
 

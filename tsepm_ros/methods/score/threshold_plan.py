@@ -19,22 +19,20 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.environment import target_strength
-from tsepm_ros.environment.target_strength import PathRatio
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.methods.score import fading, likelihood_ratio
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.methods.score.drawn_targets import (
+    ANY_RATIO,
+    DrawnTargets,
+    draw_targets,
+    errors_at,
+)
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.rows import taken
 from tsepm_ros.sensing import range_rates
-from tsepm_ros.sensing.conversion import DETECTION, position_covariance
 from tsepm_ros.sensing.sensor import SensorModel
 
-SIMULATED_TARGETS = 1500
-SEED = 1
-ANY_RATIO = -1.0
-"""Stands for ratios of the prior."""
 THRESHOLDS = np.arange(0.0, 40.0, 0.05)
 """Thresholds of a plan, in units of the log-likelihood ratio."""
 MIN_PASSAGES = 30
@@ -184,8 +182,8 @@ def score_plans(
     sensor, max_speed, interval, gate_probability, process_noise, deletion, min_hits
         See `score_plan`.
     """
-    targets = _draw_targets(sensor, max_speed, interval, scans, process_noise, ratio, fades)
-    evidences = np.full((len(windows), SIMULATED_TARGETS, scans), -np.inf)
+    targets = draw_targets(sensor, max_speed, interval, scans, process_noise, ratio, fades)
+    evidences = np.full((len(windows), *targets.detected.shape), -np.inf)
     for first in range(scans):
         score = _scores(
             targets, first, sensor, max_speed, interval, gate_probability, process_noise, deletion
@@ -200,102 +198,8 @@ def score_plans(
     return [_plan(evidence, window) for evidence, window in zip(tested, windows, strict=True)]
 
 
-@dataclass(frozen=True, eq=False)
-class _Targets:
-    """Targets that were detected in the first scan.
-
-    Attributes
-    ----------
-    detections : list of (n,) ndarray of DETECTION
-        As they would be measured in each scan. An array a scan: a single array of all scans, made
-        while a node runs, leaves a gap of 6 MB that the allocator keeps.
-    detected : (n, window) ndarray of bool
-    exponents : (n, window) ndarray or None
-        Of the strengths of the detections.
-    """
-
-    detections: list[NDArray[np.void]]
-    detected: BoolArray
-    exponents: FloatArray | None
-
-    def strength_increments(self, first: int) -> FloatArray:
-        """What the strength of each target's detection adds in each scan, (n, window).
-
-        Of the hypotheses that start in scan `first`; 0 before it.
-        """
-        increments = np.zeros(self.detected.shape)
-        if self.exponents is not None:
-            hit = self.detected[:, first:]
-            totals = np.cumsum(np.where(hit, self.exponents[:, first:], 0.0), axis=1)
-            counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = PathRatio.of(target_strength.LAW_KNOWN, self.detected.shape[1])
-            evidence = ratio.at(counts, totals)
-            increments[:, first] = evidence[:, 0]
-            increments[:, first + 1 :] = np.diff(evidence, axis=1)
-        return increments
-
-
-def _draw_targets(
-    sensor: SensorModel,
-    max_speed: float,
-    interval: float,
-    window: int,
-    process_noise: float,
-    ratio: float | None,
-    fades: bool,
-) -> _Targets:
-    """Targets anywhere in the coverage."""
-    rng = np.random.default_rng(SEED)
-    square = rng.uniform(sensor.min_range**2, sensor.max_range**2, SIMULATED_TARGETS)
-    truth = np.zeros((SIMULATED_TARGETS, 4))
-    truth[:, 0] = np.sqrt(square)
-    truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (SIMULATED_TARGETS, 2))
-    scans = []
-    rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, SIMULATED_TARGETS))
-    for scan in range(window):
-        detections = np.zeros(SIMULATED_TARGETS, DETECTION)
-        detections["range_rate_std"] = sensor.range_rate_std
-        detections["covariance"] = _errors(truth, sensor)
-        rate, _, _ = range_rates.expected(detections, truth[:, 0::2], truth[:, 1::2])
-        detections["range_rate"] = rate + sensor.range_rate_std * rate_errors[scan]
-        detections["position"] = truth[:, 0::2] + _drawn(rng, truth, sensor)
-        scans.append(detections)
-        truth[:, 0::2] += interval * truth[:, 1::2]
-        truth[:, 1::2] += rng.normal(
-            0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
-        )
-    share = np.where(_faded(window, interval) & fades, fading.FADED_FACTOR, 1.0)
-    detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
-    detected[:, 0] = True
-    return _Targets(scans, detected, _drawn_exponents(ratio, window))
-
-
-def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
-    """Exponents of the strengths of targets' detections, (n, window)."""
-    if ratio is None:
-        return None
-    rng = np.random.default_rng([SEED, 2])
-    means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
-    if ratio == ANY_RATIO:
-        ratios, weights = target_strength.ratio_prior()
-        means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
-    return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
-
-
-def _faded(window: int, interval: float) -> BoolArray:
-    """Whether the targets, detected in the first scan, have faded in each scan, (n, window)."""
-    rng = np.random.default_rng([SEED, 2])
-    draws = rng.random((SIMULATED_TARGETS, window))
-    faded = draws < fading.FADED_AT_START
-    for scan in range(1, window):
-        faded[:, scan] = draws[:, scan] < fading.predicted(
-            faded[:, scan - 1].astype(np.float64), interval
-        )
-    return faded
-
-
 def _scores(
-    targets: _Targets,
+    targets: DrawnTargets,
     first: int,
     sensor: SensorModel,
     max_speed: float,
@@ -327,7 +231,7 @@ def _scores(
         target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
         detections = taken(targets.detections[scan], rows)
         innovation = detections["position"] - state[:, 0::2]
-        innovation_covariance = covariance[:, 0::2, 0::2] + _errors(state, sensor)
+        innovation_covariance = covariance[:, 0::2, 0::2] + errors_at(state, sensor)
         density = kalman.log_likelihood(
             state,
             covariance,
@@ -389,23 +293,3 @@ def _plan(tested: FloatArray, window: int) -> ScorePlan:
 def _at_least(values: FloatArray) -> IntArray:
     """Number of the values (n,) that are at least each threshold, (t,)."""
     return np.asarray(len(values) - np.searchsorted(np.sort(values), THRESHOLDS))
-
-
-def _errors(state: FloatArray, sensor: SensorModel) -> FloatArray:
-    """Covariance of a detection at each state's position, (n, 2, 2), m^2."""
-    range_ = np.hypot(state[:, 0], state[:, 2])
-    azimuth = np.arctan2(state[:, 2], state[:, 0])
-    return position_covariance(range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std)
-
-
-def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> FloatArray:
-    """Errors of the covariances of `_errors`, along and across the line of sight, (n, 2), m."""
-    range_ = np.hypot(state[:, 0], state[:, 2])
-    straight = position_covariance(
-        range_, np.zeros(len(state)), sensor.range_variance(range_), sensor.azimuth_std
-    )
-    along, across = rng.standard_normal((2, len(state))) * np.sqrt(
-        [straight[:, 0, 0], straight[:, 1, 1]]
-    )
-    cosine, sine = state[:, 0] / range_, state[:, 2] / range_
-    return np.stack([cosine * along - sine * across, sine * along + cosine * across], axis=1)
