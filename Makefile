@@ -45,7 +45,7 @@ export MPLCONFIGDIR := $(CURDIR)/build/matplotlib
 unexport PYTHONDONTWRITEBYTECODE
 export PYTHONPYCACHEPREFIX := $(CURDIR)/build/pycache
 
-.PHONY: help demo test coverage campaigns lint docs env clean
+.PHONY: help demo test golden coverage campaigns lint docs env clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -60,6 +60,9 @@ ifdef TEST_ARGS
 else
 	$(VENV)/bin/python -m pytest -n $(WORKERS) --dist worksteal
 endif
+
+golden: $(MADE)-test  ## store the golden outputs of this code, and print what has changed
+	$(VENV)/bin/python test/golden/golden_outputs.py renew
 
 # Branches too; processes that the tests start are measured as well, by coverage's own .pth file.
 COVERAGE := $(CURDIR)/build/coverage

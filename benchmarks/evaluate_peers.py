@@ -23,7 +23,7 @@ import numpy as np
 from contenders import Contender, RawScan, Sea
 
 from tsepm_ros import ConfirmedTrack, Scan
-from tsepm_ros.analysis.code_version import digest
+from tsepm_ros.analysis.code_version import code_key
 from tsepm_ros.analysis.operating_points import OperatingPoint
 from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.simulation import Scenario
@@ -100,7 +100,7 @@ def peer_points(peer: str) -> Iterator[OperatingPoint]:
     importlib.import_module(package)
     folder = Path(__file__).resolve().parent
     files = [folder / "evaluate_peers.py", folder / "contenders" / f"{module}.py"]
-    release = f"{package} {version(package)} {digest(files)}"
+    release = f"{package} {version(package)} {code_key(*files)}"
     rules: dict[str, dict[str, float]] = {
         f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
         for min_hits, window in RULES

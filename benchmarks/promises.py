@@ -28,7 +28,7 @@ import fixed_threads
 import numpy as np
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.code_version import package_version
+from tsepm_ros.analysis.code_version import code_key
 from tsepm_ros.analysis.intervals import Estimate
 from tsepm_ros.analysis.operating_curve import Comparison
 from tsepm_ros.analysis.operating_points import OperatingPoint
@@ -90,7 +90,7 @@ def score_at(rate: float, **options: Any) -> OperatingPoint:
     """The default method at a target false-track rate, per hour, perhaps with other options."""
     label = ", ".join([f"{rate:g}/h", *(f"{name} {value}" for name, value in options.items())])
     options = {"false_tracks_per_hour": float(rate), **options}
-    return OperatingPoint("score", label, options, version=package_version())
+    return OperatingPoint("score", label, options, version=code_key())
 
 
 def rate_ratio(density: float, rate: float, hours: float, seed: int, workers: Workers) -> Estimate:
@@ -198,7 +198,7 @@ MARGIN = 0.01
 
 def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES) -> Rows:
     """`tsepm` at its own rule against the sweep of `score`."""
-    points = [OperatingPoint("tsepm", "5/8", version=package_version()), *map(score_at, rates)]
+    points = [OperatingPoint("tsepm", "5/8", version=code_key()), *map(score_at, rates)]
     head = ["scene", "pings", "`tsepm` 5/8: P_D", "its false + misplaced per run"]
     head += ["`score` at as many: P_D", "`score` at its P_D: false + misplaced per run"]
     head += ["verdict", "its P_D less that of `score` (one-sided bounds)"]
@@ -305,7 +305,7 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     false = false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
     anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
-    point = OperatingPoint("score", "designed", given, version=package_version())
+    point = OperatingPoint("score", "designed", given, version=code_key())
     [measures] = evaluated(whole, [point], options.runs, options)[0].measures
     gap = difference(simulated, measures.detection)
     shares = [f"{share:.3f}" for share in (planned, simulated, measures.detection, gap)]

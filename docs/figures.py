@@ -1,14 +1,14 @@
-"""Fill the pages' tables from the result files, check that none is stale, and renew those that are.
+"""Fill the pages' tables from the result files, check that they are, and renew the files.
 
     python docs/figures.py          fill the tables of README.md and docs/ from docs/results/, and
                                     write the pages that are made from the code
-    python docs/figures.py check    fail if a table or a result file is out of date
+    python docs/figures.py check    fail if a page does not show its result files
     python docs/figures.py renew    run the commands of the stale result files, and fill
 
 A table stands between `<!-- figures NAME -->` or `<!-- figures NAME.VIEW -->` and
-`<!-- end of figures -->`; NAME is a file of docs/results/. A result file is stale if it was written
-by other algorithms: see `tsepm_ros.analysis.code_version`. One in DEAR takes an hour or more. It is
-not stale; its table names the version that it was measured with.
+`<!-- end of figures -->`; NAME is a file of docs/results/. A result file is stale if it was
+measured with other golden outputs than those of test/golden/. Stale files fail the check of a
+release only: where the changelog has nothing under "Unreleased".
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tsepm_ros.analysis.code_version import package_version
+from tsepm_ros.analysis.code_version import goldens_digest
 from tsepm_ros.analysis.result_files import Result, Row, read_result
 from tsepm_ros.analysis.text_tables import markdown_table
 from tsepm_ros.diagnostics import diagnostics_page
@@ -40,8 +40,7 @@ BLOCK = re.compile(
     r".*?(?P<end><!-- end of figures -->)",
     re.DOTALL,
 )
-DEAR = frozenset({"peers"})
-"""Result files whose renewal takes an hour or more."""
+UNRELEASED = re.compile(r"^## \[Unreleased\]\n(.*?)(?=^## )", re.MULTILINE | re.DOTALL)
 BUILD = ROOT / "build" / "figures"
 PICTURES = {
     "box": (BUILD / "box_operating_curve.png", DOCS / "pictures" / "operating_curve.png"),
@@ -178,17 +177,15 @@ def filled(text: str) -> str:
 
 
 def stale() -> list[Path]:
-    """Result files of other algorithms than these, the dear ones left out."""
-    return [
-        path
-        for path in sorted(RESULTS.glob("*.json"))
-        if path.stem not in DEAR and not _same_algorithms(read_result(path).version)
-    ]
+    """Result files that were measured with other golden outputs than these."""
+    now = goldens_digest()
+    return [path for path in sorted(RESULTS.glob("*.json")) if read_result(path).goldens != now]
 
 
-def _same_algorithms(version: str) -> bool:
-    """Whether a version has the digest of this one: a release alone changes no figure."""
-    return version.split()[-1] == package_version().split()[-1]
+def is_release() -> bool:
+    """Whether this source tree is a release: all that changed stands under a version."""
+    changes = UNRELEASED.search((ROOT / "CHANGELOG.md").read_text("utf-8"))
+    return changes is not None and not changes[1].strip()
 
 
 def made(page: Path) -> str:
@@ -206,9 +203,9 @@ def unfilled() -> list[Path]:
 def problems() -> list[str]:
     """What is out of date, each with the command that mends it."""
     found = [
-        f"{path.relative_to(ROOT)} was measured with version {read_result(path).version}, this is "
-        f"{package_version()}: {RENEW} {path.stem}"
-        for path in stale()
+        f"{path.relative_to(ROOT)} was not measured with the outputs of this release: "
+        f"{RENEW} {path.stem}"
+        for path in (stale() if is_release() else [])
     ]
     return found + [
         f"{page.relative_to(ROOT)} is out of date: python docs/figures.py" for page in unfilled()

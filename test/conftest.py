@@ -1,6 +1,8 @@
-"""What all tests share: an end to each that hangs, and signals that processes receive."""
+"""What all tests share: an end to each that hangs, signals of processes, and the time of parts."""
 
 from __future__ import annotations
+
+from collections import Counter
 
 import pytest
 from support.interrupts import heed_interrupts
@@ -16,3 +18,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not item.get_closest_marker("timeout"):
             long = item.get_closest_marker("long")
             item.add_marker(pytest.mark.timeout(LONG_TEST if long else TEST))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print how long each part of the tests took."""
+    seconds: Counter[str] = Counter()
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if isinstance(report, pytest.TestReport):
+                seconds["/".join(report.nodeid.split("/")[:2])] += report.duration
+    terminalreporter.section("seconds of each part, of all workers together")
+    terminalreporter.line(
+        ", ".join(f"{part} {time:.0f}" for part, time in seconds.most_common() if time >= 1.0)
+    )

@@ -6,6 +6,7 @@ import pickle
 
 import pytest
 
+from tsepm_ros.analysis.code_version import code_key
 from tsepm_ros.analysis.operating_points import operating_points
 from tsepm_ros.methods.registry import METHODS, available_methods
 from tsepm_ros.simulation import load_scenario
@@ -51,6 +52,9 @@ def test_an_option_that_no_method_has_is_refused():
 
 def test_points_know_the_code_that_they_depend_on():
     (version,) = {point.version for point in operating_points(available_methods())}
-    release, code = version.split()
-    assert release[0].isdigit()
-    assert len(code) == 8
+    assert version == code_key()
+
+
+def test_the_key_of_stored_runs_is_of_every_module_and_of_further_files(tmp_path):
+    (tmp_path / "peer.py").write_text("rule = 3\n")
+    assert code_key(tmp_path / "peer.py") != code_key()

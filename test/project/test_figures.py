@@ -1,4 +1,4 @@
-"""Figures on the pages come from result files, and stale ones are found; the pages stay short."""
+"""Figures on the pages come from result files, those of a release from its own; pages are short."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tsepm_ros.analysis.code_version import NO_TRACKS, digest, package_version, track_modules
 from tsepm_ros.analysis.result_files import read_result
 
 ROOT = Path(__file__).parents[2]
@@ -37,7 +36,7 @@ def figures():
     return module
 
 
-def test_no_result_file_is_stale_and_every_page_is_filled(figures):
+def test_every_page_shows_its_result_files(figures):
     assert figures.problems() == [], "each names the command that renews it"
 
 
@@ -52,29 +51,34 @@ def test_every_result_file_stands_on_a_page(figures):
 
 @pytest.fixture
 def one_result(figures, tmp_path, monkeypatch):
-    """A result file of other algorithms, in place of the others."""
+    """A result file of other golden outputs, in place of the others."""
     path = tmp_path / "docs" / "box.json"
     path.parent.mkdir()
     content = json.loads((figures.RESULTS / "box.json").read_text("utf-8"))
-    path.write_text(json.dumps(content | {"version": "0.0.1 00000000"}))
+    path.write_text(json.dumps(content | {"version": "0.0.1", "goldens": "00000000"}))
     monkeypatch.setattr(figures, "ROOT", tmp_path)
     monkeypatch.setattr(figures, "RESULTS", path.parent)
     monkeypatch.setattr(figures, "PAGES", [])
     return path
 
 
-def test_a_stale_figure_fails_with_the_command_that_renews_it(figures, one_result, capsys):
+def test_a_release_with_figures_of_other_outputs_fails_with_the_command(
+    figures, one_result, tmp_path, capsys
+):
+    (tmp_path / "CHANGELOG.md").write_text("## [Unreleased]\n\n## [0.0.2]\n- Changed.\n")
     assert figures.main(["check"]) == 1
     said = capsys.readouterr().err
-    assert "docs/box.json was measured with version 0.0.1 00000000" in said
+    assert "docs/box.json was not measured with the outputs of this release" in said
     assert "python docs/figures.py renew box" in said
 
 
-def test_a_figure_that_takes_hours_is_marked_instead(figures, one_result, monkeypatch):
-    monkeypatch.setattr(figures, "DEAR", frozenset({"box"}))
+def test_between_releases_a_table_keeps_the_release_that_it_was_measured_with(
+    figures, one_result, tmp_path
+):
+    (tmp_path / "CHANGELOG.md").write_text("## [Unreleased]\n- Changed.\n\n## [0.0.2]\n")
     assert figures.main(["check"]) == 0
     page = "<!-- figures box.curve -->\n<!-- end of figures -->"
-    assert "Version 0.0.1 00000000." in figures.filled(page)
+    assert "Version 0.0.1." in figures.filled(page)
 
 
 def test_a_page_without_its_figures_is_found(figures, monkeypatch, tmp_path):
@@ -82,56 +86,12 @@ def test_a_page_without_its_figures_is_found(figures, monkeypatch, tmp_path):
     page.write_text("<!-- figures box.curve -->\n| old |\n<!-- end of figures -->\n")
     monkeypatch.setattr(figures, "ROOT", tmp_path)
     monkeypatch.setattr(figures, "PAGES", [page])
-    monkeypatch.setattr(figures, "stale", list)
+    monkeypatch.setattr(figures, "is_release", lambda: False)
     assert any("page.md is out of date" in problem for problem in figures.problems())
     figures.fill()
     assert "| old |" not in page.read_text()
     assert read_result(figures.RESULTS / "box.json").command in page.read_text()
     assert not any("page.md" in problem for problem in figures.problems())
-
-
-CODE_BEFORE = '''
-def gate(x: float) -> float:
-    """The gate."""
-    if x < 0:
-        raise ValueError(f"x is {x}")
-    return 2.0 * x  # of two
-OPTION = parameter(3, "Hits", minimum=2)
-SENTENCE = "there are " + str(OPTION)
-NAME = "weighted"
-'''
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "same"),
-    [
-        ("The gate.", "The region.", True),
-        ("# of two", "# twice", True),
-        ("x is {x}", "x must not be {x}", True),
-        ('"Hits"', '"Detections"', True),
-        ('"there are "', '"hits: there are "', True),
-        ('"weighted"', '"polar"', False),
-        ("2.0 * x", "2.5 * x", False),
-        ("parameter(3", "parameter(4", False),
-        ("minimum=2", "minimum=1", False),
-        ("x < 0", "x <= 0", False),
-    ],
-)
-def test_the_digest_is_of_the_code_and_not_of_its_words(tmp_path, before, after, same):
-    path = tmp_path / "module.py"
-    path.write_text(CODE_BEFORE)
-    first = digest([path])
-    path.write_text(CODE_BEFORE.replace(before, after))
-    assert (digest([path]) == first) is same
-
-
-def test_the_version_covers_the_algorithms():
-    modules = {path.name for path in track_modules()}
-    assert {"tree.py", "merging.py", "clutter_map.py", "kalman.py", "plots.py"} <= modules
-    assert not {"cli.py", "plan_position.py", "session.py", "page_server.py"} & modules
-    folder = ROOT / "tsepm_ros"
-    assert all((folder / name).exists() for name in NO_TRACKS)
-    assert re.fullmatch(r"\d+\.\d+\.\d+ [0-9a-f]{8}", package_version())
 
 
 def sections() -> dict[str, list[str]]:

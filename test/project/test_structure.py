@@ -43,7 +43,10 @@ LAYERS = (
 """From the lowest to the highest: a layer imports from those before it only."""
 WITH_ROS = ("tsepm_ros.nodes", "tsepm_ros.demo")
 MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
-MAX_LINES = 400
+MAX_LINES = 900
+MAX_MODULES = 334
+MAX_STATEMENTS = 19_590
+"""Budgets: small is a feature. Raising a number is a commit of its own, with the reason."""
 
 
 def name_of(path: Path) -> str:
@@ -97,6 +100,20 @@ def test_no_two_modules_share_a_name():
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_no_module_is_long(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_LINES
+
+
+def test_the_product_stays_within_its_budgets():
+    assert len(MODULES) <= MAX_MODULES
+    assert sum(map(statements, MODULES)) <= MAX_STATEMENTS
+
+
+def statements(path: Path) -> int:
+    """Statements of a module, without docstrings and other lone constants."""
+    return sum(
+        isinstance(node, ast.stmt)
+        and not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    )
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from tsepm_ros.analysis.code_version import package_version
+from tsepm_ros.analysis.code_version import code_key
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.methods.registry import METHODS, make_initiator, option_names
@@ -90,6 +90,6 @@ def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
     if any(name in options for options in sweep.values() for name in own):
         sweep = {"as given": {}}
     return [
-        OperatingPoint(method, label, {**own, **options}, version=package_version())
+        OperatingPoint(method, label, {**own, **options}, version=code_key())
         for label, options in sweep.items()
     ]

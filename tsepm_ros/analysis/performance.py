@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tsepm_ros.analysis.code_version import digest
 from tsepm_ros.analysis.measures import Measures, measures_of
 from tsepm_ros.analysis.operating_curve import Comparison, compare
 from tsepm_ros.analysis.operating_points import OperatingPoint
@@ -19,9 +17,6 @@ from tsepm_ros.analysis.study import runs_of
 from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.progress import Progress, silent
 from tsepm_ros.simulation import Scenario
-
-JUDGING_MODULES = ("bounds", "gospa", "run_summary", "simulated_run", "truth")
-"""Modules here that determine the summary of a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,21 +137,12 @@ def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int)
     """The file of an operating point's runs on a scenario."""
     header = {
         "version": point.version,
-        "simulated_and_judged_by": _judging_version(),
         "method": point.method,
         "options": dict(point.options),
         "scenario": dataclasses.asdict(scenario),
         "seed": seed,
     }
     return RunFile(folder, (scenario.name, point.method, point.label), header)
-
-
-@functools.cache
-def _judging_version() -> str:
-    """Digest of the modules that simulate and judge a run."""
-    here = Path(__file__).parent
-    judging = [here / f"{name}.py" for name in JUDGING_MODULES]
-    return digest([*judging, *(here.parent / "simulation").glob("*.py")])
 
 
 def _evaluated(

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.analysis.code_version import package_version
+import tsepm_ros
+from tsepm_ros.analysis.code_version import goldens_digest
 from tsepm_ros.whole_files import write_text
 
 Row = Mapping[str, Any]
@@ -28,7 +29,9 @@ class Result:
     command : str
         The command that repeats them.
     version : str
-        Version of the package and digest of its algorithms, see `package_version`.
+        Release of the package.
+    goldens : str
+        Digest of the golden outputs, see `goldens_digest`.
     seed, runs : int
     parameters : mapping
         Parameters that differ from the defaults.
@@ -48,7 +51,8 @@ class Result:
     rows: list[list[str]]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     measures: Sequence[Row] = field(default_factory=list)
-    version: str = field(default_factory=package_version)
+    version: str = tsepm_ros.__version__
+    goldens: str = field(default_factory=goldens_digest)
     numpy: str = np.__version__
     python: str = field(default_factory=platform.python_version)
 

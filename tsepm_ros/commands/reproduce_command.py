@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from tsepm_ros.analysis.code_version import package_version
+import tsepm_ros
 from tsepm_ros.commands.arguments import add_out, add_runs, workers_of
 from tsepm_ros.progress import with_progress
 from tsepm_ros.reproduction.document import Part, write
@@ -52,7 +52,7 @@ def run_reproduction(options: argparse.Namespace) -> None:
     parts: list[Part] = [
         "# Reproduction of the published results",
         f"`{options.line}`\n\n{options.runs} runs, seed {options.seed}, 95 % intervals, "
-        f"tsepm_ros {package_version()}.",
+        f"tsepm_ros {tsepm_ros.__version__}.",
     ]
     for name in names:
         print(f"{name}: {SOURCES[name].title}", flush=True)

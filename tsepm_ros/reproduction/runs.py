@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.analysis.code_version import digest, package_version
+from tsepm_ros.analysis.code_version import code_key
 from tsepm_ros.analysis.run_files import RunFile, complete
 from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.progress import Progress, silent
@@ -20,18 +20,6 @@ Result = dict[str, list[float]]
 """Result of a run: numbers by name."""
 RunFunction = Callable[[Any, list[int]], Result]
 """Performs one run of a case, a dataclass, with a seed; importable by its name."""
-
-COUNTING_MODULES = tuple(
-    Path(__file__).parents[1] / name
-    for name in (
-        "analysis/simulated_run.py",
-        "analysis/truth.py",
-        "reproduction/started_tracks.py",
-        "reproduction/published_tsepm_2018.py",
-        "reproduction/published_split_merge_2016.py",
-    )
-)
-"""Modules that determine the counts, besides the module of the run's function."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +68,7 @@ class Setting:
 
     def _file(self, function: RunFunction, case: Any) -> RunFile:
         header = {
-            "version": package_version(),
-            "counted_by": digest([*COUNTING_MODULES, Path(inspect.getfile(function))]),
+            "version": code_key(Path(inspect.getfile(function))),
             "function": function.__name__,
             "case": dataclasses.asdict(case),
             "seed": self.seed,

@@ -1,0 +1,95 @@
+"""What one ping runs through: calls, functions and files of the package.
+
+    python benchmarks/ping_structure.py
+
+The ping is the first of the scene `box` (seed 1) from the 60th on after which one confirmed track
+is held. Named functions count, not comprehensions, generators or lambdas. The first line is of the
+node, from the message to the publication of its results; the second of `Initiator.process` alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import CodeType, FrameType
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+
+import rclpy
+from rclpy.parameter import Parameter
+
+import msg_adapters
+import tsepm_ros
+from msg_adapters import detections_cloud, make_header
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.simulation import Simulator, load_scenario
+
+FIRST = 60
+OURS = tuple(str(Path(package.__file__).parent) for package in (tsepm_ros, msg_adapters))
+VERB = ("initiator.py", "process")
+"""File and name of the function that processes a scan."""
+
+
+@contextmanager
+def counted() -> Iterator[tuple[Counter[CodeType], Counter[CodeType]]]:
+    """Calls of package functions in the block: all, and those within the verb."""
+    every: Counter[CodeType] = Counter()
+    within: Counter[CodeType] = Counter()
+    depth = 0
+
+    def profile(frame: FrameType, event: str, _: object) -> None:
+        nonlocal depth
+        code = frame.f_code
+        if not code.co_filename.startswith(OURS):
+            return
+        verb = (Path(code.co_filename).name, code.co_name) == VERB
+        if event == "call" and not code.co_name.startswith("<"):
+            every[code] += 1
+            within[code] += depth > 0 or verb
+        depth += verb * {"call": 1, "return": -1}.get(event, 0)
+
+    sys.setprofile(profile)
+    try:
+        yield every, within
+    finally:
+        sys.setprofile(None)
+
+
+def described(calls: Counter[CodeType]) -> str:
+    """Numbers of calls, functions and files."""
+    called = [code for code, number in calls.items() if number]
+    files = {code.co_filename for code in called}
+    return f"{calls.total()} calls of {len(called)} functions in {len(files)} files"
+
+
+def main() -> None:
+    """Run the scene through a node, and print."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    rclpy.init(domain_id=os.getpid() % 100 + 1)
+    scenario = replace(load_scenario("box"), scans=200)
+    sensor = {f"sensor.{name}": value for name, value in vars(scenario.sensor).items()}
+    node = TrackInitiator(
+        parameter_overrides=[Parameter(name, value=value) for name, value in sensor.items()]
+    )
+    for index, simulated in enumerate(Simulator(scenario, 1), 1):
+        scan = simulated.scan
+        header = make_header(round(scan.stamp * 1e9), "sonar")
+        message = detections_cloud(header, range=scan.range, azimuth=scan.azimuth)
+        with counted() as (every, within):
+            node.take_detections(message)
+        if index >= FIRST and len(node._session.initiator.current) == 1:
+            print(f"ping {index}, message to publication: {described(every)}")
+            print(f"of these in process: {described(within)}")
+            break
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()
