@@ -5,10 +5,11 @@
 
 `recordings` runs the method `score` on recordings with truth (folders of CSV files, bearings from
 north) and prints for each, and in sum: the mean delay from the first scan to the first track on
-each target, the share of the scans since then with a track on it, changes of its track's id, the
-maximum published speed of a new and of a held track, and tracks that started elsewhere. With
-`--list` every one of these is named with its place, speed and way, and where its hits are, seen
-from the target of the nearest bearing.
+each target, the share of the scans since then with a track on it, changes of its track's id,
+identity switches by CLEAR-MOT and that share counted one to one, the maximum published speed of a
+new and of a held track, and tracks that started elsewhere. With `--list` every one of these is
+named with its place, speed and way, and where its hits are, seen from the target of the nearest
+bearing. The last row is for all held tracks, published or not.
 
 `scenes` does so for simulated targets that cross, overtake, turn and pass fixed echoes, in clutter,
 for a radar of a scan in 1.7 s and a sonar of a ping in 12 s; echoes of targets closer together
@@ -16,7 +17,7 @@ than the resolution are one. Beside it, the errors of new tracks and of held tra
 and velocity, NEES (ideal 4).
 
 A track is on a target within `--gate` m (scenes: three errors of a detection). Where two targets
-are not resolved, one track may be on both.
+are not resolved, one track may be on both; by CLEAR-MOT on one alone.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from pathlib import Path
 
 import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
+from clear_mot import ClearMot, Truth
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.analysis.text_tables import text_table
@@ -38,15 +40,17 @@ from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.progress import with_progress
-from tsepm_ros.replay.offline import process_recording
+from tsepm_ros.replay.offline import recording_results
 from tsepm_ros.replay.recording import RecordedMotion, Recording, read_recording
 from tsepm_ros.sensing.scan import wrap
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.session_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 
-HEADER = ("", "delay/s", "held", "changes", "new m/s", "held m/s", "on target", "elsewhere")
-Truth = dict[int, FloatArray]
-"""State (4,) of each target at a scan; nan where it is not there."""
+HEADER = (
+    "", "delay/s", "held", "changes", "switches", "one to one", "new m/s", "held m/s", "on target",
+    "elsewhere",
+)  # fmt: skip
 
 
 @dataclass
@@ -66,8 +70,12 @@ class Watched:
     elsewhere: list[int] = field(default_factory=list)
     errors: dict[str, list[FloatArray]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self.clear = ClearMot(self.gate)
+
     def take(self, stamp: float, truth: Truth, new: TrackArrays, current: TrackArrays) -> None:
         """Take a scan."""
+        self.clear.take(truth, current)
         self.fastest_new = max([self.fastest_new, *np.hypot(*new.state[:, 1::2].T)])
         self.fastest_held = max([self.fastest_held, *np.hypot(*current.state[:, 1::2].T)])
         for track in new:
@@ -123,11 +131,14 @@ def row_of(name: str, parts: Iterable[Watched]) -> list[str]:
     """The row of a table for one or more."""
     parts = list(parts)
     delays = [delay for part in parts for delay in part.delays.values()]
+    own, scans = np.sum([part.clear.held() for part in parts], axis=0)
     return [
         name,
         f"{np.mean(delays or [np.nan]):.2f}",
         f"{sum(p.held for p in parts) / max(sum(p.scans for p in parts), 1):.3f}",
         f"{sum(p.changes for p in parts)}",
+        f"{sum(p.clear.switches for p in parts)}",
+        f"{own / max(scans, 1):.3f}",
         f"{max(p.fastest_new for p in parts):.1f}",
         f"{max(p.fastest_held for p in parts):.1f}",
         f"{sum(p.on_target for p in parts)}",
@@ -192,17 +203,25 @@ def settings_of(
     )
 
 
-def watched_recording(folder: Path, settings: Settings, gate: float) -> tuple[Watched, list[str]]:
-    """What is seen of a recording, and a line for each track elsewhere."""
+def watched_recording(
+    folder: Path, settings: Settings, gate: float
+) -> tuple[Watched, Watched, list[str]]:
+    """What is seen of a recording, by published and by all held tracks; lines of tracks elsewhere.
+
+    A held track that is not published is a fixed echo, or one whose place is not known well enough.
+    """
     recording = with_errors(read_recording(folder), 6.6)
-    watched = Watched(gate)
-    held: dict[int, list[tuple[int, ConfirmedTrack]]] = {}
-    results, _ = process_recording(recording, settings, "north")
-    for index, result in enumerate(results):
-        watched.take(result.stamp, truth_at(recording, result.stamp), result.new, result.current)
+    watched, of_held = Watched(gate), Watched(gate)
+    shown: dict[int, list[tuple[int, ConfirmedTrack]]] = {}
+    session = Session(settings)
+    for index, result in enumerate(recording_results(recording, session, "north")):
+        truth = truth_at(recording, result.stamp)
+        watched.take(result.stamp, truth, result.new, result.current)
+        of_held.take(result.stamp, truth, result.new, session.initiator.maintenance.held.tracks)
         for track in result.current:
-            held.setdefault(track.track_id, []).append((index, track))
-    return watched, [f"{folder.name} {line}" for line in elsewhere_lines(watched, held, recording)]
+            shown.setdefault(track.track_id, []).append((index, track))
+    lines = elsewhere_lines(watched, shown, recording)
+    return watched, of_held, [f"{folder.name} {line}" for line in lines]
 
 
 def recordings(given: argparse.Namespace) -> None:
@@ -212,14 +231,16 @@ def recordings(given: argparse.Namespace) -> None:
             how, given.max_speed, given.max_range, given.clutter_density, given.min_speed
         )
         found = [watched_recording(folder, settings, given.gate) for folder in given.folders]
+        published, held, lines = zip(*found, strict=True)
         rows = [
             row_of(folder.name, [watched])
-            for folder, (watched, _) in zip(given.folders, found, strict=True)
+            for folder, watched in zip(given.folders, published, strict=True)
         ]
+        rows += [row_of("all", published), row_of("all, held tracks", held)]
         print(f"\nclutter density and detection probability {how}\n")
-        print(text_table(HEADER, [*rows, row_of("all", [watched for watched, _ in found])]))
+        print(text_table(HEADER, rows))
         if given.list:
-            print("\n".join(["", *(line for _, lines in found for line in lines)]))
+            print("\n".join(["", *(line for part in lines for line in part)]))
 
 
 def behind_target(recording: Recording, hits: Iterable[tuple[int, int]]) -> str:
