@@ -5,192 +5,180 @@
 - stays: share of the runs in which a target keeps one id for 400 pings, and of the pings since its
   start in which it is published;
 - silent, shadow: share of the runs in which a target has the same id again after silences of 4 of
-  every 16 pings, and after it has crossed a sector of 10 pings in which nothing is detected.
+  every 16 pings, and after it has crossed a sector of 10 pings in which nothing is detected;
+- quay: tracks ever on a swimmer of several echoes, and elsewhere, with what `tsepm init` writes;
+- boats: two that sail 12 m apart and then apart, that cross at 9 m, one that glints: share of the
+  runs with at most one switch of id (CLEAR-MOT), and tracks that ended though the boat was there;
+- lidar, pool, recordings: see `endings_data.py`; in `--data`, left out where that is not there.
 
-Below each row, the largest axis (one standard deviation) of any published track over its limit, 5
-times that of a detection there with its extent or `target_extent`, over `max_range`, and the share
-of the published tracks above 1 or 0.25 of them; and ids elsewhere than on the target, in the mean.
+The larger axis (one standard deviation) of a published track's position is compared with its limit,
+the larger of `target_extent` and 5 times that of a detection there, and with `max_range`: the
+largest ratios, and the share of the published tracks beyond 1 or 0.25. Elsewhere: ids in the mean.
 
-    python benchmarks/endings.py [vanish leave stays silent shadow] [--runs 20] [--workers 2]
-        [--intervals 0.1 12] [--false 0 15]
+    python benchmarks/endings.py [SCENE ...] [--runs 20] [--workers 2] [--intervals 0.1 12]
+        [--false 0 15] [--data FOLDER]
 
-A column NAME is followed by what is required of it; a cell that fails ends in "!".
+A column's name is followed by what is required; a value that fails ends in "!".
 """
 
 from __future__ import annotations
 
 import argparse
-import math
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
-from endings_scenes import SEEN, Case, Watched, watched
+from endings_data import DATA
+from endings_harbour import quay, sailed
+from endings_scenes import Case, watched
 
 from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.progress import with_progress
 
-INTERVALS = (0.1, 0.2, 1.0, 4.0, 12.0)
-FALSE = (0.0, 2.0, 15.0)
+Figure = tuple[str, float, str]
+"""Name, value and bound, such as "<= 12"."""
+Rows = Iterator[tuple[str, list[Figure]]]
+AXES = (("axis / limit", np.max, "<= 1"), ("axis / max_range", np.max, "<= 0.25"))
+TRACKS = (*AXES, ("too wide", np.mean, ""), ("elsewhere", np.mean, ""))
+OUT = tuple(
+    (name, lambda out, share=share: np.nanquantile(out, share, method="inverted_cdf"))
+    for name, share in (("median", 0.5), ("0.95", 0.95), ("max", 1.0))
+)
+KEPT = ("one id", np.mean), ("in current", np.mean), ("ids", np.mean)
+SCENES: dict[str, dict[float, tuple[str, ...]]] = {
+    "vanish": {0.9: ("<= 12", "<= 25", "<= 40"), 0.6: ("<= 25", "<= 60", "<= 90")},
+    "leave": {0.9: ("", "<= 25", ""), 0.6: ("", "<= 25", "")},
+    "stays": {
+        0.9: (">= 0.95", ">= 0.98", ""), 0.6: (">= 0.95", ">= 0.95", ""), 0.4: (">= 0.9", ">= 0.85", ""),
+    },
+    "silent": {0.9: (">= 0.9", "", "")},
+    "shadow": {0.9: (">= 0.9", "", "")},
+}  # fmt: skip
+"""Bounds of each scene by P_D."""
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A measured value and its bound: at least `required`, or at most, if `most`."""
-
-    name: str
-    value: float
-    required: float
-    most: bool = False
-
-    @property
-    def fails(self) -> bool:
-        """Whether the value misses its bound; a value that is not there does."""
-        return not (self.value <= self.required if self.most else self.value >= self.required)
-
-    def text(self) -> str:
-        """The value, with a mark where it fails."""
-        return f"{self.value:.3g}{'!' if self.fails else ''}"
+def fails(value: float, bound: str) -> bool:
+    """Whether a value misses its bound; a value that is not there does."""
+    limit = float(bound[2:] or "nan")
+    return bool(bound) and not (value <= limit if bound[0] == "<" else value >= limit)
 
 
-Measured = dict[str, float]
-"""Figures of one run by name; nan where there are none."""
+def figures(
+    runs: Sequence[dict[str, float]], columns: Sequence[Any], name: str = ""
+) -> list[Figure]:
+    """Figures of runs by name, function of the values (of `name`, if given), and bound."""
+    return [
+        (column, float(function([run[name or column] for run in runs])), bound)
+        for column, function, bound in columns
+    ]
 
 
-def of_run(case: Case) -> Measured:
+def of_run(case: Case) -> dict[str, float]:
     """The figures of a case."""
     seen = watched(case)
-    figures = of_tracks(seen)
     if case.scene in ("vanish", "leave"):
-        last = max(k for k, there in enumerate(seen.there) if there)
-        return figures | {"out": seen.pings_until_out(last)}
-    first = next((k for k, track in enumerate(seen.on) if track is not None), None)
-    held = math.nan if first is None else float(np.mean([bool(near) for near in seen.near[first:]]))
-    ids = seen.ids(SEEN - 1) if case.scene == "shadow" else seen.ids()
-    came = seen.on[-1] is not None or case.scene != "shadow"
-    return figures | {"one id": float(len(ids) == 1 and came), "held": held, "ids": len(ids)}
+        return seen.of_tracks() | {"out": seen.pings_until_out()}
+    ids = seen.ids(99 if case.scene == "shadow" else 0)
+    one = len(ids) == 1 and (seen.on[-1] is not None or case.scene != "shadow")
+    return seen.of_tracks() | {"one id": one, "in current": seen.held(), "ids": len(ids)}
 
 
-def of_tracks(seen: Watched) -> Measured:
-    """Figures of all published tracks."""
-    on, ids = set().union(*seen.near), set().union(*seen.published)
-    return {
-        "axis / limit": seen.worst,
-        "axis / max_range": seen.widest,
-        "too wide": seen.wide / max(seen.rows, 1),
-        "elsewhere": len(ids - on),
-    }
+def mapped(
+    given: argparse.Namespace, function: Callable[..., Any], jobs: Sequence[Any]
+) -> list[Any]:
+    """Results of a function for each job."""
+    return list(with_progress(workers_of(given).mapped(function, jobs), len(jobs)))
 
 
-def gone(limits: dict[float, tuple[float, float, float]]) -> Callable[..., list[Figure]]:
-    """Figures of pings until a track is out, at most `limits` by P_D: median, 0.95 and all."""
-
-    def figures(runs: Sequence[Measured], probability: float) -> list[Figure]:
-        out = np.array([run["out"] for run in runs])
-        out = out[np.isfinite(out)]
-        if not len(out):
-            return []
-        shares = zip((0.5, 0.95, 1.0), limits[probability], strict=True)
-        names = ("median", "0.95", "max")
-        return [
-            *(
-                Figure(name, float(np.quantile(out, share, method="inverted_cdf")), limit, True)
-                for name, (share, limit) in zip(names, shares, strict=True)
-            ),
-            Figure("runs with a track", len(out), 0),
-        ]
-
-    return figures
-
-
-def kept(limits: dict[float, tuple[float, float]]) -> Callable[..., list[Figure]]:
-    """Figures of a kept id, at least `limits` by P_D: share of runs, share of time published."""
-
-    def figures(runs: Sequence[Measured], probability: float) -> list[Figure]:
-        one, held = limits[probability]
-        return [
-            Figure("one id", float(np.mean([run["one id"] for run in runs])), one),
-            Figure("in current", float(np.mean([run["held"] for run in runs])), held),
-            Figure("ids a run", float(np.mean([run["ids"] for run in runs])), 0.0),
-        ]
-
-    return figures
-
-
-SCENES: dict[str, tuple[tuple[float, ...], Callable[..., list[Figure]]]] = {
-    "vanish": ((0.9, 0.6), gone({0.9: (12, 25, 40), 0.6: (25, 60, 90)})),
-    "leave": ((0.9, 0.6), gone(dict.fromkeys((0.9, 0.6), (math.inf, 25, math.inf)))),
-    "stays": ((0.9, 0.6, 0.4), kept({0.9: (0.95, 0.98), 0.6: (0.95, 0.95), 0.4: (0.9, 0.85)})),
-    "silent": ((0.9,), kept({0.9: (0.9, 0.0)})),
-    "shadow": ((0.9,), kept({0.9: (0.9, 0.0)})),
-}
-"""P_D of each scene, and its figures."""
-
-
-def row(runs: Sequence[Measured], figures: list[Figure]) -> list[Figure]:
-    """The figures of a row, with those of all published tracks."""
-    bounds = {"axis / limit": 1.0, "axis / max_range": 0.25}
-    wide = [
-        Figure(name, max(run[name] for run in runs), bound, True) for name, bound in bounds.items()
-    ]
-    means = [
-        Figure(name, float(np.mean([run[name] for run in runs])), math.inf, True)
-        for name in ("too wide", "elsewhere")
-    ]
-    return [*figures, *wide, *means]
-
-
-def rows(name: str, given: argparse.Namespace) -> Iterator[tuple[str, list[Figure]]]:
-    """Rows of a scene: its case and its figures."""
-    probabilities, figures = SCENES[name]
-    for probability in probabilities:
+def targets(name: str, given: argparse.Namespace) -> Rows:
+    """Rows of a scene of one target."""
+    for probability, bounds in SCENES[name].items():
         for interval in given.intervals:
             for false in given.false:
                 jobs = [
                     Case(name, interval, false, probability, given.seed + run)
                     for run in range(given.runs)
                 ]
-                results = workers_of(given).mapped(of_run, jobs)
-                runs = list(with_progress(results, len(jobs), name))
+                runs = mapped(given, of_run, jobs)
+                gone = "out" in runs[0]
+                columns = [(*c, b) for c, b in zip(OUT if gone else KEPT, bounds, strict=True)]
+                row = figures(runs, columns, "out" if gone else "")
                 text = f"P_D {probability:g}, {interval:g} s, {false:g} false"
-                yield text, row(runs, figures(runs, probability))
+                yield text, [*row, *figures(runs, TRACKS)]
 
 
-def print_rows(name: str, table: Iterator[tuple[str, list[Figure]]]) -> bool:
+def quays(given: argparse.Namespace) -> Rows:
+    """Row of the quay: means, and the worst runs."""
+    runs = mapped(given, quay, range(given.seed, given.seed + given.runs))
+    worst = [("on swimmer", np.max, "<= 2"), ("elsewhere", np.max, "<= 2"), ("held", np.min, "")]
+    means = [("on swimmer", np.mean, ""), ("held", np.mean, ">= 0.9"), *TRACKS]
+    yield "the worst run", figures(runs, worst)
+    yield "all", figures(runs, means)
+
+
+def encounters(given: argparse.Namespace) -> Rows:
+    """Rows of the boats."""
+    for scene in ("together", "crossing", "glint"):
+        jobs = [(scene, given.seed + run) for run in range(given.runs)]
+        switches, ended = np.array(mapped(given, sailed, jobs)).T
+        at_most_one = float((switches <= 1).mean())
+        most = ("switches at most", float(switches.max()), "")
+        yield (
+            scene,
+            [("at most 1", at_most_one, ">= 0.9"), most, ("ended", float(ended.sum()), "<= 0")],
+        )
+
+
+def print_rows(name: str, table: Rows) -> bool:
     """Print the rows of a table as they come; returns whether all figures hold."""
     print(f"\n{name}", flush=True)
-    last, fails = "", 0
-    for text, figures in table:
-        bounds = [
-            ""
-            if math.isinf(f.required) or not f.required
-            else f" {'<' if f.most else '>'}= {f.required:g}"
-            for f in figures
-        ]
-        header = " | ".join(f"{f.name}{b}" for f, b in zip(figures, bounds, strict=True))
+    last, number = "", 0
+    for text, row in table:
+        names = [f"{column} {bound}".rstrip() for column, _, bound in row]
+        header = " | ".join(names)
         if header != last:
-            print(f"{'':24} | {header}")
+            print(f"{'':26} | {header}")
         last = header
-        cells = (f.text().rjust(len(f.name + b)) for f, b in zip(figures, bounds, strict=True))
-        print(f"{text:24} | {' | '.join(cells)}", flush=True)
-        fails += sum(f.fails for f in figures)
-    print(f"{name}: {'all hold' if not fails else f'{fails} figures fail'}", flush=True)
-    return not fails
+        cells = [f"{value:.3g}{'!' if fails(value, bound) else ''}" for _, value, bound in row]
+        cells = [cell.rjust(len(column)) for cell, column in zip(cells, names, strict=True)]
+        print(f"{text:26} | {' | '.join(cells)}", flush=True)
+        number += sum(fails(value, bound) for _, value, bound in row)
+    print(f"{name}: {f'{number} figures fail' if number else 'all hold'}", flush=True)
+    return not number
 
 
 def main() -> None:
     """Measure the scenes and print their tables."""
+    names = (*SCENES, "quay", "boats", *DATA)
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("scenes", nargs="*", metavar="scene", help=", ".join(SCENES))
-    parser.add_argument("--intervals", type=float, nargs="+", default=INTERVALS, help="s")
-    parser.add_argument("--false", type=float, nargs="+", default=FALSE, help="a ping")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(names))
+    parser.add_argument("--intervals", type=float, nargs="+", default=(0.1, 0.2, 1.0, 4.0, 12.0))
+    parser.add_argument("--false", type=float, nargs="+", default=(0.0, 2.0, 15.0), help="a ping")
+    text = "folder of lidar/walking_person, aquascan, autoferry and joyride; default $TSEPM_DATA"
+    parser.add_argument("--data", type=Path, default=os.environ.get("TSEPM_DATA", ""), help=text)
     add_runs(parser, 20)
     given = parser.parse_args()
-    hold = [print_rows(name, rows(name, given)) for name in given.scenes or SCENES]
+    unknown = set(given.scenes) - set(names)
+    if unknown:
+        parser.error(f"{min(unknown)} is none of {', '.join(names)}")
+    hold = []
+    for name in given.scenes or names:
+        if name in SCENES:
+            table = targets(name, given)
+        elif name not in DATA:
+            table = quays(given) if name == "quay" else encounters(given)
+        elif (folder := Path(given.data) / DATA[name][0]).is_dir():
+            table = DATA[name][1](Path(given.data))
+        else:
+            print(f"\n{name}: left out, there is no {folder} (--data)")
+            continue
+        hold.append(print_rows(name, table))
     sys.exit(not all(hold))
 
 
