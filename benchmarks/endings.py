@@ -49,15 +49,17 @@ OUT = tuple(
     for name, share in (("median", 0.5), ("0.95", 0.95), ("max", 1.0))
 )
 KEPT = ("one id", np.mean), ("in current", np.mean), ("ids", np.mean)
-SCENES: dict[str, dict[float, tuple[str, ...]]] = {
+SCENES: dict[str, dict[float, tuple[str, str, str]]] = {
     "vanish": {0.9: ("<= 12", "<= 25", "<= 40"), 0.6: ("<= 25", "<= 60", "<= 90")},
     "leave": {0.9: ("", "<= 25", ""), 0.6: ("", "<= 25", "")},
     "stays": {
-        0.9: (">= 0.95", ">= 0.98", ""), 0.6: (">= 0.95", ">= 0.95", ""), 0.4: (">= 0.9", ">= 0.85", ""),
+        0.9: (">= 0.95", ">= 0.98", ""),
+        0.6: (">= 0.95", ">= 0.95", ""),
+        0.4: (">= 0.9", ">= 0.85", ""),
     },
     "silent": {0.9: (">= 0.9", "", "")},
     "shadow": {0.9: (">= 0.9", "", "")},
-}  # fmt: skip
+}
 """Bounds of each scene by P_D."""
 
 
