@@ -12,8 +12,9 @@
 - lidar, pool, recordings: see `endings_data.py`; in `--data`, left out where that is not there.
 
 The larger axis (one standard deviation) of a published track's position is compared with its limit,
-the larger of `target_extent` and 5 times that of a detection there, and with `max_range`: the
-largest ratios, and the share of the published tracks beyond 1 or 0.25. Elsewhere: ids in the mean.
+the larger of `target_extent` and 5 times that of a detection there, and with a quarter of
+`max_range`: the largest ratios, and the share of the published tracks that are too wide by either.
+Elsewhere: ids in the mean.
 
     python benchmarks/endings.py [SCENE ...] [--runs 20] [--workers 2] [--intervals 0.1 12]
         [--false 0 15] [--data FOLDER]
@@ -42,7 +43,7 @@ from tsepm_ros.progress import with_progress
 Figure = tuple[str, float, str]
 """Name, value and bound, such as "<= 12"."""
 Rows = Iterator[tuple[str, list[Figure]]]
-AXES = (("axis / limit", np.max, "<= 1"), ("axis / max_range", np.max, "<= 0.25"))
+AXES = ("axis / limit", np.max, "<= 1"), ("axis / quarter", np.max, "<= 1")
 TRACKS = (*AXES, ("too wide", np.mean, ""), ("elsewhere", np.mean, ""))
 OUT = tuple(
     (name, lambda out, share=share: np.nanquantile(out, share, method="inverted_cdf"))
@@ -108,6 +109,7 @@ def targets(name: str, given: argparse.Namespace) -> Rows:
                 runs = mapped(given, of_run, jobs)
                 gone = "out" in runs[0]
                 columns = [(*c, b) for c, b in zip(OUT if gone else KEPT, bounds, strict=True)]
+                columns += [("no track", lambda out: np.isnan(out).sum(), "")] if gone else []
                 row = figures(runs, columns, "out" if gone else "")
                 text = f"P_D {probability:g}, {interval:g} s, {false:g} false"
                 yield text, [*row, *figures(runs, TRACKS)]

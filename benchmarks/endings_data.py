@@ -101,7 +101,7 @@ def lidar(data: Path) -> Rows:
                 ("tracks after", float(after), "<= 0"),
                 ("ids", float(ids), "<= 1"),
                 ("axis / limit", tracks["axis / limit"], "<= 1"),
-                ("axis / max_range", tracks["axis / max_range"], "<= 0.25"),
+                ("axis / quarter", tracks["axis / quarter"], "<= 1"),
             ],
         )
 

@@ -71,10 +71,8 @@ class Watched:
         Ids of all tracks on the target, and of all tracks.
     there : list of bool
         Whether the target was there.
-    worst, widest : float
-        Largest axis of a track's position over the limit there, and over `max_range`.
-    wide, rows : int
-        Tracks over a limit, and all, ping by ping.
+    axes : list of (n, 2) ndarray
+        Larger axis of the tracks' positions over the limit there, and over a quarter of the range.
     """
 
     initiator: Initiator
@@ -83,10 +81,7 @@ class Watched:
     near: list[set[int]] = field(default_factory=list)
     published: list[set[int]] = field(default_factory=list)
     there: list[bool] = field(default_factory=list)
-    worst: float = 0.0
-    widest: float = 0.0
-    wide: int = 0
-    rows: int = 0
+    axes: list[FloatArray] = field(default_factory=list)
 
     def take(
         self, scan: Scan, place: FloatArray | None, current: TrackArrays | None = None
@@ -95,14 +90,11 @@ class Watched:
         if current is None:
             self.initiator.process(scan)
             current = self.initiator.current
-        own, sensor = np.reshape(scan.sensor_pose, (-1, 3))[:1, :2], self.initiator.sensor
+        own = np.reshape(scan.sensor_pose, (-1, 3))[:1, :2]
         places, ids = current.state[:, 0::2], current.track_id.tolist()
         axis = np.sqrt(np.linalg.eigvalsh(current.covariance[:, 0::2, 0::2])[:, -1])
         limit = np.maximum(self._gate(places - own), self.extent)
-        self.worst = max([self.worst, *(axis / limit)])
-        self.widest = max([self.widest, *(axis / sensor.max_range)])
-        self.wide += int(((axis > limit) | (axis > 0.25 * sensor.max_range)).sum())
-        self.rows += len(current)
+        self.axes.append(np.stack([axis / limit, 4.0 * axis / self.initiator.sensor.max_range], 1))
         apart: dict[int, float] = {}
         if place is not None:
             away, gate = np.hypot(*(places - place).T), float(self._gate(place - own)[0])
@@ -131,21 +123,22 @@ class Watched:
         return float(np.mean(near[near.index(True) :])) if True in near else 0.0
 
     def pings_until_out(self) -> float:
-        """Pings after a target's last one until none of its tracks is published; nan: no track."""
+        """Pings after a target's last one until none of its tracks is published; nan: no track.
+
+        Its tracks are those that were on it in its last five pings.
+        """
         last = max(k for k, there in enumerate(self.there) if there)
-        ids = self.near[last]
+        ids = set().union(*self.near[max(last - 4, 0) : last + 1])
         out = [k + 1 - last for k, those in enumerate(self.published) if those & ids]
-        return float(max(out, default=math.nan))
+        return float(max(*out, 1)) if out else math.nan
 
     def of_tracks(self) -> dict[str, float]:
         """Figures of all published tracks."""
         elsewhere = set().union(*self.published) - set().union(*self.near)
-        return {
-            "axis / limit": self.worst,
-            "axis / max_range": self.widest,
-            "too wide": self.wide / max(self.rows, 1),
-            "elsewhere": len(elsewhere),
-        }
+        axes = np.concatenate(self.axes)
+        worst = dict(zip(("axis / limit", "axis / quarter"), axes.max(0, initial=0.0), strict=True))
+        wide = float((axes > 1.0).any(axis=1).mean()) if len(axes) else 0.0
+        return worst | {"too wide": wide, "elsewhere": len(elsewhere)}
 
 
 def unit(angle: float) -> FloatArray:
