@@ -3,6 +3,8 @@
 Cases go through methods, parameters and values, in an order that the seed shuffles; after these
 come random pairs of extreme values. A value is refused with a sentence that names its parameter, or
 a stream of good pings is processed with it: from the start, and as a change in the middle and back.
+Every eighth case calls the services of a node with values of every type, also empty arrays and
+values of no type: each call is answered.
 
     python campaigns/parameters.py [--seed 1] [--seconds 60]
 """
@@ -21,6 +23,9 @@ from campaign import Finding, Tried
 from invariants import check_reasons, require
 from messages import Fed
 from streams import good_stream
+from support.parameter_values import NODES, Caller, make
+from support.ros_domains import own_domain
+from support.ros_world import World
 
 from tsepm_ros import available_methods
 from tsepm_ros.parameters import Parameter, Value
@@ -35,6 +40,8 @@ NUMBERS = (0.0, 1e-300, 1e-12, 1e-9, 1e-3, 1.0, 1e3, 1e6, 1e9, 1e12, 1e154, 1e30
 SPECIAL = (math.nan, math.inf, -math.inf, -1.0, -1e300)
 INTEGERS = (0, 1, 2, 3, 15, 16, 17, 1000, 10**6, 2**31 - 1, 2**31, 2**63 - 1, -1, -(2**63))
 WRONG: tuple[Value, ...] = ("", "nan", "1e-06", "x" * 300, True, 0)
+CALLS = 200
+"""Calls of the services of a node in a case."""
 SLOW = ("learned_file",)
 """Not of a session."""
 
@@ -76,7 +83,10 @@ def single(seed_key: int) -> list[tuple[str, str, Value]]:
 
 
 def case(number: int, rng: np.random.Generator) -> Tried:
-    """A value, or a pair of them."""
+    """A value, or a pair of them, or calls of a node."""
+    if number % 8 == 7:
+        return _called(rng)
+    number -= number // 8
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
     listed = single(1)
     if number < len(listed):
@@ -89,6 +99,17 @@ def case(number: int, rng: np.random.Generator) -> Tried:
         if triple[0] == method and triple[1] != name
     )
     return _tried(method, {name: value, other: more})
+
+
+def _called(rng: np.random.Generator) -> Tried:
+    """Random calls of the services of a node."""
+    tried: Tried = Counter()
+    kind = NODES[rng.choice(len(NODES), p=(0.7, 0.1, 0.1, 0.1))]
+    with own_domain() as domain, World(domain) as world:
+        caller = Caller(world, make(world, kind))
+        for _ in range(CALLS):
+            tried += caller.call(rng)
+    return tried
 
 
 def _tried(method: str, values: dict[str, Value]) -> Tried:

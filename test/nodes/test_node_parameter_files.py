@@ -134,6 +134,7 @@ def test_the_quality_of_service_of_publishers_may_be_overridden(world):
         ("/detections.subscription.reliability", "best_effort", "only publishers take overrides"),
         ("/nowhere.publisher.depth", 5, "the node publishes"),
         ("/diagnostics.publisher.depth", 0, "at least 1"),
+        ("/diagnostics.publisher.depth", 2**31, "below 2"),
         ("/diagnostics.publisher.reliability", "sometimes", "reliable or best_effort"),
         ("/diagnostics.publisher.deadline", 5, "the policy must be"),
     ],

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import sys
+from array import array
 from typing import Any
 
+import numpy as np
 import pytest
-from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
@@ -16,9 +19,11 @@ from rcl_interfaces.srv import (
 )
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
+from support import parameter_values
 from support.boat import Boat
 from support.builders import reconfigured
 from support.expectation import as_scan, assert_same, confirmed, initiator
+from support.parameter_values import Caller
 from support.sonar_driver import pings
 
 from tsepm_ros import SensorModel, available_methods
@@ -285,6 +290,50 @@ def test_a_parameter_of_no_table_is_refused(world):
     world.make(TrackInitiator)
     [reason] = set_parameters(world, min_hits=3)
     assert "undeclared" in reason
+
+
+@pytest.mark.parametrize("kind", parameter_values.NODES)
+def test_an_array_or_no_type_is_refused_for_every_parameter_and_the_node_goes_on(world, kind):
+    node = parameter_values.make(world, kind)
+    caller, names = Caller(world, node), parameter_values.declared(node)
+    arrays = range(ParameterType.PARAMETER_BYTE_ARRAY, ParameterType.PARAMETER_STRING_ARRAY + 1)
+    for type_ in (*arrays, ParameterType.PARAMETER_NOT_SET, *parameter_values.NO_TYPES):
+        values = [ParameterMessage(name=one, value=ParameterValue(type=type_)) for one in names]
+        results = [*caller.set(values), *caller.set(values, atomically=True)]
+        assert not any(result.successful for result in results)
+        assert all(result.reason for result in results)
+    assert parameter_values.declared(node) == names
+
+
+def test_a_parameter_without_a_name_is_refused(world):
+    node = world.make(TrackInitiator)
+    value = ParameterValue(type=ParameterType.PARAMETER_INTEGER)
+    for atomically in (False, True):
+        [result] = Caller(world, node).set([ParameterMessage(name="", value=value)], atomically)
+        assert result.reason == "a parameter has no name"
+    assert "" not in parameter_values.declared(node)
+
+
+def test_random_calls_are_answered_and_pings_go_on(world):
+    boat = Boat(world)
+    caller, rng = Caller(world, boat.node), np.random.default_rng(1)
+    sent = pings(12)
+    for ping in sent:
+        for _ in range(25):
+            caller.call(rng)
+        boat.send([ping])
+    assert not world.dropped().get("internal_error")
+
+
+@pytest.mark.parametrize("kind", ["b", "q", "d"])
+def test_an_empty_array_at_the_start_is_refused(world, kind):
+    types = {"b": "BYTE_ARRAY", "q": "INTEGER_ARRAY", "d": "DOUBLE_ARRAY"}
+    empty = [] if kind == "b" else array(kind)
+    override = Parameter("max_speed", Parameter.Type[types[kind]], empty)
+    with pytest.raises(ParameterError):
+        world.make(
+            lambda **options: TrackInitiator(**options | {"parameter_overrides": [override]})
+        )
 
 
 def test_another_maximum_speed_takes_effect_at_the_next_scan(world):

@@ -11,6 +11,7 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
+    ParameterType,
     SetParametersResult,
 )
 from rclpy.exceptions import InvalidParameterValueException
@@ -18,19 +19,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from tsepm_ros.nodes import qos_overrides
-from tsepm_ros.parameters import Parameter, Value, meant_instead, unknown_parameter
+from tsepm_ros.parameters import Parameter, Value, meant_instead, shown, unknown_parameter
 from tsepm_ros.settings.parameter_files import unused_files, without_value
 from tsepm_ros.settings.tables import Groups, full_table, make_groups
 
 _INT64 = 2**63 - 1
 _RCLPY_PARAMETERS = ("use_sim_time", "start_type_description_service", qos_overrides.PREFIX)
 """Parameters that rclpy declares itself."""
-_ROS_TYPES = {
-    bool: RosParameter.Type.BOOL,
-    int: RosParameter.Type.INTEGER,
-    float: RosParameter.Type.DOUBLE,
-    str: RosParameter.Type.STRING,
-}
 _TYPE_HINTS = {
     float: "a number with a decimal point (4.0, not 4)",
     int: "an integer",
@@ -55,10 +50,6 @@ def refusing(name: str = "") -> Iterator[None]:
         raise ParameterError(f"{name}: {error}" if name else str(error)) from None
 
 
-def _ignore(options: OptionsByType) -> None:
-    pass
-
-
 class ParameterisedNode(Node):
     """A node that uses `NodeParameters`.
 
@@ -79,7 +70,7 @@ class ParameterisedNode(Node):
                 name, automatically_declare_parameters_from_overrides=True, **node_options
             )
         except ValueError as error:
-            if "NOT_SET" not in str(error):
+            if not any(words in str(error) for words in ("NOT_SET", "do not agree")):
                 raise
             names = without_value(arguments, self.get_fully_qualified_name())
             raise ParameterError(
@@ -87,6 +78,19 @@ class ParameterisedNode(Node):
             ) from None
         for sentence in unused_files(arguments, self.get_fully_qualified_name()):
             self.get_logger().warning(sentence)
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Callable[[Any, Any], Any], **options: Any
+    ) -> Any:
+        """Make a service; a parameter of no type that exists has no value, which is refused."""
+
+        def answer(request: Any, response: Any) -> Any:
+            for one in getattr(request, "parameters", ()):
+                if one.value.type > ParameterType.PARAMETER_STRING_ARRAY:
+                    one.value.type = ParameterType.PARAMETER_NOT_SET
+            return callback(request, response)
+
+        return super().create_service(srv_type, srv_name, answer, **options)
 
     def refuse_unused_overrides(self) -> None:
         """Refuse overrides of the quality of service that nothing uses; after the publishers.
@@ -124,8 +128,8 @@ class NodeParameters:
         self,
         node: ParameterisedNode,
         groups: Groups,
-        on_change: Callable[[OptionsByType], None] = _ignore,
-        rehearse: Callable[[OptionsByType], None] = _ignore,
+        on_change: Callable[[OptionsByType], None] = lambda options: None,
+        rehearse: Callable[[OptionsByType], None] = lambda options: None,
         failures: tuple[type[Exception], ...] = (),
     ) -> None:
         self._node = node
@@ -145,8 +149,7 @@ class NodeParameters:
     def _refuse_unknown(self) -> None:
         given = self._node.get_parameters_by_prefix("")
         for name, one in given.items():
-            overridden = name.startswith(qos_overrides.PREFIX)
-            fault = qos_overrides.fault(name, one.value) if overridden else ""
+            fault = name.startswith(qos_overrides.PREFIX) and qos_overrides.fault(name, one.value)
             if fault:
                 raise ParameterError(fault)
             if name not in self._rows and not name.startswith(_RCLPY_PARAMETERS):
@@ -168,7 +171,7 @@ class NodeParameters:
         """The sentence that refuses a value of another type."""
         allowed = _TYPE_HINTS[row.type] + (f", {row.bounds}" if row.choices else "")
         meant = meant_instead(row.name, value, self._rows)
-        return f"{row.name} must be {allowed}; got {value!r}{meant}"
+        return f"{row.name} must be {allowed}; got {shown(value)}{meant}"
 
     def _values(self) -> dict[str, Value]:
         return {name: self._node.get_parameter(name).value for name in self._rows}
@@ -178,24 +181,23 @@ class NodeParameters:
             return make_groups(self._groups, {**self._values(), **changes})
 
     def _typed(self, parameters: list[RosParameter]) -> list[RosParameter]:
-        """The values as they are meant: `ros2 param load` sends 1.0e-06 as a text."""
+        """The values as they are meant: `ros2 param load` sends 1.0e-06 as a text.
+
+        All others stay as they are: rclpy cannot make a parameter of an empty array alone.
+        """
         return [
-            RosParameter(one.name, value=self._rows[one.name].meant(one.value))
-            if one.name in self._rows and one.value is not None
+            RosParameter(one.name, value=meant)
+            if one.name in self._rows
+            and (meant := self._rows[one.name].meant(one.value)) is not one.value
             else one
             for one in parameters
         ]
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
-        changes = {}
-        for parameter in parameters:
-            row = self._rows.get(parameter.name)
-            if row is None:
-                continue  # another part of the node has declared it
-            if parameter.type_ is not _ROS_TYPES[row.type]:
-                reason = self._wrong_type(row, parameter.value)
-                return SetParametersResult(successful=False, reason=reason)
-            changes[parameter.name] = parameter.value
+        if not all(one.name for one in parameters):  # rclpy would declare it
+            return SetParametersResult(successful=False, reason="a parameter has no name")
+        # Types were checked by rclpy; another part of the node has declared what is in no row.
+        changes = {one.name: one.value for one in parameters if one.name in self._rows}
         if not changes:
             return SetParametersResult(successful=True)
         try:

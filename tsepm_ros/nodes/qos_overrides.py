@@ -9,6 +9,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from tsepm_ros.parameters import shown
+
 PREFIX = "qos_overrides."
 PUBLISHER = QoSOverridingOptions(
     (
@@ -49,12 +51,12 @@ def fault(name: str, value: Any, publishers: Collection[str] | None = None) -> s
     if publishers is not None and topic not in publishers:
         return f"{name} cannot be used: the node publishes {', '.join(sorted(publishers))}"
     if rest == "depth":
-        valid = type(value) is int and value >= 1
-        return "" if valid else f"{name} must be an integer of at least 1; got {value!r}"
+        sentence = f"{name} must be an integer of at least 1, below 2**31; got {shown(value)}"
+        return "" if type(value) is int and 1 <= value < 2**31 else sentence
     if rest not in _VALUES:
         return f"{name} cannot be used: the policy must be depth, {', '.join(_VALUES)}"
     if value not in _VALUES[rest]:
-        return f"{name} must be {' or '.join(_VALUES[rest])}; got {value!r}"
+        return f"{name} must be {' or '.join(_VALUES[rest])}; got {shown(value)}"
     return ""
 
 
