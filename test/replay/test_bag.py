@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import sqlite3
 import sys
 from itertools import pairwise
@@ -135,6 +136,16 @@ def test_metadata_that_is_none_is_refused_by_name(tmp_path):
     (tmp_path / "metadata.yaml").write_text("rosbag2: [")
     with pytest.raises(ValueError, match="cannot be read"):
         Bag(tmp_path)
+
+
+def test_a_number_of_messages_that_is_none_is_refused_by_name(tmp_path):
+    folder = write_bag(tmp_path / "bag", simulated(), "sqlite3")
+    metadata = folder / "metadata.yaml"
+    text = metadata.read_text()
+    assert "message_count" in text
+    metadata.write_text(re.sub(r"message_count: \d+", "message_count: x", text))
+    with pytest.raises(ValueError, match="cannot be read"):
+        Bag(folder)
 
 
 def test_without_rosbags_a_bag_is_refused_with_what_to_install(tmp_path, monkeypatch):

@@ -36,6 +36,12 @@ def test_a_coverage_far_too_large_is_named_with_the_figures_to_set():
     assert findings(few) == {}, "six detections may lie together by chance"
 
 
+def test_a_minimum_range_next_to_nothing_is_said_as_0():
+    sensor = SensorModel(min_range=5e-324)
+    said = findings(SensorFigures(sensor=sensor, seen=SEEN, seen_detections=40))["coverage"]
+    assert "from 0 to 9000 m" in said
+
+
 def test_a_chance_gap_in_azimuth_is_no_sector():
     seen = Extent(10.0, 199.0, -0.664, 5.52)
     said = findings(SensorFigures(seen=seen, seen_detections=80))["coverage"]

@@ -86,17 +86,17 @@ class Bag:
                 f"{path} is a bag, which requires the library rosbags; it is not installed: "
                 "pip install rosbags (with Python from apt: docs/python_and_command_line.md)"
             ) from None
+        self.start_ns = self.end_ns = 0
+        self._open = ExitStack()
         with self._reading():
             store = get_typestore(Stores.ROS2_JAZZY)
             self._reader = AnyReader([self._path], default_typestore=store)
             self._reader.open()
-        self._open = ExitStack()
-        self._open.callback(self._reader.close)
-        self.topics = {name: info.msgtype or "" for name, info in self._reader.topics.items()}
-        self.start_ns = self.end_ns = 0
-        if self._reader.message_count:
-            # The reader's end is 1 ns after the last message.
-            self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
+            self._open.callback(self._reader.close)
+            self.topics = {name: info.msgtype or "" for name, info in self._reader.topics.items()}
+            if self._reader.message_count:
+                # The reader's end is 1 ns after the last message.
+                self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
 
     def __enter__(self) -> Bag:
         """Return the bag itself."""

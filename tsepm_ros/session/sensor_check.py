@@ -191,7 +191,7 @@ def _rounded_up(value: float) -> float:
 
 def _rounded_down(value: float) -> float:
     """To two significant digits, not above."""
-    if value <= 0.0:
+    if value < 1e-300:  # its step would vanish
         return 0.0
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return step * math.floor(value / step)
