@@ -2,9 +2,10 @@
 
 A case breaks one file in its bytes, lines or values: of a recording, a bag (sqlite3 or MCAP), a
 scenario, a parameter file, the runs of an evaluation, or learned values; or the arguments of a
-command. The command must end with 0, or with another code and one sentence; never with a traceback,
-a hang, or memory without bound. Each runs in a process of its own, with limits, in a folder of its
-own, and writes to no other.
+command; or it replaces up to three numbers of learned values, with which a target must confirm as
+without them, if they are used. The command must end with 0, or with another code and one sentence;
+never with a traceback, a hang, or memory without bound. Each runs in a process of its own, with
+limits, in a folder of its own, and writes to no other.
 
     python campaigns/files.py [--seed 1] [--seconds 60]
 """
@@ -13,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import math
 import os
 import re
 import resource
@@ -31,11 +31,10 @@ import campaign
 import numpy as np
 from campaign import Tried
 from invariants import require
+from support import learned_texts
 from support.bag_files import simulated, small_scenario, storage_file, write_bag
 
-from tsepm_ros import SensorModel
 from tsepm_ros.commands.cli import COMMANDS, main
-from tsepm_ros.environment import learned_memory
 from tsepm_ros.settings.parameter_files import values_for
 from tsepm_ros.settings.rendering import ANY_NODE, as_yaml
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
@@ -85,6 +84,7 @@ def originals() -> Path:
         text = (scenarios / f"{name}.yaml").read_text()
         (folder / f"{name}.yaml").write_text(re.sub(r"scans: \d+", "scans: 3", text))
     (folder / "parameters.yaml").write_text(as_yaml("track_initiator", TRACK_INITIATOR, ANY_NODE))
+    (folder / "learned.json").write_text(learned_texts.learned_text(learned_texts.SCENES[0]))
     out = folder / "runs"
     code, _, error = run([*WRONG_RUN, "--workers", "1", "--out", str(out)], folder)
     require(code == 0, f"the evaluation that is to be broken fails: {error}")
@@ -149,9 +149,8 @@ def _parameters(folder: Path) -> Callable[[], object]:
 
 
 def _learned(folder: Path) -> Callable[[], object]:
-    path = folder / "learned.json"
-    return lambda: learned_memory.read(
-        path.read_text(), SensorModel(), "map", time=1e9, max_age=math.inf
+    return lambda: learned_texts.read(
+        learned_texts.SCENES[0], (folder / "learned.json").read_text(encoding="utf-8")
     )
 
 
@@ -172,6 +171,7 @@ KINDS: dict[str, tuple[str, Command]] = {
     "sqlite3": ("sqlite3/*.db3", lambda folder: ["run", str(folder / "sqlite3")]),
     "metadata": ("mcap/metadata.yaml", lambda folder: ["run", str(folder / "mcap")]),
     "parameters": ("parameters.yaml", _parameters),
+    "learned": ("learned.json", _learned),
     "runs": ("runs/**/*.jsonl", _runs),
     **{f"scenario {name}": (f"{name}.yaml", _scenario(name)) for name in shipped_scenarios()},
 }
@@ -234,7 +234,9 @@ FAULTS = (_cut, _flip, _lines, _token, _token, _token, _block, _other)
 
 
 def case(number: int, rng: np.random.Generator) -> Tried:
-    """A broken file or, for every eighth case, arguments."""
+    """A broken file or, for two of eight cases, arguments or replaced learned values."""
+    if number % 8 == 6:
+        return learned_texts.check_replaced(number // 8, rng)
     with tempfile.TemporaryDirectory(prefix="tsepm_case_") as name:
         folder = Path(name)
         if number % 8 == 7:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import json
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import learned_texts
 from support.score_scenes import score, sea
 
 from tsepm_ros import SensorModel
 from tsepm_ros.environment.learned_memory import HALF_LIFE, read, written
+from tsepm_ros.environment.seen_extent import MAX_DETECTIONS, Extent, SeenExtent
 
 DAY = 86_400.0
 SENSOR = SensorModel(clutter_density=1e-8)
@@ -59,12 +63,64 @@ def test_what_was_learned_fades_with_its_age(run):
         ({"detected": float("nan")}, 0.0, "content"),
         ({"covered": -1.0}, 0.0, "content"),
         ({"seen_range": [1.0, 2.0]}, 0.0, "content"),
+        *(
+            ({name: value}, 0.0, f"content .* {name} must be")
+            for name in ("time", "clutter_scans", "detected", "covered", "strengths_count")
+            for value in (10**400, 1e308, -1e308, float("inf"), float("nan"), "1", [1.0], None)
+        ),
+        *(
+            ({"clutter_scans": value}, 0.0, "clutter_scans must be at least 1")
+            for value in (0, 1e-320, 0.5)
+        ),
+        *(({"detected": value}, 0.0, "covered must be") for value in (0, 1e-320, 1e6)),
+        ({"covered": 0}, 0.0, "covered must be"),
+        ({"seen_range": [1e308], "seen_azimuth": [0.0]}, 0.0, "seen_range must be"),
+        ({"seen_range": [1.0], "seen_azimuth": [1e200]}, 0.0, "seen_azimuth must be"),
+        ({"strengths": [1.0]}, 0.0, "strengths must be"),
+        ({"strengths": [0.0] * 255 + [-1.0]}, 0.0, "strengths must be"),
+        ({"strengths_in_decibels": 1e308}, 0.0, "strengths_in_decibels must be"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_the_reason(run, change, time, said):
     content = json.loads(written(run.learned, SENSOR, "sonar", 0.0)) | change
     with pytest.raises(ValueError, match=said):
         read(json.dumps(content), SENSOR, "sonar", time, DAY)
+
+
+@pytest.mark.parametrize(
+    "cases", [range(200), pytest.param(range(2000), marks=pytest.mark.long)], ids=len
+)
+def test_replaced_numbers_are_refused_or_targets_confirm_as_without_the_text(cases):
+    tried = Counter()
+    for number in cases:
+        tried += learned_texts.check_replaced(number, np.random.default_rng((1, number)))
+    used = tried["learned values, used"]
+    assert 0.05 < used / len(cases) < 0.5, "both outcomes are tried"
+
+
+@pytest.mark.parametrize("days", [30.0, 260.0, 267.0, 365.0])
+def test_a_text_of_long_ago_is_as_good_as_none(run, days):
+    text = written(run.learned, SENSOR, "sonar", 0.0)
+    initiator = score(SENSOR)
+    initiator.remember(read(text, SENSOR, "sonar", days * DAY, 366.0 * DAY).learned)
+    assert initiator.clutter_density == pytest.approx(SENSOR.clutter_density)
+    assert initiator.detection_probability == pytest.approx(SENSOR.detection_probability)
+
+
+def test_numbers_that_are_not_finite_are_not_written(run):
+    learned = copy.deepcopy(run.learned)
+    learned.detection_probability.remember(float("inf"), float("inf"))
+    with pytest.raises(ValueError):
+        written(learned, SENSOR, "sonar", 0.0)
+
+
+def test_places_do_not_grow_with_restarts():
+    extent, rng = SeenExtent(Extent.of(SENSOR)), np.random.default_rng(1)
+    for _ in range(5):
+        before, extent = extent, SeenExtent(Extent.of(SENSOR))
+        extent.remember(*before.places)
+        extent.update(rng.uniform(10.0, 9000.0, 490), rng.uniform(-3.0, 3.0, 490), np.ones(490))
+        assert extent.detections < 2 * MAX_DETECTIONS
 
 
 def test_another_sensor_is_refused(run):

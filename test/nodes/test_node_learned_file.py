@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 
 import pytest
@@ -53,6 +54,54 @@ def test_a_file_that_does_not_fit_is_named_and_not_used(world, tmp_path, content
     world.until_logged("is not used", str(path))
     sent = pings()
     assert len(boat.send(sent)) == len(sent)
+
+
+@pytest.mark.parametrize(
+    ("replaced", "named"),
+    [
+        ({"time": 10**400}, "time"),
+        ({"clutter_scans": 1e308}, "clutter_scans"),
+        ({"clutter_counts": [[1e308]]}, "clutter_counts"),
+        ({"seen_range": [1e308], "seen_azimuth": [0.0]}, "seen_range"),
+    ],
+)
+def test_a_file_with_a_number_out_of_bounds_is_refused_at_the_start_and_written_anew(
+    world, tmp_path, replaced, named
+):
+    path = tmp_path / "learned.json"
+    boat = Boat(world, learned_file=str(path))
+    boat.send(pings())
+    world.end(boat.node)
+    path.write_text(json.dumps(json.loads(path.read_text()) | replaced))
+    again = Boat(world, learned_file=str(path))
+    world.until_logged("is not used", f"{named} must be")
+    sent = pings()
+    assert len(again.send(sent)) == len(sent)
+    assert world.dropped() == {}
+    world.end(again.node)
+    assert json.loads(path.read_text(), parse_constant=pytest.fail)["clutter_scans"] <= 50.0
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("~nosuchuser/learned.json", "home directory"),
+        ("x" * 5000, "too long"),
+        ("deeper/" + "x" * 230, "more than 200 bytes"),
+        ("", "no regular file"),
+        ("fifo", "no regular file"),
+        ("/dev/zero", "no regular file"),
+    ],
+)
+def test_a_path_that_cannot_be_a_file_is_refused_with_a_short_sentence(world, tmp_path, path, said):
+    os.mkfifo(tmp_path / "fifo")
+    boat = Boat(world, learned_file=path if path[:1] == "~" else str(tmp_path / path))
+    world.until_logged("is not used", said)
+    assert all(len(line) < 800 for line in world.logged(30))
+    sent = pings()
+    assert len(boat.send(sent)) == len(sent)
+    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    world.end(boat.node)
 
 
 def test_an_old_file_is_stale(world, tmp_path):

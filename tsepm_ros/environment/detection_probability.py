@@ -19,6 +19,9 @@ MEMORY = 200.0
 MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
 """Bounds of the estimate: both a detection and a miss stay possible."""
 
+MAX_GAP = 100.0
+"""Scans from a detection to the next one that outlive a restart, on average at most."""
+
 
 class DetectionProbability:
     """Estimates P_D from D detections in C scans of covered targets, both fading.
@@ -51,8 +54,8 @@ class DetectionProbability:
 
     @property
     def memory(self) -> tuple[float, float]:
-        """D / P_G and C, both fading."""
-        return self._detected, self._covered
+        """D / P_G and C, both fading; C as of gaps of at most `MAX_GAP`."""
+        return self._detected, min(self._covered, MAX_GAP * self._detected)
 
     def remember(self, detected: float, covered: float) -> None:
         """Begin with the memory of another estimate."""

@@ -142,9 +142,9 @@ class SeenExtent:
         self._take(range[clutter], wrap(azimuth[clutter]))
 
     def remember(self, range: FloatArray, azimuth: FloatArray) -> None:
-        """Begin with the `places` of another estimate."""
+        """Begin with the `places` of another estimate: the newest, or each restart has more."""
         if len(range):
-            self._take(range, azimuth)
+            self._take(range[-MAX_DETECTIONS:], azimuth[-MAX_DETECTIONS:])
 
     def _take(self, range: FloatArray, azimuth: FloatArray) -> None:
         self._scans.append((range, azimuth))

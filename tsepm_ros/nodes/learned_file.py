@@ -7,9 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tsepm_ros.environment import learned_memory
+from tsepm_ros.session.refusal import shortened
 from tsepm_ros.session.session import Session
 from tsepm_ros.whole_files import write_text
 
+MAX_SIZE = 2**24
+"""Size of the largest file that is read, bytes: of most sensors it is a hundredth of this."""
 SAVING_PERIOD = 60.0
 """Time between writings of the file, s."""
 
@@ -23,7 +26,7 @@ class LearnedFile:
     ----------
     session : Session
     path : str
-        Empty: nothing is read or written.
+        Empty: nothing is read or written; nor if there can be no regular file of this path.
     max_age : float
         s.
     inform, warn : callable
@@ -39,25 +42,34 @@ class LearnedFile:
         warn: Callable[[str], object],
     ) -> None:
         self._session = session
-        self._path = Path(path).expanduser() if path else None
         self._inform, self._warn = inform, warn
         self._failed = False
-        if self._path is not None and self._path.exists():
-            self._read(self._path, max_age)
+        self._path: Path | None = None
+        if path:
+            self._read(path, max_age)
 
-    @property
-    def used(self) -> bool:
-        """Whether there is a file."""
-        return self._path is not None
-
-    def _read(self, path: Path, max_age: float) -> None:
-        sensor = self._session.settings.sensor
-        frame_id = self._session.settings.session.sensor_frame
+    def _read(self, name: str, max_age: float) -> None:
         try:
-            text = path.read_text(encoding="utf-8")
-            found = learned_memory.read(text, sensor, frame_id, time.time(), max_age)
-        except (OSError, ValueError) as error:
-            self._warn(f"learned_file {path} is not used: {error}")
+            path = Path(name).expanduser()
+            if path.exists() and not (path.is_file() and path.stat().st_size <= MAX_SIZE):
+                raise OSError(f"it is no regular file of at most {MAX_SIZE} bytes")
+            if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
+                raise OSError("a name in its path has more than 200 bytes")
+            self._path = path
+            found = learned_memory.read(
+                path.read_text(encoding="utf-8"),
+                self._session.settings.sensor,
+                self._session.settings.session.sensor_frame,
+                time.time(),
+                max_age,
+            )
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, RuntimeError) as error:  # the last: no such user
+            self._warn(
+                f"{shortened(f'learned_file {name}')} is not used: "
+                f"{getattr(error, 'strerror', None) or error}"  # without the path again
+            )
             return
         self._session.initiator.remember(found.learned)
         self._inform(
@@ -72,7 +84,7 @@ class LearnedFile:
             return
         try:
             self._path.unlink(missing_ok=True)
-        except OSError as error:
+        except (OSError, ValueError) as error:
             self._warn(f"learned_file {self._path} cannot be removed: {error}")
 
     def write(self) -> None:
@@ -81,12 +93,14 @@ class LearnedFile:
         if self._path is None or initiator.stamp is None:
             return
         frame_id = self._session.settings.session.sensor_frame
-        text = learned_memory.written(initiator.learned, initiator.sensor, frame_id, time.time())
         try:
+            text = learned_memory.written(
+                initiator.learned, initiator.sensor, frame_id, time.time()
+            )
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_text(self._path, text)
             self._failed = False
-        except OSError as error:
+        except (OSError, ValueError) as error:
             if not self._failed:
-                self._warn(f"learned_file {self._path} cannot be written: {error}")
+                self._warn(shortened(f"learned_file {self._path} cannot be written: {error}"))
             self._failed = True

@@ -99,9 +99,9 @@ class TrackInitiator(ParameterisedNode):
             options.diagnostics_period,
             self._now,
         )
-        if self._learned.used:
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self.create_timer(SAVING_PERIOD, self._learned.write, clock=steady)
+        self.create_timer(
+            SAVING_PERIOD, self._learned.write, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         self.refuse_unused_overrides()
 
     @property
