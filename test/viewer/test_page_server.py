@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import resource
 import socket
+import subprocess
+import sys
 import threading
 import time
+from contextlib import closing
 from urllib.parse import urlsplit
 
 import pytest
@@ -82,7 +87,9 @@ def test_a_name_that_is_not_this_machine_s_is_refused(host, path):
         assert get(server.url + path, headers={"Host": host}).code in (400, 403)
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "http://127.0.0.1:1", "http://["]
+)
 def test_a_page_of_another_site_is_refused(origin):
     async def connect():
         request = HTTPRequest(updates(server), headers={"Origin": origin})
@@ -92,6 +99,50 @@ def test_a_page_of_another_site_is_refused(origin):
     with served(live_state(1)) as server:
         run(connect)
         assert get(server.url, headers={"Origin": origin}).code == 403
+
+
+@pytest.mark.parametrize("files", [None, 40], ids=["by number", "by free files"])
+def test_many_connections_with_half_a_request_leave_the_page_answered(files, capfd, monkeypatch):
+    half = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    with served(live_state(1)) as server:
+        before = len(os.listdir("/proc/self/fd"))
+        address = ("127.0.0.1", urlsplit(server.url).port)
+        script = (
+            "import socket, sys\n"
+            "held = []\n"
+            f"for _ in range(300): held.append(socket.create_connection({address!r}))\n"
+            f"for one in held: one.sendall({half!r})\n"
+            "print('held', flush=True)\n"
+            "sys.stdin.read()\n"
+        )
+        limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+        client = subprocess.Popen([sys.executable, "-c", script], stdin=-1, stdout=-1)
+        browser = socket.socket()
+        browser.settimeout(WAIT)
+        try:
+            if files:
+                resource.setrlimit(resource.RLIMIT_NOFILE, (before + files, limits[1]))
+            assert client.stdout.readline() == b"held\n"
+            browser.connect(address)
+            browser.sendall(half + b"Connection: close\r\n\r\n")
+            assert browser.recv(12) == b"HTTP/1.1 200"
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+            assert len(os.listdir("/proc/self/fd")) <= before + page_server.MAX_CONNECTIONS + 4
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+            browser.close()
+            client.communicate()
+    assert capfd.readouterr().err == ""
+
+
+def test_half_a_request_is_given_up(monkeypatch):
+    monkeypatch.setattr(page_server, "REQUEST_TIMEOUT", 0.2)
+    with served(live_state(1)) as server:
+        address = ("127.0.0.1", urlsplit(server.url).port)
+        for half in (b"GET /", b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\nabc"):
+            with closing(socket.create_connection(address, timeout=WAIT)) as browser:
+                browser.sendall(half)
+                assert browser.recv(1) in (b"", b"H"), "closed, or refused first"
 
 
 def test_on_other_addresses_everything_needs_the_token():

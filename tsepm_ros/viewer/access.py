@@ -75,7 +75,10 @@ class Access:
         """Whether a page from an Origin header's site may ask; programs send none."""
         if origin is None:
             return True
-        return urlsplit(origin).netloc.lower() == host.lower()
+        try:
+            return urlsplit(origin).netloc.lower() == host.lower()
+        except ValueError:
+            return False
 
     def allows_token(self, given: str) -> bool:
         """Whether a token is the one demanded, in a time that does not depend on where it differs.

@@ -12,12 +12,14 @@ import errno
 import gzip
 import socket
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlencode
 
 import tornado.web
 from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPConnection
 from tornado.netutil import bind_sockets
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -38,6 +40,12 @@ MAX_BROWSERS = 32
 """Maximum number of connected browsers; further ones are refused."""
 PING_INTERVAL, PING_TIMEOUT = 30.0, 30.0
 """Times after which a silent browser is asked for a sign of life, and given up, s."""
+REQUEST_TIMEOUT = 20.0
+"""Time for a connection to send a whole request, s."""
+MAX_CONNECTIONS = 50
+"""Maximum number of connections without a websocket; the one that was quiet longest is closed."""
+ACCEPT_PAUSE = 0.1
+"""Pause in accepting connections while the process has no free file, s."""
 CLOSE_TIMEOUT = 2.0
 """Time for connections to close at the end, s."""
 MAX_REQUEST = 4096
@@ -176,7 +184,14 @@ class PageServer:
     async def _serve(self) -> None:
         if self._stopped.is_set():
             return  # the sockets may be closed
-        self._server = HTTPServer(self._application, max_body_size=MAX_REQUEST)
+        self._server = _Server(
+            self._application,
+            max_body_size=MAX_REQUEST,
+            idle_connection_timeout=REQUEST_TIMEOUT,
+            body_timeout=REQUEST_TIMEOUT,
+        )
+        for listening in self._sockets:
+            listening.make_room = self._server.make_room
         self._server.add_sockets(self._sockets)
         await self._stopped.wait()  # an event also counts when it is set before
         await self._close()
@@ -191,6 +206,54 @@ class PageServer:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class _Server(HTTPServer):
+    """A server with few connections at a time; websockets are counted apart, see `_Updates`."""
+
+    def initialize(self, *given: Any, **options: Any) -> None:
+        super().initialize(*given, **options)
+        self._quiet: dict[Any, None] = {}  # connections, the one that was quiet longest first
+
+    def start_request(self, server_conn: object, request_conn: HTTPConnection) -> Any:
+        """Note that a connection waits for a request, and close another if there are too many."""
+        self._quiet.pop(server_conn, None)
+        self._quiet[server_conn] = None
+        if len(self._quiet) > MAX_CONNECTIONS:
+            self.make_room()
+        return super().start_request(server_conn, request_conn)
+
+    def make_room(self) -> bool:
+        """Close the connection that was quiet longest; whether there was one."""
+        longest = next(iter(self._quiet), None)
+        if longest is not None:
+            del self._quiet[longest]
+            longest.stream.close()
+        return longest is not None
+
+    def on_close(self, server_conn: object) -> None:
+        """Forget a connection that is closed, or has become a websocket."""
+        self._quiet.pop(server_conn, None)
+        super().on_close(server_conn)
+
+
+class _Listening(socket.socket):
+    """A bound socket that makes room for a connection for which no file is free, or waits.
+
+    tornado logs the error and tries again at once, as fast as it can.
+    """
+
+    make_room: Callable[[], bool]
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        try:
+            return super().accept()
+        except OSError as error:
+            if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
+                raise
+            if not self.make_room():
+                time.sleep(ACCEPT_PAUSE)
+            raise BlockingIOError from None
 
 
 class _Guarded(tornado.web.RequestHandler):
@@ -316,15 +379,16 @@ class _Updates(_Guarded, WebSocketHandler):
                     version = newest
 
 
-def _bound(host: str, port: int) -> list[socket.socket]:
+def _bound(host: str, port: int) -> list[_Listening]:
     try:
-        return bind_sockets(port, host)
+        bound = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
         remedy = "; choose another port, or 0 for any free one" if in_use else ""
         raise ValueError(
             f"the page cannot be served on {host}, port {port}: {error}{remedy}"
         ) from (None)
+    return [_Listening(fileno=one.detach()) for one in bound]
 
 
 def _url(host: str, port: int, token: str) -> str:
