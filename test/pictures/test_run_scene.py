@@ -273,6 +273,35 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
     plt.close(figure)
 
 
+@pytest.mark.parametrize("size", [0.3, 5.0, 300.0, 2e4])
+def test_the_axes_are_around_the_data_at_any_range(size):
+    pytest.importorskip("matplotlib")
+    from tsepm_ros.pictures.plan_layout import plan_limits
+
+    nothing = TrackArrays.of([])
+    points = np.array([[0.0, 0.0], [size, 0.2 * size]])
+    scene = RunScene("run", [ScanView(0.0, points, None, nothing, nothing)])
+    (left, right), (low, high) = plan_limits(scene)
+    assert right - left == pytest.approx(1.06 * size)
+    assert high - low == pytest.approx(0.4 * 1.06 * size)
+    scene.scans[0] = ScanView(0.0, points[:1], None, nothing, nothing)
+    assert (np.ptp(plan_limits(scene), axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("size", [5.0, 2e4])
+def test_a_target_that_stands_still_is_enlarged_to_a_part_of_the_plan(size):
+    pytest.importorskip("matplotlib")
+    from tsepm_ros.pictures.plan_layout import PlanLayout
+
+    nothing = TrackArrays.of([])
+    points = np.array([[0.0, 0.0], [size, size]])
+    scene = RunScene("run", [ScanView(0.0, points, None, nothing, nothing)])
+    scene.truth = [np.array([[0.0, 0.5 * size, 0.5 * size]])]
+    scene.judged = []
+    panel = PlanLayout.of(scene).panel_limits[0]
+    assert np.ptp(panel, axis=1) == pytest.approx([0.03 * 1.06 * size] * 2)
+
+
 def legend_of(scene: RunScene) -> set[str]:
     """Labels of the legend of a run's picture."""
     import matplotlib.pyplot as plt

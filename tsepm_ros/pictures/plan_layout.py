@@ -17,8 +17,8 @@ from tsepm_ros.pictures.run_scene import RunScene, target_name
 
 MAX_PANELS = 4
 PANEL_MARGIN = 1.15
-MIN_REACH = 250.0
-"""Smallest half width of an enlarged part, m."""
+MIN_PANEL = 0.03
+"""Smallest width of an enlarged part, as a part of the plan."""
 MARGIN = 0.03
 """Space around the data, as a part of its extent."""
 
@@ -67,7 +67,7 @@ class PlanLayout:
                 target: figure.add_subplot(grid[target // columns, 1 + target % columns])
                 for target in targets
             },
-            {target: _panel_limits(scene, target) for target in targets},
+            {target: _panel_limits(scene, target, limits) for target in targets},
         )
 
     def style(self, titles: dict[int, str]) -> None:
@@ -109,13 +109,13 @@ def plan_limits(scene: RunScene) -> FloatArray:
     if not len(everything):
         return np.array([[-1.0, 1.0], [-1.0, 1.0]])
     low, high = everything.min(axis=0), everything.max(axis=0)
-    extent = np.maximum(high - low, max(0.4 * float((high - low).max()), 100.0))
+    extent = np.maximum(high - low, 0.4 * float((high - low).max()) or 1.0)
     half = (0.5 + MARGIN) * extent
     middle = 0.5 * (low + high)
     return np.stack([middle - half, middle + half], axis=1)
 
 
-def _panel_limits(scene: RunScene, target: int) -> FloatArray:
+def _panel_limits(scene: RunScene, target: int, plan: FloatArray) -> FloatArray:
     """A square around a target's way, its true start with ellipse and hits, and its trail."""
     points = [scene.truth[target][:, 1:]]
     start = scene.true_starts.get(target)
@@ -126,6 +126,7 @@ def _panel_limits(scene: RunScene, target: int) -> FloatArray:
         points += [scene.hits[track.track_id][:, 1:], scene.trails()[track.track_id]]
     everything = np.concatenate([np.reshape(part, (-1, 2)) for part in points])
     low, high = everything.min(axis=0), everything.max(axis=0)
-    half = max(MIN_REACH, 0.5 * PANEL_MARGIN * float((high - low).max()))
+    least = MIN_PANEL * float(np.ptp(plan, axis=1).max())
+    half = 0.5 * max(least, PANEL_MARGIN * float((high - low).max()))
     middle = 0.5 * (low + high)
     return np.stack([middle - half, middle + half], axis=1)

@@ -224,7 +224,7 @@ def legend_sonar(path: FloatArray) -> Line2D:
     """Return the legend entry of the sonar: own ship with its way if it moves, else a place."""
     heading = len(path) > 0 and bool(np.isfinite(path[-1, 2]))
     marker = ship(np.pi / 2) if heading else "o"
-    if len(path) and float(np.ptp(path[:, :2], axis=0).max()) > 1.0:
+    if len(path) and np.ptp(path[:, :2], axis=0).any():
         entry = legend_points(INK_COLOUR, marker, "own ship and its way", 10.0)
         entry.set_linestyle("-")
         return entry
