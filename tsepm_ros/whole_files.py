@@ -6,6 +6,7 @@ renamed: a reader sees the earlier file or the new one, also after a kill or on 
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)-[0-9a-f]{8}\.part(\.\w+)?")
 
 
@@ -45,10 +47,22 @@ def written_whole(path: Path) -> Iterator[Path]:
         return
     temporary = temporary_beside(path)
     try:
-        yield temporary
-        move_whole(temporary, path)
+        with naming(path):
+            yield temporary
+            move_whole(temporary, path)
     finally:
         remove(temporary)
+
+
+@contextmanager
+def naming(path: Path | str) -> Iterator[None]:
+    """Give the error of a full disk, which names no file, the name of the file that is written."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _FULL or error.filename is not None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 @contextmanager

@@ -113,7 +113,6 @@ def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
 
 
 def test_stamps_beyond_ros_times_are_one_sentence_and_leave_no_file(capsys, recording, tmp_path):
-    pytest.importorskip("rosbags")
     path = tmp_path / "detections.csv"
     rows = path.read_text().splitlines()
     shifted = [f"{1.7e12 + 12 * k},{row.partition(',')[2]}" for k, row in enumerate(rows[1:])]
@@ -122,8 +121,8 @@ def test_stamps_beyond_ros_times_are_one_sentence_and_leave_no_file(capsys, reco
     assert main(["run", recording, "--out", str(out)]) == 2
     [sentence] = capsys.readouterr().err.splitlines()
     assert "32-bit seconds" in sentence and "milliseconds" in sentence
-    assert list(out.iterdir()) == []
-    assert main(["run", recording]) == 0, "CSV has no such limit"
+    assert not out.exists()
+    assert main(["run", recording]) == 2
 
 
 @pytest.mark.long
@@ -173,10 +172,62 @@ def test_a_scenario_is_simulated_with_its_own_sensor_and_a_seed(capsys, scenario
 def test_a_folder_gets_tracks_and_what_the_run_gave_is_said(capsys, recording, tmp_path):
     assert main(["run", recording]) == 0
     expected = capsys.readouterr().out
-    out = tmp_path / "deep" / "out"
+    out = tmp_path / "out"
     assert main(["run", recording, "--out", str(out)]) == 0
     assert (out / "tracks.csv").read_text() == expected
     assert "8 scans, 1 confirmed tracks; 84.0 s in" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("option", ["--out", "--html", "--picture", "--animation"])
+def test_a_folder_that_does_not_exist_is_named_and_not_made(capsys, recording, tmp_path, option):
+    path = tmp_path / "tracsk" / "run.gif"
+    with pytest.raises(SystemExit):
+        main(["run", recording, option, str(path)])
+    assert f"argument {option}: the folder {path.parent} does not exist" in capsys.readouterr().err
+    assert not path.parent.exists()
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_disk_is_told_with_the_file(recording, tmp_path, unbuffered):
+    """A limit on the size of files stands for the disk, as /dev/full does for an output."""
+    script = (
+        "import resource, signal, sys\n"
+        "from tsepm_ros.commands.cli import main\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0}))\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    page, out = tmp_path / "run.html", tmp_path / "out"
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    for size, arguments, output, path in (
+        (100, ["--html", str(page)], os.devnull, page),
+        (100, ["--out", str(out)], os.devnull, out),
+        (10**9, [], "/dev/full", "standard output"),
+    ):
+        command = [sys.executable, "-c", script.format(size), "run", recording, *arguments]
+        with open(output, "w") as file:
+            done = subprocess.run(command, stdout=file, stderr=-1, text=True, env=environment)
+        assert done.returncode == 1
+        last = done.stderr.splitlines()[-1]
+        assert last.startswith("failed: [Errno") and f"'{path}" in last
+
+
+def test_the_time_of_a_run_is_that_of_its_stamps_not_of_the_recorder(capsys, tmp_path):
+    bag_files = pytest.importorskip("support.bag_files")
+    entries = [
+        entry._replace(time=5e5 + 1.5 * entry.time)  # recorded from a slow playback
+        for entry in bag_files.simulated()
+    ]
+    path = str(bag_files.write_bag(tmp_path / "bag", entries))
+    assert main(["run", path, "--out", str(tmp_path / "out")]) == 0
+    assert "10 scans, " in (printed := capsys.readouterr().out) and "; 36.0 s in" in printed
+
+
+def test_notes_of_a_recording_come_first(capsys, tmp_path):
+    rows = [f"{time},{100 + time},{0.1 * n}" for time in range(9) for n in range(4)]
+    (tmp_path / "run2.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
+    assert main(["run", str(tmp_path / "run2.csv")]) == 0
+    assert capsys.readouterr().err.startswith("note: time_s has steps of 1 s")
 
 
 def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, tmp_path):

@@ -17,7 +17,7 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
 
     from tsepm_ros.pictures.plan_animation import FRAME_TIME, LAST_FRAME_TIME
 
-    picture, animation = tmp_path / "p" / "run.png", tmp_path / "a" / "run.gif"
+    picture, animation = tmp_path / "run.png", tmp_path / "run.gif"
     assert main(["run", scenario, "--picture", str(picture), "--animation", str(animation)]) == 0
     assert np.ptp(np.asarray(Image.open(picture))) > 100
     with Image.open(animation) as frames:

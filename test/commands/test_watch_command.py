@@ -37,7 +37,7 @@ def held_by(page: str) -> dict:
 def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
     assert main(["run", recording]) == 0
     plain = capsys.readouterr().out
-    path = tmp_path / "deep" / "run.html"
+    path = tmp_path / "run.html"
     assert main(["run", recording, "--html", str(path)]) == 0
     captured = capsys.readouterr()
     assert captured.out == plain

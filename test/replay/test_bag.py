@@ -10,6 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from support import foreign_messages, rosbag2_stand_in
 from support.bag_files import (
     LATENCY,
     ODOMETRY,
@@ -27,11 +29,12 @@ from support.bag_files import (
 )
 from support.sessions import failing_at
 
-from msg_adapters import MessageError
+from msg_adapters import MessageError, read_detections
 from msg_adapters.track_cloud import track_points
-from tsepm_ros.replay.bag import DETECTIONS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics, is_bag
+from tsepm_ros.replay.bag import DETECTIONS, LAYOUTS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.offline import bag_results
+from tsepm_ros.replay.recording_source import source_of
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
@@ -60,7 +63,7 @@ def test_messages_come_as_they_were_recorded_in_the_order_of_reception(tmp_path,
     entries = simulated()
     folder = write_bag(tmp_path / "bag", entries, storage)
     path = folder if named == "folder" else storage_file(folder)
-    assert is_bag(path)
+    assert source_of(path) == (path, True)
     with Bag(path) as bag:
         assert bag.topics == {"/detections": POINTS, "/own_ship/odometry": ODOMETRY}
         assert bag.duration == pytest.approx(entries[-1].time - entries[0].time)
@@ -76,8 +79,6 @@ def test_messages_come_as_they_were_recorded_in_the_order_of_reception(tmp_path,
 
 
 def test_types_that_only_the_bag_knows_are_read_by_its_definition(tmp_path):
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
     store = get_typestore(Stores.ROS2_JAZZY)
     name = "marine_msgs/msg/Depth"
     store.register(get_types_from_msg("std_msgs/Header header\nfloat32[] depths\n", name))
@@ -101,6 +102,51 @@ def test_a_bag_without_definitions_is_read_by_those_of_ros(tmp_path):
     assert [one.pose.pose.position.x for one in content] == [
         entry.message.pose.pose.position.x for entry in entries if entry.type_name == ODOMETRY
     ]
+
+
+def detections_without_a_definition(tmp_path, kept=(), data=None):
+    """A bag of marine_acoustic_msgs/SonarDetections; returns its folder and the type's name."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for one, text in LAYOUTS.items():
+        store.register(get_types_from_msg(text, one))
+    name, types = "marine_acoustic_msgs/msg/SonarDetections", store.types
+    none = np.zeros(0, np.float32)
+    message = types[name](
+        header=cloud(1.0, "sonar", range=[]).header,
+        ping_info=types["marine_acoustic_msgs/msg/PingInfo"](4e5, 1500.0, none, none),
+        flags=[types["marine_acoustic_msgs/msg/DetectionFlag"](flag=0)],
+        two_way_travel_times=np.array([0.4], np.float32),
+        **dict.fromkeys(("tx_delays", "intensities", "tx_angles"), none),
+        rx_angles=np.array([-0.25], np.float32),
+    )
+    data = data or bytes(store.serialize_cdr(message, name))
+    entries = [Entry(1.0 + k, "/detections", name, data) for k in range(3)]
+    entries.append(next(entry for entry in simulated() if entry.type_name == ODOMETRY))
+    path = write_bag(tmp_path / "bag", entries, "sqlite3", store)
+    with sqlite3.connect(storage_file(path)) as database:
+        types_kept = ", ".join(f"'{one}'" for one in kept)
+        database.execute(f"DELETE FROM message_definitions WHERE topic_type NOT IN ({types_kept})")
+    return path, name
+
+
+@pytest.mark.parametrize("kept", [(), (ODOMETRY,)], ids=["no definition", "one of two"])
+def test_a_driver_s_messages_without_a_definition_are_read_by_a_known_layout(tmp_path, kept):
+    path, name = detections_without_a_definition(tmp_path, kept)
+    with Bag(path) as bag:
+        assert [name in note and "no definition" in note for note in bag.notes] == [True]
+        ping = read_detections(bag.read(next(bag.messages(["/detections"]))))
+        assert bag.read(next(bag.messages(["/own_ship/odometry"]))).child_frame_id == "sonar"
+    assert ping.sensor_scan.scan.range == pytest.approx([300.0])
+    assert ping.sensor_scan.scan.azimuth == pytest.approx([0.25])
+
+
+def test_an_unknown_layout_without_a_definition_is_not_called_corrupt(tmp_path):
+    """The remedy for a corrupt message, to record again, would cost the user the trial."""
+    path, name = detections_without_a_definition(tmp_path, data=b"\x00\x01\x00\x00" + b"\x07" * 40)
+    with Bag(path) as bag:
+        message = next(bag.messages(["/detections"]))
+        with pytest.raises(ValueError, match=f"no definition of {name}.*ros2 bag convert"):
+            bag.read(message)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +174,7 @@ def test_a_bag_that_cannot_be_read_is_refused_by_name(tmp_path, storage, fault):
         broken = {"truncated": content[: len(content) // 2], "garbage": b"no bag " * 99}
         file.write_bytes(broken.get(fault, b""))
     for path in [folder, file]:
-        with pytest.raises(ValueError, match=r"the bag .* cannot be read: ."):
+        with pytest.raises(ValueError, match=r"the bag .* cannot be read: .*ros2 bag reindex"):
             run(path)
 
 
@@ -148,17 +194,55 @@ def test_a_number_of_messages_that_is_none_is_refused_by_name(tmp_path):
         Bag(folder)
 
 
+@BOTH
+def test_an_unusual_suffix_does_no_harm(tmp_path, storage):
+    file = storage_file(write_bag(tmp_path / "bag", simulated(), storage))
+    other = file.rename(file.with_suffix(file.suffix.upper()))
+    assert source_of(other) == (other, True)
+    assert fingerprint(run(other)[0]) == fingerprint(run(write_bag(tmp_path / "b", simulated()))[0])
+
+
+@BOTH
+@pytest.mark.parametrize("named", ["folder", "file"])
+def test_ros_reads_a_bag_to_the_same_tracks_where_it_is_sourced(
+    tmp_path, monkeypatch, storage, named
+):
+    folder = write_bag(tmp_path / "bag", simulated(), storage)
+    path = folder if named == "folder" else storage_file(folder)
+    expected = fingerprint(run(path)[0])
+    with Bag(path) as bag:
+        facts = bag.topics, bag.start_ns, bag.end_ns, bag.count("/detections")
+        later = [m.log_ns for m in bag.messages(["/detections"], bag.start_ns + 10**10)]
+    opened = rosbag2_stand_in.install(monkeypatch)
+    assert fingerprint(run(path)[0]) == expected
+    assert opened, "by ROS"
+    with Bag(path) as bag:
+        assert (bag.topics, bag.start_ns, bag.end_ns, bag.count("/detections")) == facts
+        assert [m.log_ns for m in bag.messages(["/detections"], bag.start_ns + 10**10)] == later
+        assert bag.notes == []
+
+
+def test_a_type_that_is_not_installed_is_read_by_the_bag_s_definition(tmp_path, monkeypatch):
+    foreign_messages.remove(monkeypatch)
+    opened = rosbag2_stand_in.install(monkeypatch)
+    path, _ = detections_without_a_definition(tmp_path)
+    with Bag(path) as bag:
+        assert read_detections(bag.read(next(bag.messages(["/detections"])))).sensor_scan
+    assert not opened, "by rosbags"
+
+
+def test_a_bag_that_ros_cannot_read_is_refused_by_name(tmp_path, monkeypatch):
+    rosbag2_stand_in.install(monkeypatch)
+    (tmp_path / "metadata.yaml").write_text("rosbag2: [")
+    with pytest.raises(ValueError, match=r"the bag .* cannot be read"):
+        Bag(tmp_path)
+
+
 def test_without_rosbags_a_bag_is_refused_with_what_to_install(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "bag", simulated())
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     with pytest.raises(ValueError, match="pip install rosbags"):
         Bag(path)
-
-
-def test_other_folders_and_files_are_no_bags(tmp_path):
-    (tmp_path / "detections.csv").write_text("time_s\n")
-    assert not is_bag(tmp_path)
-    assert not is_bag(tmp_path / "detections.csv")
 
 
 # Topics

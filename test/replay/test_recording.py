@@ -149,7 +149,6 @@ HEADER = "time_s,range_m,bearing_rad\n"
 @pytest.mark.parametrize(
     ("files", "sentence"),
     [
-        pytest.param({}, "detections.csv cannot be read", id="no file"),
         pytest.param({"detections": ""}, "detections.csv has no column 'time_s'", id="empty file"),
         pytest.param(
             {"detections": "time_s,bearing_rad\n0,1\n"},
@@ -180,7 +179,11 @@ HEADER = "time_s,range_m,bearing_rad\n"
         pytest.param(
             {"detections": HEADER + "0,1,2,3\n"}, "detections.csv, line 2", id="a cell too many"
         ),
-        pytest.param({"detections": HEADER + "nan,1,2\n"}, "detections.csv: time_s", id="no time"),
+        pytest.param(
+            {"detections": HEADER + "nan,1,2\n"},
+            "detections.csv, line 2: time_s must",
+            id="no time",
+        ),
         pytest.param(
             {"detections": DETECTIONS, "own_ship": "time_s,east_m\n0,1\n"},
             "own_ship.csv has no column 'north_m'",
@@ -198,22 +201,22 @@ HEADER = "time_s,range_m,bearing_rad\n"
         ),
         pytest.param(
             {"detections": "scan," + HEADER + "nan,0,1,2\n"},
-            "detections.csv: scan",
+            "detections.csv, line 2: scan must",
             id="no scan number",
         ),
         pytest.param(
             {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m\n0,nan,1\n"},
-            "own_ship.csv: east_m",
+            "own_ship.csv, line 2: east_m must",
             id="own ship nowhere",
         ),
         pytest.param(
             {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m,roll_rad\n0,1,1,nan\n"},
-            "own_ship.csv: roll_rad",
+            "own_ship.csv, line 2: roll_rad must",
             id="roll not known",
         ),
         pytest.param(
             {"detections": DETECTIONS, "target": "target,time_s,east_m,north_m\nnan,0,1,1\n"},
-            "target.csv: target",
+            "target.csv, line 2: target must",
             id="no target number",
         ),
     ],
@@ -234,8 +237,198 @@ def test_blank_lines_at_the_end_do_no_harm(write):
     assert len(read_recording(write(detections=DETECTIONS + "\n\n")).scans) == 2
 
 
-def test_a_recording_without_rows_has_no_scans(write):
-    assert read_recording(write(detections=HEADER)).scans == []
+@pytest.mark.parametrize("blank", ["\n\n\n", " \n", ",,\n", "\r\n"])
+def test_a_line_is_numbered_as_an_editor_does(write, blank):
+    folder = write(detections=HEADER + "0,1,2\n" + blank + "1,1,\n")
+    with pytest.raises(ValueError, match=rf"line {3 + blank.count(chr(10))}: expected 3"):
+        read_recording(folder)
+
+
+def test_a_recording_without_rows_has_no_scans_and_says_so(write):
+    recording = read_recording(write(detections=HEADER))
+    assert recording.scans == []
+    assert recording.notes == ["detections.csv has no detections"]
+
+
+# The file that is named
+
+
+def test_a_file_is_read_by_its_name_and_no_other(write):
+    folder = write(detections=DETECTIONS, run2=HEADER + "5,1,2\n", RUN3=HEADER + "7,1,2\n")
+    (folder / "RUN3.csv").rename(folder / "RUN3.CSV")
+    assert [scan.time for scan in read_recording(folder / "run2.csv").scans] == [5.0]
+    assert [scan.time for scan in read_recording(folder / "RUN3.CSV").scans] == [7.0]
+    assert len(read_recording(folder).scans) == 2
+    with pytest.raises(ValueError, match=r"own_ship\.csv has no column 'range_m'"):
+        read_recording(write(own_ship="time_s,east_m,north_m\n0,0,0\n") / "own_ship.csv")
+
+
+def test_the_own_ship_beside_a_file_of_another_name_is_read_and_said(write):
+    folder = write(run2=HEADER + "5,1,2\n", own_ship="time_s,east_m,north_m\n5,1,2\n")
+    recording = read_recording(folder / "run2.csv")
+    assert len(recording.own_ship) == 1
+    assert recording.notes == ["the own ship of run2.csv is read from own_ship.csv beside it"]
+    assert read_recording(write(detections=DETECTIONS)).notes == []
+
+
+# Times and counters
+
+
+def pings(times, scans=None, rows=2):
+    """detections.csv of some pings, with or without scan numbers."""
+    lines = ["time_s,range_m,azimuth_rad" + ("" if scans is None else ",scan")]
+    for index, time in enumerate(times):
+        end = "" if scans is None else f",{scans[index]}"
+        lines += [f"{time!r},{100.0 + index},{0.1 * row}{end}" for row in range(rows)]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("interval", [0.1, 12.0])
+@pytest.mark.parametrize("start", [0, 65530], ids=["restart", "16 bits"])
+def test_a_counter_that_starts_again_counts_new_pings(write, interval, start):
+    times = [round(interval * k, 6) for k in range(12)] + [
+        round(600 + interval * k, 6) for k in range(12)
+    ]
+    scans = (
+        [*range(start, start + 12), *range(12)]
+        if start == 0
+        else [(start + k) % 65536 for k in range(24)]
+    )
+    recording = read_recording(write(detections=pings(times, scans)))
+    assert [scan.time for scan in recording.scans] == times
+    assert [len(scan.fields["range"]) for scan in recording.scans] == [2] * 24
+    assert ["start again at 600 s" in note for note in recording.notes] == [True] * (start == 0)
+
+
+def test_empty_scans_of_the_own_ship_are_found_after_a_counter_has_started_again(write):
+    times = [*range(0, 40, 4), *range(600, 640, 4)]
+    scans = [*range(10), *range(10)]
+    own_ship = "scan,time_s,east_m,north_m\n" + "".join(
+        f"{scan},{time},0,0\n" for scan, time in zip(scans, times, strict=True)
+    )
+    seen = [index for index in range(20) if index not in (3, 15)]
+    detections = pings([times[k] for k in seen], [scans[k] for k in seen])
+    recording = read_recording(write(detections=detections, own_ship=own_ship))
+    assert [scan.time for scan in recording.scans] == times
+    empty = [k for k, scan in enumerate(recording.scans) if not len(scan.fields["range"])]
+    assert empty == [3, 15]
+
+
+@pytest.mark.parametrize("interval", [0.1, 12.0])
+def test_times_of_the_detections_within_a_ping_are_kept(write, interval):
+    rows = [
+        (k * interval + 0.02 * interval * row, k, 100 + row) for k in range(5) for row in range(9)
+    ]
+    text = "time_s,scan,range_m,azimuth_rad,two_way_travel_time_s\n" + "".join(
+        f"{time!r},{scan},{distance},0.1,0.02\n" for time, scan, distance in reversed(rows[:9])
+    )
+    text += "".join(f"{time!r},{scan},{distance},0.1,0.02\n" for time, scan, distance in rows[9:])
+    recording = read_recording(write(detections=text))
+    assert [scan.time for scan in recording.scans] == [k * interval for k in range(5)]
+    for scan in recording.scans:
+        offset = 0.02 * interval * (scan.fields["range"] - 100) + 0.01
+        assert scan.fields["time_offset"] == pytest.approx(offset)
+        assert "two_way_travel_time" not in scan.fields
+    assert [f"{0.16 * interval:g} s apart" in note for note in recording.notes] == [True]
+
+
+@pytest.mark.parametrize(
+    ("times", "scans", "sentence"),
+    [
+        ([0.0, 0.1, 0.2, 0.3], [0, 1, 0, 1], "scan 0 has rows at 0 and 0.2 s, with other scans"),
+        ([0.0, 4.0, 8.0, 12.0, 16.0], [7, 7, 7, 7, 7], "scan 7 have times from 0 to 16 s"),
+        ([0.0, 600.0, 604.0, 608.0, 612.0, 616.0], [0, 0, 1, 2, 3, 4], "scan 0 have times from"),
+    ],
+    ids=["two heads", "constant", "restart after one ping"],
+)
+def test_scan_numbers_that_are_not_of_one_ping_each_are_refused(write, times, scans, sentence):
+    with pytest.raises(ValueError, match=f"{sentence}.*column scan"):
+        read_recording(write(detections=pings(times, scans)))
+
+
+@pytest.mark.parametrize("interval", [0.1, 2.0, 12.0])
+@pytest.mark.parametrize("numbered", [False, True])
+@pytest.mark.parametrize("day", [86400, 24 * 60, 100], ids=["seconds", "minutes", "restart"])
+def test_times_that_step_back_are_refused_with_the_line(write, interval, numbered, day):
+    times = [round((day - 5 * interval + k * interval) % day, 6) for k in range(12)]
+    text = pings(times, range(12) if numbered else None)
+    with pytest.raises(ValueError, match=r"line 12: time_s steps back to 0 s from .*midnight"):
+        read_recording(write(detections=text))
+
+
+@pytest.mark.parametrize("name", ["own_ship", "target"])
+def test_times_of_poses_that_step_back_are_refused(write, name):
+    poses = "time_s,east_m,north_m\n" + "".join(f"{(86390 + k) % 86400},0,0\n" for k in range(20))
+    with pytest.raises(ValueError, match=rf"{name}\.csv, line 12: time_s steps back"):
+        read_recording(write(detections=DETECTIONS, **{name: poses}))
+
+
+def test_targets_one_after_the_other_do_not_step_back(write):
+    target = "target,time_s,east_m,north_m\n" + "".join(
+        f"{number},{time},0,0\n" for number in (1, 2) for time in range(0, 100, 10)
+    )
+    assert len(read_recording(write(detections=DETECTIONS, target=target)).targets) == 2
+
+
+def test_a_ping_that_was_written_after_the_next_is_put_in_order(write):
+    recording = read_recording(write(detections=pings([0.0, 0.2, 0.1, 0.3, 0.4])))
+    assert [scan.time for scan in recording.scans] == [0.0, 0.1, 0.2, 0.3, 0.4]
+
+
+@pytest.mark.parametrize("name", ["detections", "own_ship", "target"])
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")]
+)
+def test_times_in_parts_of_a_second_are_asked_about(write, name, factor, unit):
+    files = {
+        "detections": pings([1.7e9, 1.7e9 + 4]),
+        "own_ship": "time_s,east_m,north_m\n1700000000.0,0,0\n",
+        "target": "time_s,east_m,north_m\n1700000000.0,0,0\n",
+    }
+    files[name] = files[name].replace("1700000000.0", f"{1.7e9 * factor:.0f}")
+    with pytest.raises(ValueError, match=rf"{name}\.csv, line 2: .* is it in {unit}\?"):
+        read_recording(write(**files))
+
+
+def test_milliseconds_since_the_start_are_asked_about(write):
+    notes = read_recording(write(detections=pings([4000.0 * k for k in range(9)]))).notes
+    assert notes == ["pings are 4000 s apart: is time_s in milliseconds or microseconds?"]
+    assert read_recording(write(detections=pings([12.0 * k for k in range(9)]))).notes == []
+
+
+def test_a_date_is_told_what_a_time_is(write):
+    with pytest.raises(ValueError, match=r"line 2: .*; time_s is in seconds, as Unix time is"):
+        read_recording(write(detections=HEADER + "2024-05-01T10:00:00,1,2\n"))
+
+
+@pytest.mark.parametrize(("interval", "step"), [(0.5, 1.0), (0.05, 0.1)])
+def test_pings_with_the_time_of_the_ping_before_are_refused_with_their_number(
+    write, interval, step
+):
+    times = [round(int(k * interval / step) * step, 6) for k in range(40)]
+    with pytest.raises(
+        ValueError, match=r"20 of 40 pings have the same time .* a stamp of its own"
+    ):
+        read_recording(write(detections=pings(times, range(40))))
+
+
+def test_few_pings_with_the_time_of_the_ping_before_are_said(write):
+    times = [0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 5.0, 6.0]
+    recording = read_recording(write(detections=pings(times, range(8))))
+    assert [scan.time for scan in recording.scans] == times
+    assert [note.startswith("1 of 8 pings have the same time") for note in recording.notes] == [
+        True
+    ]
+
+
+@pytest.mark.parametrize(
+    ("interval", "step", "asked"),
+    [(0.5, 1.0, True), (0.05, 0.1, True), (0.5, 0.1, False), (12.0, 1.0, False)],
+)
+def test_a_clock_as_coarse_as_the_interval_of_pings_is_asked_about(write, interval, step, asked):
+    times = [round(int(k * interval / step + 1e-6) * step, 6) for k in range(40)]
+    notes = read_recording(write(detections=pings(times))).notes
+    assert [f"steps of {step:g} s" in note for note in notes] == [True] * asked
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,14 @@ def positive(text: str) -> int:
     return value
 
 
+def in_folder(text: str) -> Path:
+    """A path to write to, from the command line, in a folder that exists."""
+    path = Path(text)
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"the folder {path.parent} does not exist")
+    return path
+
+
 def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") -> None:
     """Add the number of runs, the seed and the number of processes."""
     parser.add_argument("--runs", type=positive, default=runs, help=f"{meaning}; default {runs}")

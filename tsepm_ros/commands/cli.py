@@ -19,6 +19,7 @@ from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.settings.rendering import ANY_NODE, as_markdown, as_page, as_yaml
 from tsepm_ros.settings.tables import NODES
+from tsepm_ros.whole_files import naming
 
 AddArguments = Callable[[argparse.ArgumentParser], None]
 Command = Callable[[argparse.Namespace], None]
@@ -44,7 +45,9 @@ def _run(arguments: Sequence[str]) -> int:
     options = _parser().parse_args(arguments)
     options.line = shlex.join(["tsepm", *arguments])
     try:
-        options.command(options)
+        with naming("standard output"):
+            options.command(options)
+            sys.stdout.flush()
     except ValueError as error:
         print(f"refused: {_sentence(error)}", file=sys.stderr)
         return 2
@@ -54,6 +57,8 @@ def _run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (OSError, CommandFailed) as error:
+        if "standard output" in str(error):  # Python writes what is left at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         print(f"failed: {_sentence(error)}", file=sys.stderr)
         return 1
     return 0

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from tsepm_ros.commands.arguments import in_folder
 from tsepm_ros.commands.failure import CommandFailed
 from tsepm_ros.commands.run_sources import Run, add_source_arguments, needs_scene, open_run
 from tsepm_ros.kinematics.track import ConfirmedTrack
@@ -19,7 +20,7 @@ from tsepm_ros.replay.track_listing import TrackListing
 from tsepm_ros.session.drop_reasons import reason_of
 from tsepm_ros.viewer.page_files import write_page
 from tsepm_ros.viewer.recorded_scene import RecordedScene
-from tsepm_ros.whole_files import opened_whole
+from tsepm_ros.whole_files import naming, opened_whole
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,13 +28,13 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     add_source_arguments(parser)
     parser.add_argument(
         "--out",
-        type=Path,
+        type=in_folder,
         help="folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
     )
-    parser.add_argument("--picture", type=Path, help="plan-position picture, such as run.png")
-    parser.add_argument("--animation", type=Path, help="plan-position animation, a .gif file")
+    parser.add_argument("--picture", type=in_folder, help="plan-position picture, such as run.png")
+    parser.add_argument("--animation", type=in_folder, help="plan-position animation, a .gif file")
     parser.add_argument(
-        "--html", type=Path, help="self-contained page with a time slider, such as run.html"
+        "--html", type=in_folder, help="self-contained page with a time slider, such as run.html"
     )
 
 
@@ -52,7 +53,7 @@ def run_recording(options: argparse.Namespace) -> None:
     with ExitStack() as stack:
         run = open_run(options, stack)
         if options.out:
-            options.out.mkdir(parents=True, exist_ok=True)
+            options.out.mkdir(exist_ok=True)
         recorded = run.recorded_scene() if options.html else None
         begin = time.perf_counter()
         scene = _process(run, options, recorded)
@@ -81,8 +82,9 @@ def _process(
         writers = _writers(options.out, run.session.settings.make_initiator().reason, stack)
         for result in with_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1
-            for writer in writers:
-                writer.write(result)
+            for path, writer in writers.items():
+                with naming(path):
+                    writer.write(result)
             if recorded is not None:
                 recorded.add(result, run.session.initiator)
             if with_scene:
@@ -95,17 +97,19 @@ def _process(
 
 def _writers(
     folder: Path | None, reason: Callable[[ConfirmedTrack], str], stack: ExitStack
-) -> list[TrackWriter]:
-    """Writers of the files in a folder, or else of the standard output."""
+) -> dict[Path, TrackWriter]:
+    """Writers of the files in a folder, or else of the standard output, by path."""
     if folder is None:
-        if sys.stdout.isatty():
-            return [TrackListing(sys.stdout, reason)]
-        return [TrackTable(sys.stdout, reason)]
-    tracks = stack.enter_context(opened_whole(folder / "tracks.csv"))
-    current = stack.enter_context(opened_whole(folder / "current.csv"))
-    writers: list[TrackWriter] = [TrackTable(tracks, reason), CurrentTable(current)]
+        listing = TrackListing if sys.stdout.isatty() else TrackTable
+        return {Path("standard output"): listing(sys.stdout, reason)}
+    tracks, current = folder / "tracks.csv", folder / "current.csv"
+    writers: dict[Path, TrackWriter] = {
+        tracks: TrackTable(stack.enter_context(opened_whole(tracks)), reason),
+        current: CurrentTable(stack.enter_context(opened_whole(current))),
+    }
     try:
-        writers.append(stack.enter_context(TrackBag(folder / "tracks.mcap")))
+        path = folder / "tracks.mcap"
+        writers[path] = stack.enter_context(TrackBag(path))
     except ImportError:
         print("no tracks.mcap: it needs rosbags, see the extra bags", file=sys.stderr)
     return writers
@@ -129,9 +133,10 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
     if scans and not run.processed:
         raise CommandFailed(_failure(run, scans))
     if options.out:
+        duration = scene.scans[-1].stamp - scene.scans[0].stamp if scene.scans else 0.0
         print(
-            f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {run.duration:.1f} s "
-            f"in {seconds:.2f} s, {run.duration / seconds:.0f} times faster than real time"
+            f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
+            f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
         )
 
 

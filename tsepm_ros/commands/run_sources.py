@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,12 +23,12 @@ from tsepm_ros.replay.bag import (
     TRUTH,
     Bag,
     find_topics,
-    is_bag,
     moving_frames,
 )
 from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.replay.recording import read_recording
+from tsepm_ros.replay.recording_source import DETECTIONS_FILE, METADATA, source_of
 from tsepm_ros.replay.simulated_recording import simulated_recording
 from tsepm_ros.session.angle_units import questions
 from tsepm_ros.session.result import ScanResult
@@ -54,7 +54,8 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
     parser.add_argument(
         "recording",
         nargs=nargs,
-        help="folder with detections.csv; bag: folder with metadata.yaml, .mcap or .db3 file; "
+        help="folder with detections.csv, or a .csv file; bag: folder with metadata.yaml, .mcap or "
+        ".db3 file; "
         f"or scenario to simulate: {scenario_names()}",
     )
     parser.add_argument(
@@ -86,8 +87,6 @@ class Run:
         Judges the starts of a scene, if the origin of the detections is known.
     notes : dict of str to str
         First message by reason.
-    duration : float
-        Duration of the recording, s.
     scans : int or None
         Number of scans of the recording, dropped ones included; None if it is not known.
     processed : int
@@ -102,7 +101,6 @@ class Run:
     truth: list[FloatArray] = field(default_factory=list)
     judge: Callable[[RunScene], None] = lambda scene: None
     notes: dict[str, str] = field(default_factory=dict)
-    duration: float = 0.0
     scans: int | None = None
     processed: int = 0
     mounting_yaw: float | None = 0.0
@@ -128,24 +126,29 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
         If an argument is not allowed, or a recording cannot be read.
     """
     name = options.recording
-    if name.endswith((".yaml", ".yml")) or (
-        name in shipped_scenarios() and not Path(name).exists()
+    path = Path(name)
+    if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
+        name in shipped_scenarios() and not path.exists()
     ):
         return _simulation(load_scenario(name), options)
-    if not Path(name).exists():
+    if not path.exists():
         scenarios = ", ".join(shipped_scenarios())
         raise ValueError(f"{name} is neither an existing path nor a shipped scenario: {scenarios}")
-    if is_bag(name):
-        return _bag(stack.enter_context(Bag(name)), options)
-    return _recording(options)
+    source, is_bag = source_of(path)
+    if is_bag:
+        return _bag(stack.enter_context(Bag(source)), options)
+    return _recording(source, options)
 
 
 def _session(
-    options: argparse.Namespace, defaults: dict[str, Value]
+    options: argparse.Namespace, defaults: dict[str, Value], known: Sequence[str] = ()
 ) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
-    """Make a session from the arguments, with its node options and its notes by reason."""
+    """Make a session from the arguments, with its node options and its notes by reason.
+
+    The notes begin with those that are `known` of the recording.
+    """
     groups = make_groups(TRACK_INITIATOR, {**defaults, **parse_values(options.parameter)})
-    notes: dict[str, str] = {}
+    notes = {sentence: sentence for sentence in known}
 
     def note(reason: str, sentence: str) -> None:
         notes.setdefault(reason, sentence)
@@ -163,18 +166,16 @@ def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
     return None if node.bearing_reference == "north" else session.settings.mounting.yaw
 
 
-def _recording(options: argparse.Namespace) -> Run:
-    recording = read_recording(options.recording)
+def _recording(source: Path, options: argparse.Namespace) -> Run:
+    recording = read_recording(source)
     defaults: dict[str, Value] = {"own_ship_source": "odometry"} if recording.own_ship else {}
-    session, node, notes = _session(options, defaults)
-    first, last = recording.span
+    session, node, notes = _session(options, defaults, recording.notes)
     return Run(
         title=_title(options, session),
         session=session,
         results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
         truth=truth_paths(recording.targets),
         notes=notes,
-        duration=last - first,
         scans=len(recording.scans),
         mounting_yaw=_mounting_yaw(session, node),
     )
@@ -195,16 +196,16 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
             "give -p own_ship_source:=none if the sensor does not move"
         )
     source = "odometry" if OWN_SHIP in topics else "none"
-    session, node, notes = _session(options, {"own_ship_source": source})
+    session, node, notes = _session(options, {"own_ship_source": source}, bag.notes)
     if session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
+    message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
     return Run(
         title=_title(options, session),
         session=session,
-        results=_with_assumptions(bag, topics, session, node, notes),
+        results=bag_results(bag, topics, session, message_input),
         truth=bag_truth(bag, topics) if needs_scene(options) else [],
         notes=notes,
-        duration=bag.duration,
         scans=bag.count(topics[DETECTIONS]),
         mounting_yaw=_mounting_yaw(session, node),
     )
@@ -213,18 +214,6 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
 def _given_names(options: argparse.Namespace) -> set[str]:
     """Names of the parameters on the command line."""
     return set(parse_values(options.parameter))
-
-
-def _with_assumptions(
-    bag: Bag,
-    topics: dict[str, str],
-    session: Session,
-    node: InitiatorNodeOptions,
-    notes: dict[str, str],
-) -> Iterator[ScanResult]:
-    message_input = MessageInput(session, node)
-    yield from bag_results(bag, topics, session, message_input)
-    notes.update({sentence: sentence for sentence in sorted(message_input.assumptions)})
 
 
 def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
@@ -247,14 +236,13 @@ def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
         truth=truth_paths(recording.targets),
         judge=judge,
         notes=notes,
-        duration=scenario.duration,
         scans=scenario.scans,
     )
 
 
 def _title(options: argparse.Namespace, session: Session) -> str:
     path = Path(options.recording)
-    name = path.parent.name if path.name == "detections.csv" else path.stem
+    name = path.parent.name if path.name in (DETECTIONS_FILE, METADATA) else path.stem
     return f"{name or path.resolve().name}, method {session.settings.session.method}"
 
 

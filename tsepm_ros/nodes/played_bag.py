@@ -25,6 +25,7 @@ from tsepm_ros.replay.bag import (
     BagMessage,
     find_topics,
 )
+from tsepm_ros.replay.recording_source import source_of
 from tsepm_ros.settings.node_options import PlayerNodeOptions
 
 LATCHED = "TRANSIENT_LOCAL"
@@ -65,7 +66,9 @@ class PlayedBag:
                 "start_stamp: the messages of a bag are published with their recorded stamps"
             )
         with refusing("recording"):
-            self._bag = Bag(options.recording)
+            self._bag = Bag(source_of(options.recording)[0])
+        for note in self._bag.notes:
+            node.get_logger().warning(note)
         try:
             self._prepare(options)
         except ParameterError:

@@ -46,6 +46,8 @@ class PlayedRecording:
         self._node = node
         with refusing("recording"):
             self._recording = read_recording(options.recording)
+        for note in self._recording.notes:
+            node.get_logger().warning(note)
         first, last = self._recording.span
         check_start_offset(options.start_offset, last - first, "recording")
         self._from = first + options.start_offset

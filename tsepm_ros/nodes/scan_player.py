@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
+from tsepm_ros.nodes.node_parameters import (
+    NodeParameters,
+    ParameterError,
+    ParameterisedNode,
+    refusing,
+)
 from tsepm_ros.nodes.playback import Playback
 from tsepm_ros.nodes.played_bag import PlayedBag
 from tsepm_ros.nodes.played_recording import PlayedRecording
 from tsepm_ros.nodes.running import run
-from tsepm_ros.replay.bag import is_bag
+from tsepm_ros.replay.recording_source import source_of
 from tsepm_ros.settings.node_help import help_text
 from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
 from tsepm_ros.settings.tables import SCAN_PLAYER
@@ -25,7 +30,8 @@ class ScanPlayer(ParameterisedNode):
         player: PlayerNodeOptions = options[PlayerNodeOptions]
         if not player.recording:
             raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
-        played_class = PlayedBag if is_bag(player.recording) else PlayedRecording
+        with refusing("recording"):
+            played_class = PlayedBag if source_of(player.recording)[1] else PlayedRecording
         self._played = played_class(self, player)
         self.finished = Playback(self, self._played, options[PlaybackOptions]).finished
         self.refuse_unused_overrides()

@@ -7,14 +7,15 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from msg_adapters import MessageError, read_track_cloud, time_to_ns
+from msg_adapters import MessageError, read_track_cloud, seconds_to_ns, time_to_ns
+from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.reading_options import ReadingOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 from tsepm_ros.own_ship.registration import SensorScan, usable_echoes
 from tsepm_ros.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
 from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.replay.recorded_scan import read_recorded_scan
 from tsepm_ros.replay.recording import RecordedMotion, Recording
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
@@ -56,10 +57,9 @@ def recording_results(
 ) -> Iterator[ScanResult]:
     """Process the scans of a recording one by one, see `process_recording`."""
     motions = deque(recording.own_ship)
+    options = ReadingOptions(bearing_reference, sound_speed)
     for recorded in recording.scans:
-        ping = read_recorded_scan(
-            recorded, FRAME, bearing_reference=bearing_reference, sound_speed=sound_speed
-        )
+        ping = detections_of_fields(seconds_to_ns(recorded.time), FRAME, recorded.fields, options)
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
         until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD

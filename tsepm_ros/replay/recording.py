@@ -1,10 +1,11 @@
 """Recorded detections in CSV files.
 
-A recording is a folder with
+A recording is a CSV file, by default ``detections.csv``, and two optional files beside it:
 
 - ``detections.csv``: a row per detection; columns ``time_s``, ``range_m``, and ``azimuth_rad``
   (counter-clockwise from the sensor's x axis) or ``bearing_rad`` (clockwise); optionally ``scan``
-  (rows with the same number are one scan; without it, rows with the same time are one scan),
+  (consecutive rows with the same number are one scan, at the least of their times, and each
+  detection is valid at its own; without it, rows with the same time are one scan),
   ``elevation_rad`` (above the sensor's x-y plane; the range is then the slant range),
   ``range_std_m``, ``azimuth_std_rad``, ``time_offset_s`` (after ``time_s``; or
   ``two_way_travel_time_s``, twice that, which is used if there is no ``time_offset_s``),
@@ -14,6 +15,8 @@ A recording is a folder with
   up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.attitude`, and ``scan``:
   a scan that appears here and has no detections is then an empty scan;
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
+
+The rows of a file, or of a target, are in the order of time.
 """
 
 from __future__ import annotations
@@ -25,9 +28,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import shown
+from tsepm_ros.replay.recording_source import DETECTIONS_FILE, source_of
 
 DETECTION_COLUMNS = {
     "range_m": "range",
@@ -44,6 +49,19 @@ DETECTION_COLUMNS = {
     "range_rate_mps": "range_rate",
 }
 """Columns of ``detections.csv`` and the corresponding fields."""
+
+MAX_TIME = 2.0**31
+"""Bound of times, s: stamps of ROS messages have 32-bit seconds."""
+MIN_RETURN = 4
+"""Pings after which a scan number may come again: the counter has started anew."""
+MAX_SAME = 0.25
+"""Largest part of the pings with the time of the ping before that is dropped, not refused."""
+MAX_SPAN = 3.0
+"""Longest time from the first to the last row of a scan, in median intervals of scans."""
+LONG_INTERVAL = 100.0
+"""Interval of pings that is asked about, s: the times may be in milliseconds."""
+STEPS = (60.0, 1.0, 0.1, 0.01)
+"""Resolutions of clocks that are asked about, s."""
 
 
 @dataclass(frozen=True)
@@ -97,11 +115,14 @@ class Recording:
         In order of time; empty if not recorded.
     targets : dict of int to list of RecordedMotion
         The truth, by target; empty if not recorded.
+    notes : list of str
+        Sentences about files and times that were taken in one of several possible ways.
     """
 
     scans: list[RecordedScan]
     own_ship: list[RecordedMotion] = field(default_factory=list)
     targets: dict[int, list[RecordedMotion]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -119,24 +140,30 @@ def read_recording(path: Path | str) -> Recording:
     Parameters
     ----------
     path : path
-        The folder, or its ``detections.csv``.
+        The CSV file of the detections, or a folder with ``detections.csv``.
 
     Raises
     ------
     ValueError
         If a file is missing or malformed; the message names the file and the column or the line.
     """
-    folder = Path(path)
-    if folder.is_file():
-        folder = folder.parent
-    own_ship = _motion_table(folder / "own_ship.csv")
-    targets = _motion_table(folder / "target.csv")
+    file, is_bag = source_of(path)
+    if is_bag:
+        raise ValueError(f"{path} is a bag; here a recording of CSV files is needed")
+    own_ship = _motion_table(file.parent / "own_ship.csv")
+    targets = _motion_table(file.parent / "target.csv")
     # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
-    detections = _table(folder / "detections.csv", ("time_s", "range_m"), ("time_s", "scan"))
+    detections = _table(file, ("time_s", "range_m"), ("time_s", "scan"))
+    notes: list[str] = []
+    if file.name != DETECTIONS_FILE and own_ship is not None:
+        notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
+    if not len(detections["time_s"]):
+        notes.append(f"{file.name} has no detections")
     return Recording(
-        scans=_scans(detections, own_ship),
+        scans=_scans(file.name, detections, own_ship, notes),
         own_ship=_motions(own_ship),
         targets=_targets(targets),
+        notes=notes,
     )
 
 
@@ -151,50 +178,184 @@ FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "sc
 def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row]
+            reader = csv.reader(file)
+            filled = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path.name} cannot be read: {error}") from None
-    names = [name.strip() for name in rows[0]] if rows else []
+    names = [name.strip() for name in filled[0][1]] if filled else []
     missing = [name for name in required if name not in names]
     if missing:
         raise ValueError(f"{path.name} has no column {missing[0]!r}; it has {shown(names)}")
-    values = np.empty((len(rows) - 1, len(names)))
-    for number, row in enumerate(rows[1:]):
+    lines = [line for line, _ in filled[1:]]
+    values = np.empty((len(lines), len(names)))
+    for number, (line, row) in enumerate(filled[1:]):
         try:
             if len(row) != len(names):
                 raise ValueError
             values[number] = [float(cell) for cell in row]
         except ValueError:
+            date = "; time_s is in seconds, as Unix time is" if ":" in "".join(row) else ""
             raise ValueError(
-                f"{path.name}, line {number + 2}: expected {len(names)} numbers, got {shown(row)}"
+                f"{path.name}, line {line}: expected {len(names)} numbers, got {shown(row)}{date}"
             ) from None
     for name in names:
-        if name in finite and not np.isfinite(values[:, names.index(name)]).all():
-            raise ValueError(f"{path.name}: {name} must be finite")
-    return {name: values[:, column] for column, name in enumerate(names)}
+        bad = np.flatnonzero(~np.isfinite(values[:, names.index(name)]))
+        if name in finite and len(bad):
+            raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
+    table = {name: values[:, column] for column, name in enumerate(names)}
+    _check_times(path.name, table, lines)
+    return table
+
+
+def _check_times(file: str, table: Table, lines: list[int]) -> None:
+    """Refuse times that are no seconds, or that step back by more than one scan."""
+    time = table["time_s"]
+    beyond = np.flatnonzero(np.abs(time) >= MAX_TIME)
+    if len(beyond):
+        value = abs(time[beyond[0]])
+        unit = "milli" if value < 1e14 else "micro" if value < 1e17 else "nano"
+        raise ValueError(
+            f"{file}, line {lines[beyond[0]]}: time_s is {time[beyond[0]]:.0f} s, and stamps must "
+            f"be within 32-bit seconds, as in ROS messages: is it in {unit}seconds?"
+        )
+    target = table.get("target", np.zeros_like(time))
+    for rows in (np.flatnonzero(target == value) for value in np.unique(target)):
+        starts = _changes(table.get("scan", time)[rows])
+        first = np.minimum.reduceat(time[rows], starts)
+        place = np.unique(first, return_inverse=True)[1]
+        late = np.flatnonzero(np.maximum.accumulate(place) - place > 1)
+        if len(late):
+            raise ValueError(
+                f"{file}, line {lines[rows[starts[late[0]]]]}: time_s steps back to "
+                f"{first[late[0]]:.10g} s from {first[: late[0]].max():.10g} s. Rows must be in "
+                "the order of time; add 86400 s after midnight if it is a time of day, and after "
+                "a restart of the clock the time before"
+            )
+
+
+def _changes(number: FloatArray) -> NDArray[np.intp]:
+    """Indices at which a value differs from the one before it, the first included."""
+    return np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]])[: len(number)])
 
 
 def _motion_table(path: Path) -> Table | None:
     return _table(path, MOTION, FINITE_MOTION) if path.exists() else None
 
 
-def _scans(detections: Table, own_ship: Table | None) -> list[RecordedScan]:
+def _scans(
+    file: str, detections: Table, own_ship: Table | None, notes: list[str]
+) -> list[RecordedScan]:
     if ("azimuth_rad" in detections) == ("bearing_rad" in detections):
-        raise ValueError("detections.csv must have one of the columns azimuth_rad and bearing_rad")
+        raise ValueError(f"{file} must have one of the columns azimuth_rad and bearing_rad")
     columns = {
         field: detections[name] for name, field in DETECTION_COLUMNS.items() if name in detections
     }
-    key = detections.get("scan", detections["time_s"])
-    scans = []
-    for value in np.unique(key):
-        rows = np.flatnonzero(key == value)
-        fields = {field: column[rows] for field, column in columns.items()}
-        scans.append(RecordedScan(float(detections["time_s"][rows[0]]), fields))
+    time = detections["time_s"]
+    pings = _runs(detections)
+    starts = np.array([time[rows[0]] for rows in pings])
+    if "scan" in detections:
+        numbers = [float(detections["scan"][rows[0]]) for rows in pings]
+        spans = np.array([np.ptp(time[rows]) for rows in pings])
+        _check_scans(file, numbers, starts, spans, notes)
+        if spans.any():
+            after = np.empty_like(time)
+            for start, rows in zip(starts, pings, strict=True):
+                after[rows] = time[rows] - start
+            columns["time_offset"] = after + columns.get(
+                "time_offset", 0.5 * columns.pop("two_way_travel_time", np.zeros_like(time))
+            )
+            notes.append(
+                f"the rows of a scan have times up to {spans.max():g} s apart: each detection is "
+                "taken to be valid at its own time"
+            )
+    _ask_about_times(time, starts, "scan" in detections, notes)
+    scans = [
+        RecordedScan(float(start), {field: column[rows] for field, column in columns.items()})
+        for start, rows in zip(starts, pings, strict=True)
+    ]
     if own_ship is not None and "scan" in own_ship and "scan" in detections:
-        empty = ~np.isin(own_ship["scan"], key)
         no_detections = {field: np.zeros(0) for field in columns}
-        scans += [RecordedScan(float(time), no_detections) for time in own_ship["time_s"][empty]]
+        scans += [
+            RecordedScan(start, no_detections) for start in _empty_scans(own_ship, numbers, starts)
+        ]
     return sorted(scans, key=lambda scan: scan.time)
+
+
+def _runs(table: Table) -> list[NDArray[np.intp]]:
+    """Rows of each scan in the order of time: those in a row with one number, or at one time."""
+    number = table.get("scan", table["time_s"])
+    order = np.lexsort((number, table["time_s"]))
+    return np.split(order, _changes(number[order])[1:]) if len(order) else []
+
+
+def _check_scans(
+    file: str, numbers: list[float], starts: FloatArray, spans: FloatArray, notes: list[str]
+) -> None:
+    """Refuse scan numbers that do not stand for one ping each, and note a counter's restart."""
+    remedy = "number the pings, or leave out the column scan if each has one time"
+    last: dict[float, int] = {}
+    restart = ""
+    for place, number in enumerate(numbers):
+        if place - last.get(number, -MIN_RETURN) < MIN_RETURN:
+            raise ValueError(
+                f"{file}: scan {number:g} has rows at {starts[last[number]]:.10g} and "
+                f"{starts[place]:.10g} s, with other scans between: {remedy}"
+            )
+        if number in last and not restart:
+            restart = (
+                f"the numbers of scan start again at {starts[place]:.10g} s: taken as new pings"
+            )
+            notes.append(restart)
+        last[number] = place
+    gaps = np.diff(starts)
+    longest = MAX_SPAN * float(np.median(gaps)) if len(gaps) else 0.0
+    if spans.max(initial=0.0) > longest:
+        place = int(np.argmax(spans))
+        raise ValueError(
+            f"{file}: the rows of scan {numbers[place]:g} have times from {starts[place]:.10g} to "
+            f"{starts[place] + spans[place]:.10g} s, longer than scans are apart: {remedy}"
+        )
+    same = int(np.count_nonzero(gaps == 0.0))
+    sentence = (
+        f"{same} of {len(starts)} pings have the same time as the ping before: each ping needs a "
+        "stamp of its own, finer than the interval of pings"
+    )
+    if same > MAX_SAME * len(starts):
+        raise ValueError(f"{file}: {sentence}")
+    if same:
+        notes.append(f"{sentence}; these are dropped")
+
+
+def _ask_about_times(
+    time: FloatArray, starts: FloatArray, numbered: bool, notes: list[str]
+) -> None:
+    """Note intervals of pings that may come from another unit, or from a coarse clock."""
+    interval = float(np.median(np.diff(starts))) if len(starts) > 1 else math.nan
+    if interval >= LONG_INTERVAL:
+        notes.append(f"pings are {interval:g} s apart: is time_s in milliseconds or microseconds?")
+    for step in STEPS:
+        whole = np.allclose(starts / step, np.round(starts / step), rtol=0.0, atol=1e-3)
+        if whole and interval < 1.5 * step and len(time) > len(starts) and not numbered:
+            notes.append(
+                f"time_s has steps of {step:g} s: the rows of each of {len(starts)} times are "
+                "taken as one ping; if several pings have the same time, each needs a stamp of "
+                "its own, or a number in the column scan"
+            )
+
+
+def _empty_scans(own_ship: Table, numbers: list[float], starts: FloatArray) -> list[float]:
+    """Times of the own ship's scans that have no detections, by number and nearest time."""
+    runs = _runs(own_ship)
+    times = [float(own_ship["time_s"][rows[0]]) for rows in runs]
+    by_number: dict[float, list[int]] = {}
+    for place, rows in enumerate(runs):
+        by_number.setdefault(float(own_ship["scan"][rows[0]]), []).append(place)
+    found = {
+        min(by_number[number], key=lambda place: abs(times[place] - start))
+        for number, start in zip(numbers, starts.tolist(), strict=True)
+        if number in by_number
+    }
+    return [time for place, time in enumerate(times) if place not in found]
 
 
 def _motions(table: Table | None) -> list[RecordedMotion]:

@@ -16,7 +16,7 @@ from msg_adapters.track_cloud import COVARIANCE_FIELDS, STATE_FIELDS, track_poin
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.replay.bag import POINTS
 from tsepm_ros.session.result import ScanResult
-from tsepm_ros.whole_files import move_whole, remove, temporary_beside
+from tsepm_ros.whole_files import move_whole, naming, remove, temporary_beside
 
 COLUMNS = (
     *("stamp", "track_id"),
@@ -138,7 +138,8 @@ class TrackBag:
         """Close the file and move it to its path."""
         try:
             if kind is None:
-                self._writer.close()
+                with naming(self._path):
+                    self._writer.close()
                 move_whole(self._bag / f"{self._path.stem}.mcap", self._path)
         finally:
             self._abort()

@@ -147,7 +147,7 @@ class PlayerNodeOptions:
 
     recording: str = parameter(
         "",
-        "Folder of CSV files, or a bag: folder with metadata.yaml, .mcap or .db3",
+        "CSV file, folder with detections.csv, or a bag: folder with metadata.yaml, .mcap or .db3",
         read_only=True,
     )
     start_offset: float = parameter(
