@@ -70,6 +70,9 @@ def test_metadata_and_detections_name_the_folder_s_recording(holding, tmp_path):
             ["detections.csv, metadata.yaml", "name one of its files"],
         ),
         ({"trial__bag": ROS_1}, ["trial.bag is a ROS 1 bag", "rosbags-convert --src"]),
+        ({"a__csv": TABLE, "a__csv__gz": gzip.compress(TABLE)}, ["holds a.csv, a.csv.gz"]),
+        ({"tracks__csv": TABLE, "tracks__mcap": MCAP}, ["tracks.csv, tracks.mcap", "name one"]),
+        ({"a__bag": ROS_1, "b__db3__zstd": b""}, ["holds a.bag, b.db3.zstd", "name one"]),
         ({f"f{k}": b"" for k in range(20)}, ["f0, f1", "..."]),
     ],
 )

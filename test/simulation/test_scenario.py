@@ -116,6 +116,9 @@ REFUSED = [
     pytest.param(
         {"targets": [{"state": [1, 2, 3, math.nan]}]}, "targets[0].state must be", id="nan state"
     ),
+    pytest.param(
+        {"targets": [{"state": [1, 2, 3, 10**400]}]}, "targets[0].state must be", id="long state"
+    ),
     pytest.param(area(ranges=None), "targets[0].ranges must be a list of 2", id="no ranges"),
     pytest.param(area(azimuths=[0]), "targets[0].azimuths must be a list of 2", id="one azimuth"),
     pytest.param(area(spede=1.0), "targets[0]: unknown key 'spede'", id="area key"),

@@ -86,12 +86,13 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
     whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
     if len(whole) == 1:
         return (folder, True) if whole == [METADATA] else (folder / DETECTIONS_FILE, False)
-    files = [folder / name for name in names if (folder / name).is_file()]
-    candidates = [path for path in files if kind_of(path) in (MCAP, SQLITE, ".bag", *_TOOLS)]
-    if len(candidates) == 1 and not whole:
+    paths = [folder / name for name in names]
+    kinds = {path: kind_of(path) for path in paths if path.is_file()}
+    candidates = [path for path in kinds if kinds[path] in (CSV, MCAP, SQLITE, ".bag", *_TOOLS)]
+    if len(candidates) == 1 and CSV not in kinds.values():
         return _file(candidates[0])
     listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
-    remedy = "name one of its files" if files else "name a folder or a file in it"
-    if candidates and not whole:
+    remedy = "name one of its files" if kinds else "name a folder or a file in it"
+    if not whole and {MCAP, SQLITE} & set(kinds.values()):
         remedy += f", or write {METADATA} by ros2 bag reindex {folder}"
     raise ValueError(f"{folder} holds {listed or 'nothing'}; {EXPECTED}: {remedy}")

@@ -268,7 +268,7 @@ def _intervals(value: Any, count: int, where: str) -> tuple[float, ...]:
 def _numbers(value: Any, count: int, where: str) -> FloatArray:
     try:
         array = np.array(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
     if array.shape != (count,) or not np.isfinite(array).all():
         raise ValueError(f"{where} must be a list of {count} finite numbers; got {shown(value)}")
