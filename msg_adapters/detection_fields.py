@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from msg_adapters.errors import MessageError
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.attitude import AXES
+from tsepm_ros.own_ship.frame_axes import stated_axes, without_suffix
 
 
 def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:
@@ -71,6 +73,31 @@ def intensity_feature(
 def azimuth_of_bearing(bearing: FloatArray, reference: str) -> FloatArray:
     """Return the azimuth from the bow, or from east for bearings from north."""
     return np.pi / 2 - bearing if reference == "north" else -bearing
+
+
+def along_axes(frame_id: str, *position: FloatArray) -> tuple[FloatArray, ...]:
+    """Return ahead, port and up of positions x, y, z in a frame whose name may state its axes."""
+    columns = AXES[stated_axes(frame_id)].T
+    rows = np.abs(columns).argmax(axis=1)
+    return tuple(column[row] * position[row] for column, row in zip(columns, rows, strict=True))
+
+
+def turn_about_z(frame_id: str) -> float:
+    """Return the sign, seen from above, of angles about z in a frame whose name may state its axes.
+
+    Raises
+    ------
+    MessageError
+        If z is ahead by the name: angles about it are not horizontal.
+    """
+    axes = stated_axes(frame_id)
+    if axes == "optical":
+        raise MessageError(
+            "frame_axes",
+            f"frame {frame_id!r} has z ahead by its name, and angles about z are not horizontal: "
+            f"use a frame with z up, such as {without_suffix(frame_id)!r}",
+        )
+    return -1.0 if axes == "down" else 1.0
 
 
 def in_plane(slant_range: FloatArray, elevation: FloatArray) -> tuple[FloatArray, FloatArray]:

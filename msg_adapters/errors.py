@@ -10,8 +10,8 @@ class MessageError(ValueError):
     ----------
     reason : str
         Reason for counting. Every adapter may raise ``unknown_type``,
-        ``package_not_installed``, ``missing_field`` and ``stamp_invalid``; messages of arrays
-        ``wrong_length``;
+        ``package_not_installed``, ``missing_field``, ``stamp_invalid`` and ``frame_axes``; messages
+        of arrays ``wrong_length``;
         clouds ``duplicate_field``, ``wrong_datatype``, ``wrong_count``, ``bad_offset``,
         ``bad_row_step`` and ``short_data``;
         clouds of tracks ``bad_id`` too;

@@ -9,6 +9,7 @@ import numpy as np
 from msg_adapters.errors import MessageError
 from tsepm_ros.environment.land import LandMask
 from tsepm_ros.own_ship.attitude import angles_of, rotation_of
+from tsepm_ros.own_ship.frame_axes import stated_axes
 
 if TYPE_CHECKING:
     from nav_msgs.msg import OccupancyGrid
@@ -30,7 +31,7 @@ def read_land(message: OccupancyGrid) -> LandMask | None:
     Returns
     -------
     LandMask or None
-        None where the grid has no cells.
+        In east and north; None where the grid has no cells.
 
     Raises
     ------
@@ -51,7 +52,10 @@ def read_land(message: OccupancyGrid) -> LandMask | None:
     except ValueError as error:
         raise MessageError("land_invalid", f"info.origin.orientation {error}") from None
     occupied = np.asarray(message.data, np.int8).reshape(height, width) >= OCCUPIED
+    origin = place.x, place.y, yaw
+    if stated_axes(message.header.frame_id) == "down":
+        occupied, origin = occupied.T, (place.y, place.x, -yaw)
     try:
-        return LandMask(occupied, float(info.resolution), (place.x, place.y, yaw))
+        return LandMask(occupied, float(info.resolution), origin)
     except ValueError as error:
         raise MessageError("land_invalid", f"info: {error}") from None

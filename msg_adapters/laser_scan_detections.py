@@ -2,8 +2,8 @@
 
 Ray i has the angle `angle_min` + i * `angle_increment`, counter-clockwise from the frame's x axis,
 and leaves i * `time_increment` after the stamp. By REP-117, a range of +inf means no detection,
--inf an object too near to measure, and nan an erroneous measurement. Drivers older than REP-117
-write 0 for no detection.
+-inf an object too near to measure, and nan an erroneous measurement. Other drivers and simulators
+write 0, -1, nan, `range_max` or a value just below it, or a constant for no detection.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msg_adapters.detection_fields import intensity_feature
+from msg_adapters.detection_fields import intensity_feature, turn_about_z
 from msg_adapters.detection_types import register, register_writer
 from msg_adapters.ping import Ping, good_detections
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.arcs import Arc
 from tsepm_ros.sensing.ray_runs import goes_on
 from tsepm_ros.sensing.scan import Scan
@@ -36,6 +36,18 @@ RAYS_AT_ONCE = (
     "sound_speed is 0: every ray is assumed to arrive when it leaves, like light, but an echo is "
     "valid range / sound speed later"
 )
+
+NO_RANGE_MAX = (
+    "range_max of the scan is 0, or not above range_min: the driver does not set it, and no limit "
+    "is applied; it must set the largest range in m"
+)
+
+AT_LIMIT = 1e-3
+"""Least distance of a detection from `range_max`, as a part of it: ranges nearer are no return."""
+MIN_TIES, MIN_TIED_SHARE = 8, 0.1
+"""Least number and share of rays of one and the same largest range that are no return."""
+NEAR_TIES = 0.01
+"""Part of that range in which hardly any other range lies, since walls have several."""
 
 RAYS = 36_000
 """Number of rays of a written all-round scan, much finer than the bearings of a sonar."""
@@ -60,9 +72,16 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
     """
     range = np.asarray(scan.ranges, np.float64)
     rays = np.arange(len(range))
+    turn = turn_about_z(scan.header.frame_id)
+    first, increment = turn * float(scan.angle_min), turn * float(scan.angle_increment)
     features, assumptions = intensity_feature(scan.intensities, len(range))
+    limit = float(scan.range_max)
+    if not limit > max(float(scan.range_min), 0.0):
+        limit, assumptions = math.inf, (*assumptions, NO_RANGE_MAX)
+    nothing = no_returns(range, limit)
+    seen = np.where(np.any(list(nothing.values()), axis=0), np.inf, range)
     with np.errstate(invalid="ignore"):  # 0 * inf is dropped as azimuth_ or time_offset_not_finite
-        azimuth = scan.angle_min + rays * scan.angle_increment
+        azimuth = np.asarray(first + rays * increment, np.float64)
         leaving = echo = rays * scan.time_increment if scan.time_increment else None
         if leaving is not None and options.sound_speed > 0.0:
             echo = leaving + range / options.sound_speed
@@ -77,15 +96,56 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
         time_offset=echo,
         transmit_offset=leaving,
         features=features,
-        group=runs_of_rays(range, scan.angle_increment),
-        nothing=(range == np.inf) | (range == 0.0),
-        faults={
-            "range_below_min": range < scan.range_min,
-            "range_above_max": range > scan.range_max,
+        group=runs_of_rays(seen, increment),
+        nothing=nothing,
+        faults={"range_below_min": range < scan.range_min, "range_above_max": range > limit},
+        states={
+            "range_max (m)": float(scan.range_max),
+            "sector (rad)": len(range) * abs(increment),
         },
         assumptions=assumptions,
-        beams=_fan(float(scan.angle_min), float(scan.angle_increment), len(range)),
+        beams=_fan(first, increment, len(range)),
     )
+
+
+def no_returns(range: FloatArray, limit: float) -> dict[str, BoolArray]:
+    """Rays without a return, by the value that says so.
+
+    A constant is the largest range of many rays, in a scan that has no other value for no return.
+
+    Parameters
+    ----------
+    range : (n,) ndarray
+        m, any values.
+    limit : float
+        `range_max`, m; infinite if it is not set.
+
+    Returns
+    -------
+    dict of str to (n,) ndarray of bool
+    """
+    known = np.isfinite(range) & (range > 0.0)
+    above = known & (range > limit)
+    with np.errstate(invalid="ignore"):
+        at_limit = known & ~above & (range >= limit * (1.0 - AT_LIMIT))
+    if above.sum() < 2 or np.ptp(range[above]) > 0.0:
+        above[:] = False  # echoes, and a limit that is too small
+    constant = np.zeros(len(range), bool)
+    if known.all() and not (at_limit.any() or above.any()) and len(range) >= MIN_TIES:
+        top = range.max()
+        constant = range == top
+        near = int(np.count_nonzero(range >= (1.0 - NEAR_TIES) * top))
+        ties = int(np.count_nonzero(constant))
+        if ties < max(MIN_TIES, MIN_TIED_SHARE * len(range), near / (1.0 + MIN_TIED_SHARE)):
+            constant[:] = False
+    return {
+        "inf": range == np.inf,
+        "nan": np.isnan(range),
+        "0 or below": np.isfinite(range) & (range <= 0.0),
+        "at or just below range_max": at_limit,
+        "a constant above range_max": above,
+        "a constant": constant,
+    }
 
 
 def _fan(first: float, increment: float, rays: int) -> Arc | None:
@@ -136,6 +196,6 @@ def write_laser_scan(header: Header, scan: Scan, sound_speed: float) -> LaserSca
         angle_min=-np.pi,
         angle_max=-np.pi + (len(ranges) - 1) * increment,
         angle_increment=increment,
-        range_max=float(scan.range.max(initial=0.0)) * (1 + 1e-6),
+        range_max=max(float(scan.range.max(initial=0.0)), 1.0) / (1.0 - 2.0 * AT_LIMIT),
         ranges=ranges,
     )

@@ -184,6 +184,7 @@ def _detections(
         transmit_offset=delay,
         features=features,
         axes="sonar",
+        states={"sound speed (m/s)": float(message.ping_info.sound_speed)},
         faults={"flagged_bad": flags != 0, "direction_undefined": undefined},
         assumptions=(*assumptions, *more),
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from msg_adapters.errors import MessageError
 from msg_adapters.odometry_covariance import (
+    MAX_VARIANCE,
     UNOBSERVED_VARIANCE,
     YAW,
     X,
@@ -18,29 +19,39 @@ from msg_adapters.odometry_covariance import (
 )
 from msg_adapters.stamps import make_header, ns_to_seconds, seconds_to_ns, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import angles_of, rotation_of
+from tsepm_ros.own_ship.attitude import AXES, angles_of, rotation_of
+from tsepm_ros.own_ship.frame_axes import east_north_up, stated_axes
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 
 if TYPE_CHECKING:
     from nav_msgs.msg import Odometry
 
 
-def read_own_ship(message: Odometry) -> PoseSample:
+def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
     """Read the own ship's odometry.
 
     The twist of the message is in the child frame; the full orientation rotates it into the fixed
     frame. The quaternion need not have unit length. As usual in ROS, a covariance of zeros is
-    unknown; a velocity or yaw rate of exactly 0 is unknown too, see `known_rates`. A variance above
-    `MAX_VARIANCE`, which sources write for unknown quantities, is read as `MAX_VARIANCE`.
+    unknown, and so are variances that are not finite or below 0, except that a heading of infinite
+    variance beside a known position is no heading; a velocity or yaw rate of exactly 0 is unknown
+    too, see `known_rates`. A variance above `MAX_VARIANCE`, which sources write for unknown
+    quantities, is read as `MAX_VARIANCE`.
+
+    Both frames may have other axes by their names: see `tsepm_ros.own_ship.frame_axes`. In a fixed
+    frame with z down, a child frame without a suffix has z up or down such that the vessel is
+    upright.
 
     Parameters
     ----------
     message : nav_msgs.msg.Odometry
+    fixed_frame : str, optional
+        Name of the fixed frame, if the message has none.
 
     Returns
     -------
     PoseSample
-        `PoseSample.check` tests whether it is usable for the registration of a scan.
+        In east and north. `PoseSample.check` tests whether it is usable for the registration of a
+        scan.
 
     Raises
     ------
@@ -49,26 +60,42 @@ def read_own_ship(message: Odometry) -> PoseSample:
         vertically up or down.
     """
     pose, twist = message.pose.pose, message.twist.twist
-    x, y = _finite("pose.position", pose.position, "xy")
-    rotation = _rotation(_finite("pose.orientation", pose.orientation, "xyzw"))
+    world = _world(message.header.frame_id or fixed_frame)
+    x, y = (float(v) for v in world[:2, :2] @ _finite("pose.position", pose.position, "xy"))
+    rotation = world @ _rotation(_finite("pose.orientation", pose.orientation, "xyzw"))
     linear = _finite("twist.linear", twist.linear, "xyz")
     angular = _finite("twist.angular", twist.angular, "xyz")
-    yaw, pitch, roll = _angles(rotation)
+    body = AXES[_body_axes(message.child_frame_id, world, rotation)]
+    yaw, pitch, roll = _angles(rotation @ body)
     vx, vy, _ = (float(value) for value in rotation @ linear)
-    _, rate_y, rate_z = angular
+    _, rate_y, rate_z = (float(value) for value in body.T @ angular)
     yaw_rate = (rate_y * math.sin(roll) + rate_z * math.cos(roll)) / math.cos(pitch)
     return PoseSample(
         stamp=ns_to_seconds(time_to_ns(message.header.stamp)),
         x=x,
         y=y,
         yaw=yaw,
-        covariance=_pose_covariance(message.pose.covariance),
+        covariance=_pose_covariance(message.pose.covariance, world),
         rates=known_rates(vx, vy, yaw_rate),
         roll=roll,
         pitch=pitch,
-        frame_id=message.header.frame_id,
-        child_frame_id=message.child_frame_id,
+        frame_id=message.header.frame_id.lstrip("/"),
+        child_frame_id=message.child_frame_id.lstrip("/"),
     )
+
+
+def _world(frame_id: str) -> FloatArray:
+    try:
+        return east_north_up(frame_id)
+    except ValueError as error:
+        raise MessageError("frame_axes", str(error)) from None
+
+
+def _body_axes(child_frame_id: str, world: FloatArray, rotation: FloatArray) -> str:
+    """Return the axes of the vessel's frame."""
+    stated = stated_axes(child_frame_id)
+    upside_down = world[2, 2] < 0.0 and rotation[2, 2] < 0.0
+    return "down" if stated == "body" and upside_down else stated
 
 
 def _finite(name: str, vector: Any, components: str) -> list[float]:
@@ -96,13 +123,17 @@ def _angles(rotation: FloatArray) -> tuple[float, float, float]:
         raise MessageError("undefined_heading", f"pose.orientation {error}") from None
 
 
-def _pose_covariance(values: Any) -> FloatArray | None:
+def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
     axes = (X, Y, YAW)
     block = np.reshape(np.asarray(values, np.float64), (6, 6))[np.ix_(axes, axes)]
+    variance = np.diagonal(block)
+    unknown = ~np.isfinite(variance) | (variance < 0.0)
+    no_heading = variance[2] == np.inf and not unknown.all()
+    block = np.where(unknown | unknown[:, None] | ~np.isfinite(block), 0.0, block)
+    block[2, 2] = MAX_VARIANCE if no_heading else block[2, 2]
     if not block.any():
         return None
-    if not np.isfinite(block).all():
-        raise MessageError("not_finite", "pose.covariance of x, y and yaw must be finite")
+    block = world @ block @ world.T
     # Rounding in a filter leaves it slightly asymmetric; the sum of halves cannot overflow.
     return limited(0.5 * block + 0.5 * block.T)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import ns_to_seconds
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.frame_axes import stated_axes
+from tsepm_ros.own_ship.registration import MessageFacts, SensorScan
 from tsepm_ros.sensing.arcs import Arc, arc_of
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 
@@ -67,9 +68,10 @@ def good_detections(
     features: Mapping[str, FloatArray] | None = None,
     group: IntArray | None = None,
     north_referenced: bool = False,
-    axes: str = "body",
+    axes: str = "",
     faults: Mapping[str, BoolArray] | None = None,
-    nothing: BoolArray | None = None,
+    nothing: Mapping[str, BoolArray] | None = None,
+    states: Mapping[str, float] | None = None,
     assumptions: tuple[str, ...] = (),
     beams: Arc | None = None,
 ) -> Ping:
@@ -110,11 +112,15 @@ def good_detections(
     group : (n,) ndarray of int, optional
         Neighbouring detections of one object, as in `tsepm_ros.Scan`.
     north_referenced, axes
-        As in `tsepm_ros.own_ship.registration.SensorScan`.
+        As in `tsepm_ros.own_ship.registration.SensorScan`; by default the axes that the name of the
+        frame states.
     faults : mapping of str to (n,) ndarray of bool, optional
         The adapter's own reasons and the detections to which they apply; they precede the others.
-    nothing : (n,) ndarray of bool, optional
-        Elements of the message without a detection: left out without a count.
+    nothing : mapping of str to (n,) ndarray of bool, optional
+        Elements of the message without a detection, which are no drops, by the value that says so,
+        in words.
+    states : mapping of str to float, optional
+        As in `tsepm_ros.own_ship.registration.MessageFacts`.
     assumptions : tuple of str, optional
         As in :class:`Ping`.
     beams : Arc, optional
@@ -130,14 +136,10 @@ def good_detections(
         with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
             slant = range if height is None else np.hypot(range, height)
             time_offset = slant / options.sound_speed
-    kept = np.ones(len(range), bool) if nothing is None else ~nothing
-    dropped: dict[str, int] = {}
+    kept = np.ones(len(range), bool)
+    no_return = _left_out((nothing or {}).items(), kept)
     common = _faults(range, azimuth, range_std, azimuth_std, time_offset, transmit_offset)
-    for reason, bad in chain((faults or {}).items(), common):
-        count = int(np.count_nonzero(bad & kept))
-        if count:
-            dropped[reason] = count
-            kept &= ~bad
+    dropped = _left_out(chain((faults or {}).items(), common), kept)
 
     def selected(values: FloatArray) -> FloatArray:
         return np.asarray(values, np.float64)[
@@ -159,16 +161,32 @@ def good_detections(
     )
     sensor_scan = SensorScan(
         scan=scan,
-        frame_id=frame_id,
+        frame_id=frame_id.lstrip("/"),  # as tf2
         north_referenced=north_referenced,
         stamp_ns=stamp_ns,
         transmit_offset=selected_or_none(transmit_offset),
         height=selected_or_none(height),
-        axes=axes,
+        axes=axes or stated_axes(frame_id),
         beams=beams or arc_of(azimuth),
-        beyond_turn=int(np.count_nonzero(np.abs(azimuth[kept]) > MAX_TURN)),
+        facts=MessageFacts(
+            beyond_turn=int(np.count_nonzero(np.abs(azimuth[kept]) > MAX_TURN)),
+            rays=len(range),
+            no_return=no_return,
+            states=states or {},
+        ),
     )
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
+
+
+def _left_out(causes: Iterable[tuple[str, BoolArray]], kept: BoolArray) -> dict[str, int]:
+    """Remove elements from those that are kept, and return their numbers by the first cause."""
+    numbers: dict[str, int] = {}
+    for cause, bad in causes:
+        count = int(np.count_nonzero(bad & kept))
+        if count:
+            numbers[cause] = count
+            kept &= ~bad
+    return numbers
 
 
 def _faults(

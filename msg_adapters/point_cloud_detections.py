@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from msg_adapters.detection_fields import azimuth_of_bearing, in_plane
+from msg_adapters.detection_fields import along_axes, azimuth_of_bearing, in_plane
 from msg_adapters.detection_types import register, register_writer
 from msg_adapters.errors import MessageError
 from msg_adapters.ping import Ping, good_detections
@@ -28,6 +28,7 @@ from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.frame_axes import stated_axes
 from tsepm_ros.sensing.scan import FEATURES, Scan
 
 if TYPE_CHECKING:
@@ -47,6 +48,11 @@ OPTIONAL_FIELDS = ("elevation", "range_std", "azimuth_std", *TIME_FIELDS, *FEATU
 NO_TIMES = (
     "the detections have no time_offset and no two_way_travel_time, and sound_speed is 0: all are "
     "assumed valid at the stamp, but an echo is valid range / sound speed later"
+)
+
+OTHER_AXES = (
+    "the name of the frame states other axes than x ahead and z up (REP-103): azimuth and bearing "
+    "are still read as seen from above, counter-clockwise and clockwise from ahead"
 )
 
 
@@ -122,8 +128,21 @@ def detections_of_fields(
     """
     position = _position_fields(set(values))
     first, second = position
-    range, azimuth = _polar(values[first], values[second], position, options)
+    axes = stated_axes(frame_id)
     height, faults = values.get("z"), {}
+    if position == ("x", "y"):
+        if axes == "optical" and height is None:
+            raise MessageError("missing_field", f"frame {frame_id!r} has z ahead: 'z' is needed")
+        z = np.zeros_like(values["x"]) if height is None else height
+        ahead, port, up = along_axes(frame_id, values["x"], values["y"], z)
+        height = None if height is None else up
+        with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
+            range, azimuth = np.hypot(ahead, port), np.arctan2(port, ahead)
+    else:
+        range, azimuth = values[first], values[second]
+        if second == "bearing":
+            azimuth = azimuth_of_bearing(azimuth, options.bearing_reference)
+        assumptions += () if axes == "body" else (OTHER_AXES,)
     if "elevation" in values:
         range, height = in_plane(range, values["elevation"])
         faults = {"elevation_not_finite": ~np.isfinite(values["elevation"])}
@@ -159,18 +178,6 @@ def _position_fields(available: set[str]) -> tuple[str, str]:
         "a detection needs the fields 'range' and 'azimuth', or 'range' and 'bearing', or 'x' and "
         f"'y'; the cloud has {', '.join(sorted(available)) or 'no fields'}",
     )
-
-
-def _polar(
-    first: FloatArray, second: FloatArray, names: tuple[str, str], options: ReadingOptions
-) -> tuple[FloatArray, FloatArray]:
-    """Return range and azimuth of positions in any form."""
-    if names == ("range", "bearing"):
-        return first, azimuth_of_bearing(second, options.bearing_reference)
-    if names == ("x", "y"):
-        with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
-            return np.hypot(first, second), np.arctan2(second, first)
-    return first, second
 
 
 def detections_cloud(

@@ -1,7 +1,7 @@
 """Detections in radar_msgs/RadarScan.
 
-A return has a slant range, an azimuth counter-clockwise from the frame's x axis, an elevation above
-its x-y plane, and a Doppler velocity. The definition does not specify the sign of the Doppler
+A return has a slant range, an azimuth about the frame's z axis from its x axis, an elevation from
+its x-y plane to z, and a Doppler velocity. The definition does not specify the sign of the Doppler
 velocity; here, as usual for radars and like `range_rate`, it is positive if the range increases.
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msg_adapters.detection_fields import in_plane
+from msg_adapters.detection_fields import in_plane, turn_about_z
 from msg_adapters.detection_types import register, register_writer
 from msg_adapters.ping import Ping, good_detections
 from msg_adapters.reading_options import ReadingOptions
@@ -49,13 +49,14 @@ def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> Ping:
     slant_range, azimuth, elevation, doppler, amplitude = (
         np.array(rows, np.float64).reshape(-1, 5).T
     )
-    range, height = in_plane(slant_range, elevation)
+    turn = turn_about_z(scan.header.frame_id)
+    range, height = in_plane(slant_range, turn * elevation)
     return good_detections(
         time_to_ns(scan.header.stamp),
         scan.header.frame_id,
         options,
         range=range,
-        azimuth=azimuth,
+        azimuth=turn * azimuth,
         height=height,
         features={"intensity": amplitude, "range_rate": doppler},
         faults={"elevation_not_finite": ~np.isfinite(elevation)},

@@ -31,6 +31,7 @@ from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport
+from tsepm_ros.own_ship.frame_axes import exchanged
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
@@ -180,7 +181,7 @@ def read_track_cloud(cloud: PointCloud2) -> NDArray[Any]:
 
 
 def tracker_report(cloud: PointCloud2) -> TrackerReport:
-    """Read a cloud of tracks as a downstream tracker's report.
+    """Read a cloud of tracks as a downstream tracker's report, in east and north.
 
     Raises
     ------
@@ -189,7 +190,8 @@ def tracker_report(cloud: PointCloud2) -> TrackerReport:
     """
     stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
     tracks = track_arrays(read_track_cloud(cloud), stamp)
-    return TrackerReport(stamp=stamp, frame_id=cloud.header.frame_id, tracks=tracks)
+    frame_id = cloud.header.frame_id.lstrip("/")
+    return TrackerReport(stamp=stamp, frame_id=frame_id, tracks=exchanged(tracks, frame_id))
 
 
 def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:

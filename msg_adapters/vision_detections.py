@@ -1,9 +1,8 @@
 """Detections in vision_msgs/Detection3DArray.
 
 The position of a detection is the centre of its bounding box or, if the box is not set (centre and
-size are zero), the pose of its result with the highest score. The frame has x ahead and y to port;
-by REP-103, a frame whose name ends in `_optical` (or `_optical_frame`) has z ahead and x to
-starboard.
+size are zero), the pose of its result with the highest score. The frame has x ahead and y to port,
+or the axes that its name states: see `tsepm_ros.own_ship.frame_axes`.
 """
 
 from __future__ import annotations
@@ -14,21 +13,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from msg_adapters.detection_fields import along_axes
 from msg_adapters.detection_types import register, register_writer
 from msg_adapters.errors import MessageError
 from msg_adapters.ping import Ping, good_detections
 from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.own_ship.attitude import AXES
+from tsepm_ros.own_ship.frame_axes import stated_axes
 from tsepm_ros.sensing.scan import Scan
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
     from vision_msgs.msg import Detection3D, Detection3DArray
-
-
-OPTICAL = ("_optical", "_optical_frame")
-"""Suffixes of the names of frames with z ahead."""
 
 
 @register("vision_msgs/msg/Detection3DArray")
@@ -51,12 +49,11 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> Pi
     Ping
     """
     detections, frame = array.detections, array.header.frame_id
-    optical = frame.endswith(OPTICAL)
+    names = ("", frame.lstrip("/"))
     best = [max(detection.results, key=_score, default=None) for detection in detections]
     position = _rows([_position(*both) for both in zip(detections, best, strict=True)], 3)
-    x, y, z = position.T
-    ahead, port, up = (z, -x, -y) if optical else (x, y, z)
-    range_std, azimuth_std = _deviations(best, ahead, port, optical)
+    ahead, port, up = along_axes(frame, *position.T)
+    range_std, azimuth_std = _deviations(best, ahead, port, AXES[stated_axes(frame)])
     stamp_ns = time_to_ns(array.header.stamp)
     times = np.array([_time_after(stamp_ns, detection) for detection in detections])
     intensity = np.array([np.nan if result is None else _score(result) for result in best])
@@ -75,9 +72,8 @@ def read_detection_array(array: Detection3DArray, options: ReadingOptions) -> Pi
         time_offset=times if times.any() else None,
         transmit_offset=times if times.any() else None,
         features={"intensity": intensity},
-        axes="optical" if optical else "body",
         faults={
-            "other_frame": _each(detections, lambda d: d.header.frame_id not in ("", frame)),
+            "other_frame": _each(detections, lambda d: d.header.frame_id.lstrip("/") not in names),
             "no_position": _each(detections, lambda d: not (_has_box(d) or d.results)),
         },
     )
@@ -120,18 +116,17 @@ def _time_after(stamp_ns: int, detection: Detection3D) -> float:
 
 
 def _deviations(
-    best: list[Any], ahead: FloatArray, port: FloatArray, optical: bool
+    best: list[Any], ahead: FloatArray, port: FloatArray, axes: FloatArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Return the standard deviations of range (m) and azimuth (rad), if every result has them."""
     if not best or None in best:
         return None, None
     covariance = _rows([result.pose.covariance for result in best], 36).reshape(-1, 6, 6)
-    axes = (2, 0) if optical else (0, 1)
-    plane = covariance[:, axes, :][:, :, axes]
+    rows = np.abs(axes[:, :2]).argmax(axis=0)
+    signs = axes[rows, [0, 1]]
+    plane = covariance[:, rows][:, :, rows] * np.outer(signs, signs)
     if not plane.any(axis=(1, 2)).all():
         return None, None
-    if optical:
-        plane = plane * [[1.0, -1.0], [-1.0, 1.0]]  # from starboard to port
     with np.errstate(all="ignore"):  # dropped as range_std_ or azimuth_std_not_positive
         range = np.hypot(ahead, port)
         along = np.stack([ahead, port], axis=1) / range[:, None]

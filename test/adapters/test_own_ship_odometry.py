@@ -189,17 +189,33 @@ def test_a_covariance_that_rounding_left_uneven_is_made_symmetric():
     assert found[0, 1] == pytest.approx(0.5005)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_covariance_that_is_not_finite_is_refused(value):
-    with pytest.raises(MessageError, match=r"pose\.covariance of x, y and yaw") as error:
-        read_own_ship(_with_covariance(np.diag([1.0, value, 1.0])))
-    assert error.value.reason == "not_finite"
+UNKNOWN = [math.nan, -1.0, math.inf]
+
+
+@pytest.mark.parametrize("value", UNKNOWN)
+def test_a_variance_of_no_number_is_unknown_and_leaves_the_rest(value):
+    block = np.array([[4.0, value, 0.5], [value, value, value], [0.5, value, 1.0]])
+    found = read_own_ship(_with_covariance(block)).covariance
+    np.testing.assert_array_equal(found, [[4.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("value", UNKNOWN)
+def test_a_covariance_of_no_numbers_is_unknown_as_zeros_are(value):
+    message = _message()
+    message.pose.covariance = np.full(36, value)
+    assert read_own_ship(message).covariance is None
+    message.pose.covariance = np.array([value, *np.zeros(35)])  # as in sensor_msgs/Imu
+    assert read_own_ship(message).covariance is None
+
+
+def test_a_heading_of_infinite_variance_beside_a_position_is_none():
+    found = read_own_ship(_with_covariance(np.diag([1.0, 1.0, math.inf]))).covariance
+    assert found[2, 2] > MAX_YAW_VARIANCE
 
 
 @pytest.mark.parametrize(
     "block",
     [
-        pytest.param(np.diag([1.0, -1.0, 1.0]), id="negative"),
         pytest.param([[1, 2, 0], [2, 1, 0], [0, 0, 1]], id="correlation-above-1"),
     ],
 )

@@ -140,11 +140,6 @@ def test_bearings_from_north_need_no_heading(world):
             id="speed_infinite",
         ),
         pytest.param(
-            lambda m: m.pose.covariance.__setitem__(0, -1.0),
-            "own_ship_invalid",
-            id="covariance_negative",
-        ),
-        pytest.param(
             lambda m: setattr(m.pose, "covariance", np.tile([0.0, LARGEST_FLOAT], 18)),
             "own_ship_invalid",
             id="covariance_overflows",

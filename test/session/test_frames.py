@@ -13,8 +13,10 @@ from support.sessions import (
     session,
 )
 
+from tsepm_ros import Scan
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.frames import MAX_NOTICED, Frames
 from tsepm_ros.session.refusal import MAX_SENTENCE
 from tsepm_ros.session.session import Session
@@ -124,12 +126,13 @@ def test_own_ship_data_that_names_no_frame_needs_one_that_is_given(given):
 def test_the_frames_that_were_noticed_are_bounded():
     """A source that names another frame with each message neither grows nor repeats for ever."""
     frames = Frames(SessionOptions(own_ship_source="odometry"), moves=True)
+    frames.take_scan(SensorScan(Scan(0.0, [], []), "sonar"))
     noticed = 0
     for number in range(10 * MAX_NOTICED):
         frames.take_pose(
             PoseSample(1.0, 0.0, 0.0, 0.0, frame_id="map", child_frame_id=f"f{number}")
         )
-        noticed += frames.mounting_notice("sonar", Mounting()) is not None
-        assert frames.mounting_notice("sonar", Mounting()) is None
+        noticed += len(frames.notices(Mounting()))
+        assert frames.notices(Mounting()) == []
         assert frames.remembered <= MAX_NOTICED
     assert noticed == 10 * MAX_NOTICED

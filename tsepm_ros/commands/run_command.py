@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from tsepm_ros.progress import named_progress, with_progress
 from tsepm_ros.replay.track_files import CurrentTable, TrackBag, TrackTable, TrackWriter
 from tsepm_ros.replay.track_listing import TrackListing
 from tsepm_ros.session.drop_reasons import reason_of
+from tsepm_ros.session.losses import explained
 from tsepm_ros.viewer.page_files import write_page
 from tsepm_ros.viewer.recorded_scene import RecordedScene
 from tsepm_ros.whole_files import naming, opened_whole
@@ -84,7 +85,7 @@ def _process(
             run.processed += 1
             for path, writer in writers.items():
                 with naming(path):
-                    writer.write(result)
+                    writer.write(result.in_frame())
             if recorded is not None:
                 recorded.add(result, run.session.initiator)
             if with_scene:
@@ -128,27 +129,19 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
         if reason not in dropped:
             print(f"note: {sentence}", file=sys.stderr)
     for reason, number in sorted(dropped.items()):
-        print(f"dropped: {number} {reason}", file=sys.stderr)
+        sentence = run.notes.get(reason) or reason_of(reason).meaning
+        print(f"dropped: {number} {reason}: {sentence}", file=sys.stderr)
     scans = [reason for reason in dropped if reason_of(reason).lost == "scan"]
     if scans and not run.processed:
-        raise CommandFailed(_failure(run, scans))
+        main = max(scans, key=dropped.__getitem__)
+        why = explained(main, dropped, run.notes)
+        raise CommandFailed(f"every scan was dropped, {dropped[main]} as {why}")
     if options.out:
         duration = scene.scans[-1].stamp - scene.scans[0].stamp if scene.scans else 0.0
         print(
             f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
             f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
         )
-
-
-def _failure(run: Run, reasons: Sequence[str]) -> str:
-    """The sentence for a run whose scans were all dropped, with the remedy of the main reason."""
-    dropped = run.session.dropped
-    reason = max(reasons, key=dropped.__getitem__)
-    described = reason_of(reason)
-    return (
-        f"every scan was dropped, {dropped[reason]} as {reason}: "
-        f"{run.notes.get(reason, described.meaning)}. Remedy: {described.remedy}"
-    )
 
 
 def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:

@@ -66,6 +66,8 @@ class Connections:
         Topics that have an incompatible endpoint now.
     unused_own_ship : str
         Topic of own-ship data that is published without a subscription of the node.
+    clock_still : float
+        Time for which the node's clock stands still, s; 0 while it runs.
     """
 
     subscribed: bool = True
@@ -75,6 +77,7 @@ class Connections:
     mismatches_heard: Mapping[str, int] = field(default_factory=dict)
     mismatches: Sequence[str] = ()
     unused_own_ship: str = ""
+    clock_still: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from tsepm_ros.diagnostics.health_figures import HealthFigures
 from tsepm_ros.diagnostics.judgements import (
     Judgement,
     all_detections_dropped,
+    clock_stands,
     clutter_contradicted,
     cut_hypotheses,
     detections_dropped,
@@ -95,6 +96,7 @@ RULES: dict[str, tuple[tuple[Rule, ...], ...]] = {
             Rule(Level.WARN, scan_rate, _LOST_PINGS, ("scan_period", "scan_period_factor")),
             Rule(Level.WARN, scan_gaps, _LOST_PINGS, ("scan_period", "scan_period_factor")),
         ),
+        (Rule(Level.WARN, clock_stands, "Publish /clock, or set `use_sim_time` to false"),),
         (Rule(Level.WARN, drops_of(DETECTIONS), _SEE_REASONS),),
         tuple(
             Rule(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -15,7 +13,7 @@ from tsepm_ros.diagnostics.judgements import unused_own_ship_on
 from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
-from tsepm_ros.session.clocks import Now
+from tsepm_ros.nodes.running import NodeClocks
 from tsepm_ros.session.session import Session
 
 
@@ -33,8 +31,8 @@ class DiagnosticsPublisher:
         Topic that is checked for odometry that the session does not use.
     period : float
         Time between messages, s.
-    now : callable
-        Returns the time on the clocks of `health`.
+    clocks : NodeClocks
+        The clocks of `health`.
     """
 
     def __init__(
@@ -46,7 +44,7 @@ class DiagnosticsPublisher:
         qos: QosWatch,
         own_ship_topic: str,
         period: float,
-        now: Callable[[], Now],
+        clocks: NodeClocks,
     ) -> None:
         self._node = node
         self._session = session
@@ -54,7 +52,7 @@ class DiagnosticsPublisher:
         self._detections = detections
         self._qos = qos
         self._own_ship_topic = node.resolve_topic_name(own_ship_topic)
-        self._now = now
+        self._clocks = clocks
         self._warned_of_own_ship = False
         self._publisher = node.create_publisher(
             DiagnosticArray, "/diagnostics", 10, qos_overriding_options=qos_overrides.PUBLISHER
@@ -73,7 +71,9 @@ class DiagnosticsPublisher:
         self._qos.heard.clear()
 
     def _publish(self) -> None:
+        now = self._clocks.now()
         connections = Connections(
+            clock_still=self._clocks.still,
             subscribed=self._detections.connected,
             unread=self._detections.unread,
             subscribed_type=self._detections.subscribed,
@@ -82,7 +82,7 @@ class DiagnosticsPublisher:
             mismatches=self._qos.standing(),
             unused_own_ship=self._unused_own_ship(),
         )
-        statuses = self._health.report(self._session.figures(), self._now(), connections)
+        statuses = self._health.report(self._session.figures(), now, connections)
         stamp_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(
             diagnostics(stamp_ns, self._node.get_fully_qualified_name(), statuses)

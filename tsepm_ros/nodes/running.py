@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -12,16 +14,53 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
 
+from tsepm_ros.diagnostics.judgements import standing_clock
 from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.nodes.node_parameters import ParameterError
 
 EXIT_BAD_PARAMETER = 2
 HELP = ("--help", "-h")
+MAX_STANDING = 5.0
+"""Time of the wall clock after which the clock of a node stands still, s."""
 
 
 def clock_time(node: Node) -> float:
     """Time of a node's clock, s, which may be simulated."""
     return float(node.get_clock().now().nanoseconds * 1e-9)
+
+
+class NodeClocks:
+    """The times that limit waiting: wall clock and node clock, which may be simulated.
+
+    A node clock that stands still would limit nothing: its time is nan then, and a warning says so.
+
+    Parameters
+    ----------
+    node : Node
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._time, self._since = math.nan, 0.0
+        self._warned = False
+
+    def now(self) -> tuple[float, float]:
+        """Times of the wall clock and the node clock, s."""
+        wall, simulated = time.monotonic(), clock_time(self._node)
+        if simulated != self._time:
+            self._time, self._since, self._warned = simulated, wall, False
+        if not self.still:
+            return wall, simulated
+        if not self._warned:
+            self._warned = True
+            self._node.get_logger().warning(standing_clock(self.still))
+        return wall, math.nan
+
+    @property
+    def still(self) -> float:
+        """Time of the wall clock for which the node clock stands still, s; 0 while it runs."""
+        elapsed = time.monotonic() - self._since
+        return elapsed if elapsed > MAX_STANDING else 0.0
 
 
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage: str = "") -> int:

@@ -12,6 +12,7 @@ from rclpy.time import Time
 
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.own_ship.attitude import AXES, angles_of, rotation_of
+from tsepm_ros.own_ship.frame_axes import east_north_up
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.session.session import Session
 
@@ -40,7 +41,7 @@ class TfOwnShip:
 
     def __init__(self, node: Node, session: Session, buffer: Any = None) -> None:
         self._session = session
-        self._fixed_frame = session.settings.session.fixed_frame
+        self._fixed_frame = session.fixed_frame
         if not self._fixed_frame:
             raise ParameterError("fixed_frame must be given where own_ship_source is tf")
         if buffer is None:
@@ -78,9 +79,10 @@ class TfOwnShip:
 
 
 def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
-    q, position = transform.rotation, transform.translation
+    q, world = transform.rotation, east_north_up(frame_id)
+    x, y = (world[:2, :2] @ [transform.translation.x, transform.translation.y]).tolist()
     try:
-        yaw, pitch, roll = angles_of(rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
+        yaw, pitch, roll = angles_of(world @ rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
     except ValueError:  # no heading: the session refuses and counts nan
         yaw = pitch = roll = math.nan
-    return PoseSample(stamp, position.x, position.y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)
+    return PoseSample(stamp, x, y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)

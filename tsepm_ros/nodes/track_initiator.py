@@ -23,7 +23,7 @@ from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
 from tsepm_ros.nodes.offered_subscription import OfferedSubscription
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.nodes.queued_messages import newest
-from tsepm_ros.nodes.running import clock_time, run
+from tsepm_ros.nodes.running import NodeClocks, run
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
 from tsepm_ros.nodes.track_announcements import TrackAnnouncements
@@ -57,10 +57,10 @@ class TrackInitiator(ParameterisedNode):
         ).options
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._warnings = ThrottledWarnings(self)
+        self._clocks = NodeClocks(self)
         self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
-        self._waiting: Timer | None = None
         self._learned = LearnedFile(
             self._session,
             options.learned_file,
@@ -97,7 +97,7 @@ class TrackInitiator(ParameterisedNode):
             qos,
             OWN_SHIP_TOPIC,
             options.diagnostics_period,
-            self._now,
+            self._clocks,
         )
         self.create_timer(
             SAVING_PERIOD, self._learned.write, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -132,7 +132,7 @@ class TrackInitiator(ParameterisedNode):
     def take_detections(self, message: Any, waited: float = 0.0) -> None:
         """Take a message of detections of any supported type that waited for a time, s."""
         entered = time.perf_counter() - waited
-        now = self._now()
+        now = self._clocks.now()
         self._health.heard(DETECTIONS, now)
         before = self._session.arrivals
         self._input.take_detections(message, now)
@@ -145,7 +145,7 @@ class TrackInitiator(ParameterisedNode):
         self._process(time.perf_counter())
 
     def _note_own_ship(self, message: Odometry) -> None:
-        self._health.heard(OWN_SHIP, self._now())
+        self._health.heard(OWN_SHIP, self._clocks.now())
         self._input.take_own_ship(message)
 
     def _read_own_ship(self) -> bool:
@@ -170,28 +170,26 @@ class TrackInitiator(ParameterisedNode):
                 self, Odometry, OWN_SHIP_TOPIC, OWN_SHIP_DEPTH, self._take_own_ship, qos
             )
             self._session.own_ship.read_unread = self._read_own_ship
-        if self._session.source == "none" and self._session.settings.session.sweep == "off":
-            return  # nothing waits
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._waiting = self.create_timer(
+        self._waiting: Timer = self.create_timer(
             WAIT_PERIOD, lambda: self._process(time.perf_counter()), clock=steady
         )
 
     def _process(self, entered: float) -> None:
         """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
-        for result in self._session.process(self._now()):
+        for processed in self._session.process(self._clocks.now()):
+            result = processed.in_frame()
             try:
                 latency = self._outputs.publish(result, entered)
             except FAILURES as error:  # such as a stamp beyond the range of a message
                 self._session.drop("internal_error", f"a scan was not published: {error!r}")
             else:
-                self._health.processed(result.statistics.detections, latency, self._now())
+                self._health.processed(result.statistics.detections, latency, self._clocks.now())
             self._announced.announce(result, self._session.initiator.reason)
-        if self._waiting is not None and self._session.settings.session.sweep == "off":
-            if not self._session.waiting:
-                self._waiting.cancel()
-            elif self._waiting.is_canceled():
-                self._waiting.reset()
+        if not self._session.unfinished:
+            self._waiting.cancel()
+        elif self._waiting.is_canceled():
+            self._waiting.reset()
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         header = make_header(self.get_clock().now().nanoseconds, self._session.fixed_frame)
@@ -226,10 +224,6 @@ class TrackInitiator(ParameterisedNode):
 
     def _report(self, reason: str, sentence: str) -> None:
         self._warnings.warn(reason, sentence, self._session.dropped[reason])
-
-    def _now(self) -> tuple[float, float]:
-        """Times that limit the waiting, s: wall clock and node clock, which may be simulated."""
-        return time.monotonic(), clock_time(self)
 
 
 def main(args: Sequence[str] | None = None) -> int:

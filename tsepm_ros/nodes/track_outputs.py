@@ -27,9 +27,10 @@ from msg_adapters import (
     track_odometry,
 )
 from tsepm_ros.diagnostics.health_figures import Latency
-from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.own_ship.frame_axes import exchanged, stated_axes
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.result import ScanResult
@@ -156,13 +157,18 @@ class TrackOutputs:
     def _publish_placed(self, header: Header, scan: Scan) -> None:
         detections = convert(scan, self._session.settings.sensor, 0)
         offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+        order = -1 if stated_axes(header.frame_id) == "down" else 1
         placed = PlacedDetections(
-            detections["position"], detections["covariance"], offset, scan.features
+            detections["position"][:, ::order],
+            detections["covariance"][:, ::order, ::order],
+            offset,
+            scan.features,
         )
         self._placed.publish(placed_detections_cloud(header, placed))
 
     def _publish_potential(self, header: Header) -> None:
-        tracks = self._session.initiator.potential_tracks()
+        potential = TrackArrays.of(self._session.initiator.potential_tracks())
+        tracks = exchanged(potential, header.frame_id)
         self._potential.publish(track_cloud(header, tracks))
         if self._potential_markers.get_subscription_count():
             self._draw(self._potential_markers, potential_track_markers(header, tracks))

@@ -24,11 +24,13 @@ MAX_SLANT_RATIO = 1.1
 
 AXES: dict[str, FloatArray] = {
     "body": np.eye(3),
+    "down": np.diag([1.0, -1.0, -1.0]),
     "sonar": np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]),
     "optical": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
 }
-"""Ahead, port and up, as columns, in a frame's axes: `body` x ahead, y to port, z up; `sonar`
-z ahead, x up, y to starboard (marine_acoustic_msgs); `optical` z ahead, x to starboard, y down."""
+"""Ahead, port and up, as columns, in a frame's axes: `body` x ahead, y to port, z up; `down`
+x ahead, y to starboard, z down; `sonar` z ahead, x up, y to starboard (marine_acoustic_msgs);
+`optical` z ahead, x to starboard, y down."""
 
 
 def rotation_of(quaternion: Sequence[float]) -> FloatArray:
@@ -105,15 +107,16 @@ def levelled(
     roll: FloatArray,
     pitch: FloatArray,
     mounting_yaw: float = 0.0,
+    mounting_roll: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Range and azimuth in the horizontal plane of a tilted sensor's detections.
 
     A detection at slant range s, azimuth a and elevation e is at ``s d``, with the direction
     ``d = (cos e cos a, cos e sin a, sin e)`` in the sensor's axes. It is given by the range
     ``r = s cos e`` in the sensor's x-y plane and the height ``h = s sin e`` above it, which are
-    exact for a level sensor. With the mounting yaw m of the sensor on the vessel::
+    exact for a level sensor. With the mounting yaw m and roll q of the sensor on the vessel::
 
-        w = Ry(pitch) Rx(roll) Rz(m) (r cos a, r sin a, h)
+        w = Ry(pitch) Rx(roll) Rz(m) Rx(q) (r cos a, r sin a, h)
         range = hypot(w_x, w_y),  azimuth = atan2(w_y, w_x) - m
 
     The standard deviations of range and azimuth stay the same: a tilt of 10 degrees changes them
@@ -129,6 +132,8 @@ def levelled(
         Of the vessel, rad.
     mounting_yaw : float, optional
         m, rad, counter-clockwise from the vessel's bow to the sensor's x axis.
+    mounting_roll : float, optional
+        q, rad, about the sensor's x axis.
 
     Returns
     -------
@@ -136,14 +141,19 @@ def levelled(
         m; may be 0, or not finite for an excessive height.
     azimuth : (n,) ndarray
         From the sensor's heading, yaw + m, counter-clockwise about the vertical, rad. Where roll
-        and pitch are 0, range and azimuth stay the same to the bit.
+        and pitch are 0, and q too, range and azimuth stay the same to the bit.
     """
-    tilted = (roll != 0.0) | (pitch != 0.0)
+    tilted = (roll != 0.0) | (pitch != 0.0) | (mounting_roll != 0.0)
     if not tilted.any():
         return range, azimuth
-    angle = azimuth + mounting_yaw
     z = np.zeros_like(range) if height is None else height
     with np.errstate(over="ignore", invalid="ignore"):  # results in a range that is not finite
+        if mounting_roll:
+            x, y = range * np.cos(azimuth), range * np.sin(azimuth)
+            sine, cosine = math.sin(mounting_roll), math.cos(mounting_roll)
+            y, z = cosine * y - sine * z, sine * y + cosine * z
+            range, azimuth = np.hypot(x, y), np.arctan2(y, x)
+        angle = azimuth + mounting_yaw
         ahead, port = ahead_and_port(range * np.cos(angle), range * np.sin(angle), z, roll, pitch)
         horizontal = np.hypot(ahead, port)
     level_azimuth = np.arctan2(port, ahead) - mounting_yaw

@@ -44,6 +44,14 @@ class Mounting:
         minimum=-2 * math.pi,
         maximum=2 * math.pi,
     )
+    roll: float = parameter(
+        0.0,
+        "Roll of the sensor about its azimuth 0: 3.1416 for a sensor that hangs upside down; "
+        "only with odometry",
+        unit="rad",
+        minimum=-3.1416,
+        maximum=3.1416,
+    )
 
     def __post_init__(self) -> None:
         check_group(self)
@@ -56,7 +64,7 @@ class Mounting:
     @property
     def given(self) -> bool:
         """Whether the sensor's pose differs from the vessel's."""
-        return self.offset or self.yaw != 0.0
+        return self.offset or self.yaw != 0.0 or self.roll != 0.0
 
     def sensor_poses(self, vessel: FloatArray) -> FloatArray:
         """Poses of the sensor: ``p + Rz(yaw) Ry(pitch) Rx(roll) (x, y, 0)``, yaw + mounting yaw.

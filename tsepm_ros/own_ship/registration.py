@@ -7,7 +7,10 @@ turns the vessel's poses into the sensor's.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +26,30 @@ MAX_ECHO_TIME = 60.0
 """Time from a ping to the reflection of its echo, s, that no sonar reaches: 90 km of range."""
 MAX_TRANSMIT_OFFSET = 3600.0
 """Time of a ping after the stamp of its scan, s, that no sweep reaches."""
+
+
+class MessageFacts(NamedTuple):
+    """Facts of a message that questions are asked about; they do not change its detections.
+
+    Attributes
+    ----------
+    beyond_turn : int
+        Number of detections whose angle was beyond a full turn as received.
+    rays : int
+        Number of rays or beams, with and without a detection.
+    no_return : mapping of str to int
+        Rays left out by the value that stands for no return, by that value in words.
+    states : mapping of str to float
+        What the message states of the sonar, such as its largest range, by its name and unit.
+    """
+
+    beyond_turn: int = 0
+    rays: int = 0
+    no_return: Mapping[str, int] = MappingProxyType({})
+    states: Mapping[str, float] = MappingProxyType({})
+
+
+_NO_FACTS = MessageFacts()
 
 
 @dataclass(frozen=True)
@@ -49,8 +76,7 @@ class SensorScan:
         Convention of the sensor frame's axes, a key of `attitude.AXES`.
     beams : Arc or None
         The azimuths that the message looked at, as far as it shows; None where it has none.
-    beyond_turn : int
-        Number of detections whose angle was beyond a full turn as received.
+    facts : MessageFacts
     """
 
     scan: Scan
@@ -61,7 +87,7 @@ class SensorScan:
     height: FloatArray | None = None
     axes: str = "body"
     beams: Arc | None = None
-    beyond_turn: int = 0
+    facts: MessageFacts = _NO_FACTS
 
 
 class PosesJumpError(ValueError):
@@ -277,5 +303,7 @@ def _levelled(sensor_scan: SensorScan, poses: PoseHistory, mounting: Mounting) -
     range_, azimuth = scan.range, scan.azimuth
     if not sensor_scan.north_referenced:
         _, _, _, roll, pitch = poses.poses_with_attitude(_arrival_times(sensor_scan)).T
-        range_, azimuth = levelled(range_, azimuth, sensor_scan.height, roll, pitch, mounting.yaw)
+        range_, azimuth = levelled(
+            range_, azimuth, sensor_scan.height, roll, pitch, mounting.yaw, mounting.roll
+        )
     return _with_horizontal(sensor_scan, range_, azimuth)

@@ -13,6 +13,7 @@ from msg_adapters import (
     tracker_report,
 )
 from tsepm_ros.session.clocks import Now
+from tsepm_ros.session.drop_reasons import reason_of
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 
@@ -61,7 +62,8 @@ class MessageInput:
             self._session.drop(error.reason, f"detections dropped: {error}")
             return
         for reason, number in ping.dropped.items():
-            self._session.drop(reason, f"{number} detections dropped: {reason}", number)
+            meaning = reason_of(reason).meaning or reason
+            self._session.drop(reason, f"{number} detections dropped: {meaning}", number)
         for assumption in ping.assumptions:
             if assumption not in self.assumptions:
                 self.assumptions.add(assumption)
@@ -71,7 +73,7 @@ class MessageInput:
     def take_own_ship(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
         try:
-            sample = read_own_ship(message)
+            sample = read_own_ship(message, self._session.fixed_frame)
         except MessageError as error:
             self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 
@@ -11,6 +12,7 @@ from msg_adapters import MessageError, read_track_cloud, seconds_to_ns, time_to_
 from msg_adapters.point_cloud_detections import detections_of_fields
 from msg_adapters.reading_options import ReadingOptions
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.frame_axes import stated_axes
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 from tsepm_ros.own_ship.registration import SensorScan, usable_echoes
@@ -68,7 +70,7 @@ def recording_results(
             last = motions[0].time
             session.add_own_ship(_pose(motions.popleft(), session.fixed_frame or FRAME))
         session.dropped.update(ping.dropped)
-        session.add_scan(ping.sensor_scan, now=0.0)
+        session.add_scan(ping.sensor_scan, now=-math.inf)  # no clock is recorded
         yield from session.process()
     yield from session.process(last=True)
 
@@ -127,7 +129,8 @@ def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
         except MessageError:
             continue  # only pictures use the truth
         for point in points:
-            row = (stamp, float(point["state_x"]), float(point["state_y"]))
+            x, y = float(point["state_x"]), float(point["state_y"])
+            row = (stamp, y, x) if stated_axes(cloud.header.frame_id) == "down" else (stamp, x, y)
             paths.setdefault(int(point["track_id"]), []).append(row)
     return [np.array(path) for path in paths.values()]
 

@@ -32,7 +32,7 @@ class DropReason:
 
 _DRIVER = "Fix the driver"
 _TRACKER = "Fix the tracker"
-_EXPECTED = "None: this is expected"
+EXPECTED = "None: this is expected"
 _LAYOUT = {
     "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/messages.md"),
     "duplicate_field": ("a field occurs twice", _DRIVER),
@@ -117,7 +117,8 @@ _SINGLE = {
         DETECTIONS,
         "scan",
         "the stamp equals that of the previous scan",
-        "Look for two drivers on one topic, or a driver that sends scans twice",
+        "Look for two drivers on one topic, or a driver that sends scans twice or does not set "
+        "`header.stamp` anew",
     ),
     "scan_late": DropReason(
         DETECTIONS,
@@ -139,20 +140,32 @@ _SINGLE = {
         "the stamp is 0 between nonzero stamps, or repeatedly",
         _DRIVER + ": it must set `header.stamp`",
     ),
+    "frame_axes": DropReason(
+        DETECTIONS,
+        "scan",
+        "the frame has z ahead by its name, and angles about z are not horizontal",
+        "Use the name of a frame with x ahead and z up (REP-103)",
+    ),
     "elevation_not_finite": DropReason(
         DETECTIONS, "detection", "the elevation is nan or infinite", _DRIVER
     ),
     "flagged_bad": DropReason(
-        DETECTIONS, "detection", "the sonar flags the detection as bad", _EXPECTED
+        DETECTIONS, "detection", "the sonar flags the detection as bad", EXPECTED
     ),
     "direction_undefined": DropReason(
         DETECTIONS, "detection", "the angles or the vector do not define a direction", _DRIVER
     ),
     "range_below_min": DropReason(
-        DETECTIONS, "detection", "the range is below the scan's `range_min`", _EXPECTED
+        DETECTIONS,
+        "detection",
+        "the range is below the scan's `range_min`",
+        "None if these are few; else the driver must set `range_min` in m",
     ),
     "range_above_max": DropReason(
-        DETECTIONS, "detection", "the range is above the scan's `range_max`", _EXPECTED
+        DETECTIONS,
+        "detection",
+        "the range is above the scan's `range_max`",
+        "None if these are few; else the driver must set `range_max` in m",
     ),
     "outside_coverage": DropReason(
         DETECTIONS,
@@ -176,7 +189,7 @@ _SINGLE = {
         "detection",
         "the sensor moves, and the echo's time is a minute or more from its ping's, or the ping "
         "an hour or more from the stamp",
-        _DRIVER + ": `time_offset` is in seconds, after `header.stamp`",
+        _DRIVER + ": `time_offset` is in seconds (not ms, us or ns), after `header.stamp`",
     ),
     "own_ship_missing": DropReason(
         OWN_SHIP,
@@ -231,7 +244,8 @@ _SINGLE = {
     "own_ship_invalid": DropReason(
         OWN_SHIP,
         "pose",
-        "the odometry is not finite, has no orientation, or has an invalid covariance",
+        "the odometry is not finite, has no orientation or an invalid covariance, or its frame has "
+        "z ahead",
         "Fix the source; the warning names the field",
     ),
     "own_ship_frame": DropReason(
@@ -283,7 +297,7 @@ _SINGLE = {
         TRACKER, "target", "the `track_id` occurs earlier in the report", _TRACKER
     ),
     "on_land": DropReason(
-        LAND, "detection", "the detection is on an occupied cell of `land`", _EXPECTED
+        LAND, "detection", "the detection is on an occupied cell of `land`", EXPECTED
     ),
     "land_frame": DropReason(
         LAND,

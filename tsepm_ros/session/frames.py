@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from tsepm_ros.maintenance.downstream_tracker import TrackerReport
+from tsepm_ros.own_ship.frame_axes import stated_axes, without_suffix
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
@@ -40,8 +41,8 @@ class Frames:
 
     def reset(self) -> None:
         """Return to the frames of the options."""
-        self.fixed = self.options.fixed_frame
-        self.sensor = self.options.sensor_frame
+        self.fixed = self.options.fixed_frame.lstrip("/")  # as tf2
+        self.sensor = self.options.sensor_frame.lstrip("/")
         self.own_ship = ""
 
     @property
@@ -52,7 +53,7 @@ class Frames:
     def named(self, arrived: SensorScan) -> SensorScan:
         """Return a scan with its frame; an empty frame becomes the frame of the options, if any."""
         given = self.options.sensor_frame or ("" if self._moves else self.options.fixed_frame)
-        return dataclasses.replace(arrived, frame_id=arrived.frame_id or given)
+        return dataclasses.replace(arrived, frame_id=arrived.frame_id or given.lstrip("/"))
 
     def refuse_scan(self, arrived: SensorScan) -> Refusal | None:
         """Refuse a scan whose frame cannot be used."""
@@ -60,11 +61,12 @@ class Frames:
             return Refusal(
                 "empty_frame", "the frame_id of the detections is empty, and so is sensor_frame"
             )
-        expected = [self.sensor]
+        expected = [(self.sensor, [arrived.frame_id])]
         if not self._moves and not arrived.north_referenced:
-            expected.append(self.fixed)  # no pose relates another sensor frame to it
-        for frame in expected:
-            if frame and arrived.frame_id != frame:
+            # No pose relates another sensor frame to it.
+            expected.append((self.fixed, [arrived.frame_id, without_suffix(arrived.frame_id)]))
+        for frame, names in expected:
+            if frame and frame not in names:
                 return Refusal(
                     "unknown_frame",
                     f"detections are in frame {arrived.frame_id!r}, expected {frame!r}",
@@ -75,11 +77,11 @@ class Frames:
         """Adopt the frame of a scan that is not refused."""
         self.sensor = arrived.frame_id
         if not self.fixed and not self._moves:
-            self.fixed = arrived.frame_id
+            self.fixed = without_suffix(arrived.frame_id)
 
     def take_pose(self, sample: PoseSample) -> Refusal | None:
         """Adopt the frames of own-ship data, or refuse them."""
-        frame = sample.frame_id or self.options.fixed_frame
+        frame = sample.frame_id or self.options.fixed_frame.lstrip("/")
         if not frame:
             return Refusal(
                 "own_ship_empty_frame",
@@ -109,20 +111,30 @@ class Frames:
             return "given"
         if not self.sensor or not own_ship_known:
             return "unknown"
-        return "not needed" if self.own_ship == self.sensor else "assumed"
+        coincide = without_suffix(self.own_ship) == without_suffix(self.sensor)
+        return "not needed" if coincide else "assumed"
 
-    def mounting_notice(self, frame_id: str, mounting: Mounting) -> Notice | None:
-        """Return a notice of an assumed mounting, once for each pair of frames."""
-        pair = self.own_ship, frame_id
-        if not self.own_ship or self.own_ship == frame_id or mounting.given:
-            return None
-        if pair in self._noticed:
-            return None
+    def notices(self, mounting: Mounting) -> list[Notice]:
+        """Notices of how frames are read by their names, and the mounting, once for each pair."""
+        own_ship, sensor, fixed = self.own_ship, self.sensor, self.fixed
+        pair = (own_ship, sensor) if self._moves else (fixed, sensor)
+        if pair in self._noticed or not fixed:
+            return []
         if len(self._noticed) == MAX_NOTICED:
             self._noticed.clear()
         self._noticed.add(pair)
-        return Notice(
-            "mounting",
-            f"own-ship data is for frame {pair[0]!r}, detections are in {pair[1]!r}: no mounting "
-            "is given, so the frames are assumed to coincide",
-        )
+        said = []
+        if stated_axes(fixed) == "down":
+            said.append(("fixed_frame", f"tracks have x north and y east, as {fixed!r} says"))
+        elif not self._moves and without_suffix(sensor) != sensor:
+            origin = "from the same origin with x ahead, y to port and z up"
+            axes = f"the name of frame {sensor!r} states its axes (REP-103)"
+            said.append(("fixed_frame", f"{axes}: tracks are in frame {fixed!r}, {origin}"))
+        if own_ship and mounting.given and stated_axes(own_ship) != "body":
+            sense = "mounting.y is to port, mounting.yaw counter-clockwise from the bow"
+            said.append(("mounting", f"{sense}, though {own_ship!r} has other axes by its name"))
+        if own_ship and not mounting.given and without_suffix(own_ship) != without_suffix(sensor):
+            frames = f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}"
+            assumed = "no mounting is given, so the frames are assumed to coincide"
+            said.append(("mounting", f"{frames}: {assumed}"))
+        return [Notice(*one) for one in said]

@@ -10,6 +10,7 @@ from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.message_check import leap_seconds
 from tsepm_ros.session.refusal import Notice, Refusal
 from tsepm_ros.settings.session_options import SessionOptions
 
@@ -142,6 +143,9 @@ class OwnShipInput:
             return None
         reason = "own_ship_stale" if len(self.poses) else "own_ship_missing"
         sentence = f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s"
+        newest = self.poses.last_stamp
+        if newest is not None:
+            sentence += f", the newest is of {newest - last:+.3g} s{leap_seconds(newest - last)}"
         return Refusal(reason, f"{sentence}: {self._missing}" if self._missing else sentence)
 
     def _is_ahead(self, stamp: float) -> bool:

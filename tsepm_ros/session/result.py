@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.frame_axes import exchanged
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.scan_order import Arrival
 
 
 @dataclass(frozen=True)
 class ScanResult:
-    """The result of one processed scan.
+    """The result of one processed scan: scan and tracks in east and north, see `in_frame`.
 
     Attributes
     ----------
@@ -65,6 +66,16 @@ class ScanResult:
     def starts(self) -> TrackArrays:
         """New tracks and corrected ones, as they go out on the topic `tracks`."""
         return self.new.joined(self.revised) if len(self.revised) else self.new
+
+    def in_frame(self) -> ScanResult:
+        """The result with tracks in the axes of the fixed frame, for everything that names it."""
+        return replace(
+            self,
+            new=exchanged(self.new, self.frame_id),
+            revised=exchanged(self.revised, self.frame_id),
+            current=exchanged(self.current, self.frame_id),
+            fixed_echoes=exchanged(self.fixed_echoes, self.frame_id),
+        )
 
 
 def vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:

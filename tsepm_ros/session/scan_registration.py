@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tsepm_ros.own_ship import registration
+from tsepm_ros.own_ship.frame_axes import stated_axes
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.frames import Frames
@@ -39,9 +40,7 @@ def register(
         Of the scan, and of detections that are left out.
     """
     mounting, sensor = settings.mounting, settings.sensor
-    remarks: list[Remark | None] = []
-    if own_ship.moves:
-        remarks.append(frames.mounting_notice(arrived.frame_id, mounting))
+    remarks: list[Remark | None] = [*frames.notices(mounting)]
     refusal = _refuse_heading(arrived, own_ship, settings)
     if refusal is not None:
         return None, [*remarks, refusal]
@@ -54,6 +53,8 @@ def register(
         remarks.append(_refuse_vertical(arrived, scan))
     else:
         scan = registration.at_rest(arrived)
+        if stated_axes(frames.fixed) == "down" and not arrived.north_referenced:
+            scan = scan.replaced(sensor_pose=np.array([0.0, 0.0, 0.5 * math.pi]))
     if sensor.range_rate_std:
         remarks.append(_rates_notice(arrived.scan, scan))
     return scan, remarks

@@ -23,12 +23,13 @@ from tsepm_ros.maintenance.downstream_tracker import TrackerReport
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.session.angle_units import AngleUnits
 from tsepm_ros.session.clocks import Now
 from tsepm_ros.session.downstream_input import DownstreamInput
 from tsepm_ros.session.frames import Frames
 from tsepm_ros.session.initiator_run import InitiatorRun
 from tsepm_ros.session.land_input import LandInput
+from tsepm_ros.session.losses import Losses
+from tsepm_ros.session.message_check import MessageCheck
 from tsepm_ros.session.own_ship_input import OwnShipInput
 from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark, shortened
 from tsepm_ros.session.result import ScanResult
@@ -88,7 +89,8 @@ class Session:
         self._frames = Frames(options, moves=self.own_ship.moves)
         self._downstream = DownstreamInput()
         self._land = LandInput()
-        self._angles = AngleUnits()
+        self._check = MessageCheck()
+        self._losses = Losses()
         self.dropped: Counter[str] = Counter()
         self.arrived_stamp: float | None = None
         self.arrivals = 0
@@ -117,6 +119,11 @@ class Session:
     def waiting(self) -> int:
         """Scans that wait for own-ship data."""
         return len(self._queue)
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether scans wait: for own-ship data, the next scan, or the end of their sweep."""
+        return bool(self._queue) or self._sweep.is_open
 
     @property
     def totals(self) -> ScanStatistics:
@@ -158,6 +165,7 @@ class Session:
     def reset(self) -> list[int]:
         """Discard scans, tracks, poses and counts; return the ids of the tracks that end."""
         self.dropped.clear()
+        self._losses = Losses()
         self.arrived_stamp = None
         self._order.reset()
         self._queue.clear()
@@ -173,6 +181,7 @@ class Session:
         self.dropped[reason] += number
         if sentence:
             self._report(reason, shortened(sentence))
+        self._report_all(*self._losses.drop(reason, sentence, number, self.dropped))
 
     def add_own_ship(self, sample: PoseSample) -> None:
         """Take a pose of the sensor, or of a vessel whose frame is its `child_frame_id`.
@@ -201,7 +210,7 @@ class Session:
             return
         self._frames.take_scan(arrived)
         arrived, refusal = self.own_ship.without_late_echoes(arrived)
-        self._report_all(refusal, self._angles.judge(arrived))
+        self._report_all(refusal, *self._check.judge(arrived, self.own_ship_stamp, now))
         scans, remarks, changed = self._sweep.take(arrived, now)
         if changed:
             self._order.reset()
@@ -232,7 +241,7 @@ class Session:
 
     def add_land(self, mask: LandMask | None, frame_id: str) -> None:
         """Take a chart, for the scans to come, in place of the last; None removes it."""
-        self._land.add(mask, frame_id)
+        self._land.add(mask, frame_id.lstrip("/"))
         self._report_all(self._land.settle(self.fixed_frame))
 
     def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
@@ -366,7 +375,9 @@ class Session:
             self.initiator.land = self._land.mask
         tracker, seen = self.initiator.maintenance.tracker, self.initiator.plots.seen
         new, seconds = self._run.process(scan, self._report_at(scan.stamp))
-        self._report_all(*self._run.remarks(scan, tracker, seen))
+        remarks = self._run.remarks(scan, tracker, seen)
+        detections = self.initiator.statistics.detections
+        self._report_all(*remarks, *self._losses.processed(detections, self.dropped))
         return ScanResult(
             stamp=scan.stamp,
             stamp_ns=first.scan.stamp_ns,

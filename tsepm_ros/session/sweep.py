@@ -71,6 +71,11 @@ class Sweep:
         return self._assembly is not None
 
     @property
+    def is_open(self) -> bool:
+        """Whether messages wait for the end of their sweep."""
+        return self._assembly is not None and self._assembly.is_open
+
+    @property
     def state(self) -> str:
         """How scans are made of messages, in words."""
         if self._assembly is None:
@@ -112,7 +117,7 @@ class Sweep:
     def overdue(self, now: Now) -> list[SensorScan]:
         """End the open scan if no message has arrived for the time of a turn."""
         assembly = self._assembly
-        if assembly is None or not assembly.is_open:
+        if assembly is None or not self.is_open:
             return []
         silence = waited(self._heard, now)
         if not max(assembly.seconds, MIN_SILENCE) < silence < math.inf:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
+from tsepm_ros.own_ship.frame_axes import east_north_up
 from tsepm_ros.parameters import check_group, parameter
 
 OWN_SHIP_SOURCES = ("none", "odometry", "tf")
@@ -33,7 +34,8 @@ class SessionOptions:
     )
     fixed_frame: str = parameter(
         "",
-        "Frame of the tracks (ENU); empty: the odometry's frame, else the detections' frame",
+        "Frame of the tracks; empty: the odometry's frame, else the detections' frame. x is east "
+        "and y north; if the name ends in _ned or _frd, x is north and y east",
         read_only=True,
     )
     sensor_frame: str = parameter(
@@ -84,9 +86,9 @@ class SessionOptions:
     )
 
     sweep: str = parameter(
-        "off",
-        "Joining of messages that each hold a beam or sector of a sweep. off: a message "
-        "is a scan; auto: joined once their azimuths show a sweep; or the time in seconds "
+        "auto",
+        "Joining of messages that each hold a beam or sector of a sweep. auto: joined once their "
+        "azimuths show a sweep; off: a message is a scan; or the time in seconds "
         "of a turn or of a pass over a sector",
         numeric=True,
         read_only=True,
@@ -94,6 +96,7 @@ class SessionOptions:
 
     def __post_init__(self) -> None:
         check_group(self)
+        east_north_up(self.fixed_frame)
         if self.sweep not in ("off", "auto") and not 0.0 < self._seconds() <= MAX_SWEEP:
             raise ValueError(
                 f"sweep must be off, auto, or a number of seconds above 0 and at most "

@@ -21,6 +21,7 @@ from msg_adapters import (
 from msg_adapters.track_cloud import STATE_FIELDS, TRACK_DTYPE, track_arrays
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.frame_axes import exchanged, stated_axes
 from tsepm_ros.own_ship.pose_sample import PoseSample
 from tsepm_ros.viewer.page_frames import Frame, make_frame, track_facts
 
@@ -166,7 +167,7 @@ class LiveFrames:
         return frame, facts
 
     def _read(self, scan: ScanMessages, topic: str, cloud: Any) -> None:
-        scan.frame_id = cloud.header.frame_id
+        scan.frame_id = cloud.header.frame_id.lstrip("/")
         if not cloud.width * cloud.height:
             if topic == FIXED:
                 self._fixed = scan.frame_id, _NO_TRACKS
@@ -174,11 +175,13 @@ class LiveFrames:
         if topic == DETECTIONS:
             position = read_fields(cloud, ("position_x", "position_y"))
             scan.detections = np.stack([position["position_x"], position["position_y"]], axis=1)
+            if stated_axes(scan.frame_id) == "down":
+                scan.detections = scan.detections[:, ::-1]
             return
         if topic == POTENTIAL:
-            scan.potential = _potential(cloud, scan.stamp)
+            scan.potential = exchanged(_potential(cloud, scan.stamp), scan.frame_id)
             return
-        tracks = track_arrays(read_track_cloud(cloud), scan.stamp)
+        tracks = exchanged(track_arrays(read_track_cloud(cloud), scan.stamp), scan.frame_id)
         if topic == FIXED:
             self._fixed = scan.frame_id, tracks
         elif topic == NEW:

@@ -1,0 +1,162 @@
+"""Questions about messages that look other than meant; no value is converted or left out."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.clocks import Now
+from tsepm_ros.session.refusal import Notice
+
+MESSAGES, WINDOW = 10, 200
+"""Messages after which they are judged, and after which counts begin anew."""
+REPEATED_SHARE, MIN_DETECTIONS = 0.2, 50
+"""Least share and number of detections that repeat those of the message before, to the bit."""
+ECHO_FACTOR, SLOWEST_SOUND = 10.0, 1400.0
+"""Factor by which a time exceeds that of an echo at the speed of sound (m/s), to be no echo's."""
+STATED_CHANGE = 0.01
+"""Least change of what a message states, as a part of it."""
+LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
+"""GPS time ahead of UTC, atomic time (TAI) ahead of GPS time, and of UTC, s."""
+LEAP_ERROR, MAX_AHEAD = 0.5, 1.0
+"""Difference from leap seconds, and time by which a stamp may be after its arrival, s."""
+MIN_ANGLES, LIKELY_SHARE = 20, 0.5
+"""Least number of angles, and share of them beyond a turn above which they look like degrees."""
+NEAR, COMPARED = 0.02, 50
+"""Distance of two detections that may be one object's, as a part of the range, and number of
+detections of a message that are compared."""
+MIN_PAIRS, ALTERNATE_FACTOR = 60, 3.0
+"""Least detections with one near it in the second message before, and the factor by which fewer
+have one in the message before, where messages alternate."""
+
+
+def leap_seconds(seconds: float) -> str:
+    """A question about two clocks that differ by seconds like those of GPS time; else empty."""
+    near = (np.abs(abs(seconds) - LEAP_SECONDS) <= LEAP_ERROR).any()
+    return ": is it GPS time (18 s ahead of UTC) or TAI (37 s)?" if near else ""
+
+
+class MessageCheck:
+    """Judges the messages of a driver as they arrive, and asks each question once."""
+
+    def __init__(self) -> None:
+        self._states: dict[str, float] = {}
+        self._before: deque[FloatArray] = deque(maxlen=2)
+        self._times: deque[tuple[float, ...]] = deque(maxlen=MESSAGES)
+        self._messages = 0
+        self._counts: Counter[str] = Counter()
+        self._asked: set[str] = set()
+
+    def judge(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> list[Notice]:
+        """Count a message that arrived at `now` (s); return the questions that are new.
+
+        `own_ship_stamp` is that of the newest pose, s.
+        """
+        self._count(arrived, own_ship_stamp, now)
+        asked = {**self._of_counts(), **self._of_times()}
+        new = [Notice(*one) for one in asked.items() if one[0] not in self._asked]
+        self._asked.update(asked)
+        return self._changes(arrived) + new
+
+    def _count(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> None:
+        scan, counts = arrived.scan, self._counts
+        self._messages += 1
+        if self._messages % WINDOW == 0:
+            counts.clear()
+        places = scan.range * np.exp(1j * scan.azimuth)
+        if len(self._before) == 2:
+            counts["near second"] += _number_near(places, self._before[0])
+            counts["near last"] += _number_near(places, self._before[1])
+            counts["repeated"] += int(np.count_nonzero(np.isin(places, self._before[1])))
+            counts["detections"] += len(scan)
+        self._before.append(places)
+        facts = {"rays": arrived.facts.rays, "beyond": arrived.facts.beyond_turn}
+        codes = {f"no return: {code}": n for code, n in arrived.facts.no_return.items()}
+        counts.update({**facts, **codes, "angles": len(scan)})
+        times = np.zeros(1) if scan.time_offset is None or not len(scan) else scan.time_offset
+        offset, clock = float(np.median(np.abs(times))), float(np.atleast_1d(now)[-1])
+        longest = ECHO_FACTOR * float(np.median(scan.range)) / SLOWEST_SOUND if offset else 0.0
+        own = math.nan if own_ship_stamp is None else clock - own_ship_stamp
+        # A message arrives after its last echo.
+        delay = clock - scan.stamp - 2.0 * float(times.max())
+        self._times.append((scan.stamp, offset if offset > longest else 0.0, clock, delay, own))
+
+    def _changes(self, arrived: SensorScan) -> list[Notice]:
+        """What the message states otherwise than those before it."""
+        said = []
+        for name, value in arrived.facts.states.items():
+            before = self._states.setdefault(name, value)
+            if math.isfinite(value) and abs(value - before) > STATED_CHANGE * abs(before):
+                self._states[name] = value
+                change = f"changed from {before:g} to {value:g} at {arrived.scan.stamp:.3f} s"
+                same = "the parameters `sensor.*` stay as given"
+                said.append(Notice(f"changed {name}", f"{name} of messages {change}: {same}"))
+        return said
+
+    def _of_counts(self) -> dict[str, str]:
+        """Questions about the detections of the window, by subject."""
+        counts, said = self._counts, dict[str, str]()
+        if counts["angles"] >= MIN_ANGLES and counts["beyond"] > LIKELY_SHARE * counts["angles"]:
+            said["degrees"] = (
+                f"{counts['beyond']} of {counts['angles']} azimuths or bearings are beyond 2 pi: "
+                "are they in degrees? They are read as radians; the driver must send radians "
+                "(degrees * pi / 180)"
+            )
+        if self._messages < MESSAGES:
+            return said
+        codes = [
+            f"{100 * number / counts['rays']:.2g} % {name.removeprefix('no return: ')}"
+            for name, number in counts.items()
+            if name.startswith("no return: ") and not name.endswith("inf")
+        ]
+        if codes:
+            said["no_return"] = f"rays without a return, by their ranges: {', '.join(codes)}"
+        share = counts["repeated"] / max(counts["detections"], MIN_DETECTIONS)
+        if share >= REPEATED_SHARE:
+            said["repeated"] = (
+                f"{100 * share:.0f} % of the detections repeat the message before to the bit: is "
+                "that a value for no return, or a message that is sent twice? They are used"
+            )
+        if counts["near second"] >= max(MIN_PAIRS, ALTERNATE_FACTOR * counts["near last"]):
+            said["two_sonars"] = (
+                "every second message sees the same objects, and the messages between see others: "
+                "are these two sonars on one topic? Run one node for each, on a topic of its own"
+            )
+        return said
+
+    def _of_times(self) -> dict[str, str]:
+        """Questions about the times of the last messages, by subject."""
+        if len(self._times) < MESSAGES:
+            return {}
+        stamps, offsets, clock, *delays = np.array(self._times).T
+        intervals, said = np.diff(stamps), {}
+        interval = float(np.median(intervals)) if (intervals > 0.0).all() else math.inf
+        offset = float(np.median(offsets))
+        if offset > interval:
+            said["time_offset"] = (
+                f"the time of detections after the stamp is {offset:.3g} s, with a message every "
+                f"{interval:.3g} s: is it in ms, us or ns, or not after the stamp? It is read in "
+                "seconds"
+            )
+        for name, delay in zip(("detections", "own ship"), delays, strict=True):
+            steady = np.isfinite(delay).all() and np.ptp(delay) <= LEAP_ERROR and np.ptp(clock) > 0
+            middle = float(np.median(delay)) if steady else 0.0
+            hint = leap_seconds(middle)
+            if middle < -MAX_AHEAD or (hint and middle > 2.0 * interval):
+                side = "ahead of" if middle < 0.0 else "behind"
+                said[f"clock of {name}"] = (
+                    f"stamps of {name} are {abs(middle):.3g} s {side} the clock of their arrival"
+                    f"{hint or ': set the clocks'}"
+                )
+        return said
+
+
+def _number_near(places: FloatArray, others: FloatArray) -> int:
+    """Number of detections with another near it, of the first `COMPARED` of each."""
+    places, others = places[:COMPARED], others[:COMPARED]
+    distance = np.abs(places[:, None] - others)
+    return int(np.count_nonzero((distance < NEAR * np.abs(places)[:, None]).any(axis=1)))
