@@ -42,8 +42,9 @@ NO_RANGE_MAX = (
     "is applied; it must set the largest range in m"
 )
 
-AT_LIMIT = 1e-3
-"""Least distance of a detection from `range_max`, as a part of it: ranges nearer are no return."""
+ROUNDING, JUST_BELOW = 1e-6, 2e-3
+"""Distances from `range_max`, as parts of it: of a range that is `range_max`, and of equal ranges
+of several rays that are no return."""
 MIN_TIES, MIN_TIED_SHARE = 8, 0.1
 """Least number and share of rays of one and the same largest range that are no return."""
 NEAR_TIES = 0.01
@@ -127,7 +128,10 @@ def no_returns(range: FloatArray, limit: float) -> dict[str, BoolArray]:
     known = np.isfinite(range) & (range > 0.0)
     above = known & (range > limit)
     with np.errstate(invalid="ignore"):
-        at_limit = known & ~above & (range >= limit * (1.0 - AT_LIMIT))
+        at_limit = known & (range >= limit * (1.0 - ROUNDING)) & (range <= limit)
+        below = range[known & ~at_limit & ~above & (range >= limit * (1.0 - JUST_BELOW))]
+    values, numbers = np.unique(below, return_counts=True)
+    at_limit |= np.isin(range, values[numbers > 1])
     if above.sum() < 2 or np.ptp(range[above]) > 0.0:
         above[:] = False  # echoes, and a limit that is too small
     constant = np.zeros(len(range), bool)
@@ -196,6 +200,6 @@ def write_laser_scan(header: Header, scan: Scan, sound_speed: float) -> LaserSca
         angle_min=-np.pi,
         angle_max=-np.pi + (len(ranges) - 1) * increment,
         angle_increment=increment,
-        range_max=max(float(scan.range.max(initial=0.0)), 1.0) / (1.0 - 2.0 * AT_LIMIT),
+        range_max=max(float(scan.range.max(initial=0.0)), 1.0) / (1.0 - 2.0 * JUST_BELOW),
         ranges=ranges,
     )

@@ -77,6 +77,8 @@ OPTIONAL_FIELDS = {
 }
 """Fields that clouds of earlier versions lack, and their values then."""
 
+MAX_AGE = 1e9
+"""Largest age that is read, s: the square of a larger one could overflow."""
 _MAX_COUNT = int(np.iinfo(np.uint16).max)
 _MAX_ID = int(np.iinfo(np.uint32).max)
 
@@ -189,7 +191,9 @@ def tracker_report(cloud: PointCloud2) -> TrackerReport:
         If it does not have the layout of `read_track_cloud`.
     """
     stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
-    tracks = track_arrays(read_track_cloud(cloud), stamp)
+    records = read_track_cloud(cloud)
+    records["age"] = np.clip(records["age"], 0.0, MAX_AGE)
+    tracks = track_arrays(records, stamp)
     frame_id = cloud.header.frame_id.lstrip("/")
     return TrackerReport(stamp=stamp, frame_id=frame_id, tracks=exchanged(tracks, frame_id))
 

@@ -47,7 +47,7 @@ def test_the_angle_does_not_drift_along_the_rays():
     assert found.scan.azimuth[-1] == scan.angle_min + 3599 * scan.angle_increment
 
 
-@pytest.mark.parametrize("nothing", [INF, 0.0, -0.0, -1.0, NAN, 100.0, 99.95])
+@pytest.mark.parametrize("nothing", [INF, 0.0, -0.0, -1.0, NAN, 100.0, 99.95, 655.35])
 def test_a_ray_on_which_nothing_is_detected_is_no_drop(nothing):
     found = read_detections(fan([nothing, 20.0, nothing]), sound_speed=1500.0)
     assert found.dropped == {}
@@ -75,7 +75,9 @@ def test_a_bad_ray_is_dropped_and_counted_and_the_rest_kept(value, reason):
 
 
 def test_the_least_range_itself_is_good_and_the_largest_is_no_return():
-    np.testing.assert_array_equal(read_detections(fan([10.0, 100.0, 99.85])).index, [0, 2])
+    found = read_detections(fan([10.0, 100.0, 99.95]))
+    np.testing.assert_array_equal(found.index, [0, 2])
+    assert found.sensor_scan.facts.no_return == {"at or just below range_max": 1}
 
 
 def test_every_ray_has_its_own_time():

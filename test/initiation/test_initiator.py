@@ -246,7 +246,7 @@ ABSURD = {
     "largest deviations": {
         "range": [3000.0],
         "azimuth": [0.0],
-        "range_std": [1e8],
+        "range_std": [1e5],
         "azimuth_std": [3.14],
     },
     "tiny range": {"range": [1e-200], "azimuth": [0.0]},

@@ -151,7 +151,7 @@ def test_detections_at_one_place_do_not_end_anything(method):
 
 ABSURD = {
     "largest range": {"range": [1e8], "azimuth": [0.0]},
-    "largest deviations": {"range": [3e3], "azimuth": [0.0], "range_std": [1e8]},
+    "largest deviations": {"range": [3e3], "azimuth": [0.0], "range_std": [1e5]},
     "wide": {"range": [3e3], "azimuth": [0.0], "azimuth_std": [3.14]},
 }
 

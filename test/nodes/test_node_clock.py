@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import pytest
 from rosgraph_msgs.msg import Clock
 from support.boat import Boat
 from support.expectation import (
     assert_same,
     confirmed,
 )
+from support.ros_world import WARN
+from support.ship import Ship, publish_poses
 from support.sonar_driver import pings, stamp_ns
 
+from tsepm_ros.nodes import running
+
 SECOND = 10**9
+WARN_LEVEL = b"\x01"
 
 
 def test_use_sim_time_takes_the_time_from_clock(world):
@@ -42,3 +48,30 @@ def test_a_jump_of_the_clock_does_no_harm(world):
         )
         received += boat.send([ping])
     assert_same(received, confirmed(sent))
+
+
+@pytest.mark.parametrize("clock_begins", [True, False], ids=["stops", "never begins"])
+def test_a_clock_that_stands_still_is_said_and_scans_do_not_wait_for_it(
+    world, monkeypatch, clock_begins
+):
+    """By the wall clock: in the entry, in the log, and in the wait for own-ship data."""
+    monkeypatch.setattr(running, "MAX_STANDING", 0.5)
+    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=0.2, use_sim_time=True)
+    clock = world.observer.create_publisher(Clock, "/clock", 10)
+    world.until_connected()
+    sent = pings(12)
+    if clock_begins:
+        message = Clock()
+        message.clock.sec = sent[0].stamp_ns // SECOND
+        clock.publish(message)
+        world.until(lambda: boat.node.get_clock().now().nanoseconds > 0, "the time")
+    boat.driver.ping(sent[0])
+    world.until(lambda: world.dropped() == {"own_ship_missing": 1}, "the scan's end")
+    world.until_logged("stands still", "is /clock published?", level=WARN)
+    status = world.status("detections")
+    assert (status.level, "stands still" in status.message) == (WARN_LEVEL, True)
+    message = Clock()
+    message.clock.sec = sent[1].stamp_ns // SECOND
+    clock.publish(message)
+    publish_poses(boat, Ship(), 0, 140)
+    assert_same(boat.send(sent[1:]), confirmed(sent[1:]))

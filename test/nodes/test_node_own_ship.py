@@ -11,7 +11,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat
 from support.expectation import as_scan, assert_same, confirmed, initiator
-from support.ros_world import BEST_EFFORT, WARN
+from support.ros_world import BEST_EFFORT, LATCHED, WARN
 from support.ship import (
     MOVING,
     SECOND,
@@ -217,3 +217,34 @@ def test_current_tracks_are_carried_in_the_fixed_frame(world):
     x, y = at(TARGET, 108.0)
     places = [(point["x"], point["y"]) for point in points(current[-1])]
     assert all(math.hypot(px - x, py - y) < 5.0 for px, py in places) and places
+
+
+def test_tracks_of_odometry_in_a_ned_frame_are_in_its_axes(world):
+    """A ship that heads east: yaw 90 degrees from north, x ahead and z down."""
+    boat = Boat(world, own_ship_source="odometry", publish_potential_tracks=True)
+    placed = world.listen(PointCloud2, "detections/placed")
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
+    world.until_connected()
+    for second in range(0, 140, 4):
+        pose = Odometry(child_frame_id="base_link_ned")
+        pose.header.frame_id = "world_ned"
+        pose.header.stamp.sec = START_NS // SECOND + second
+        pose.pose.pose.position.x, pose.pose.pose.position.y = 50.0, 20.0
+        turned = pose.pose.pose.orientation
+        turned.z = turned.w = math.sqrt(0.5)
+        boat.driver.odometry.publish(pose)
+    received = boat.send(SENT)
+    expected = [track for tracks in confirmed(SENT) for track in tracks]
+    found = [point for message in received for point in points(message)]
+    assert {message.header.frame_id for message in received} == {"world_ned"}
+    assert len(found) == len(expected) > 0
+    for point, track in zip(found, expected, strict=True):
+        x, vx, y, vy = track.state
+        north_east = [point[name] for name in ("state_x", "state_vx", "state_y", "state_vy")]
+        np.testing.assert_allclose(north_east, [y + 50.0, vy, x + 20.0, vx], atol=1e-6)
+        assert point["cov_00"] == pytest.approx(track.covariance[2, 2])
+        assert point["cov_02"] == pytest.approx(track.covariance[2, 0])
+    world.until(lambda: len(placed) == len(SENT) and current, "the other topics")
+    range_, azimuth = np.array(SENT[-1].range), np.array(SENT[-1].azimuth)
+    north = [row["position_x"] for row in points(placed[-1])]  # without the bias of azimuth errors
+    np.testing.assert_allclose(north, 50.0 + range_ * np.sin(azimuth), rtol=3e-4)

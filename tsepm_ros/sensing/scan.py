@@ -14,7 +14,7 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 MAX_MAGNITUDE = {
     "range": 1e8,  # m
-    "range_std": 1e8,  # m
+    "range_std": 1e5,  # m: beyond, rounding loses the other axis of an update
     "azimuth_std": math.pi,  # rad
     "time_offset": 1e6,  # s
     "sensor_pose": 1e9,  # m, rad
