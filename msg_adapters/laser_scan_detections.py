@@ -126,29 +126,22 @@ def no_returns(range: FloatArray, limit: float) -> dict[str, BoolArray]:
     dict of str to (n,) ndarray of bool
     """
     known = np.isfinite(range) & (range > 0.0)
-    above = known & (range > limit)
-    with np.errstate(invalid="ignore"):
-        at_limit = known & (range >= limit * (1.0 - ROUNDING)) & (range <= limit)
-        below = range[known & ~at_limit & ~above & (range >= limit * (1.0 - JUST_BELOW))]
-    values, numbers = np.unique(below, return_counts=True)
-    at_limit |= np.isin(range, values[numbers > 1])
-    if above.sum() < 2 or np.ptp(range[above]) > 0.0:
-        above[:] = False  # echoes, and a limit that is too small
-    constant = np.zeros(len(range), bool)
-    if known.all() and not (at_limit.any() or above.any()) and len(range) >= MIN_TIES:
-        top = range.max()
-        constant = range == top
-        near = int(np.count_nonzero(range >= (1.0 - NEAR_TIES) * top))
-        ties = int(np.count_nonzero(constant))
-        if ties < max(MIN_TIES, MIN_TIED_SHARE * len(range), near / (1.0 + MIN_TIED_SHARE)):
-            constant[:] = False
+    values, numbers = np.unique(range[known], return_counts=True)
+    above = values > limit
+    above &= (above.sum() == 1) & (numbers[above].sum() > 1)  # else a limit that is too small
+    near_limit = (values >= limit * (1.0 - JUST_BELOW)) & (numbers > 1)
+    at_limit = (near_limit | (values >= limit * (1.0 - ROUNDING))) & (values <= limit)
+    top = values.max(initial=0.0)
+    near_top = numbers[values >= (1.0 - NEAR_TIES) * top].sum() / (1.0 + MIN_TIED_SHARE)
+    tied = numbers >= max(MIN_TIES, MIN_TIED_SHARE * len(range), near_top)
+    alone = known.all() and not (at_limit | above).any()
     return {
         "inf": range == np.inf,
         "nan": np.isnan(range),
         "0 or below": np.isfinite(range) & (range <= 0.0),
-        "at or just below range_max": at_limit,
-        "a constant above range_max": above,
-        "a constant": constant,
+        "at or just below range_max": np.isin(range, values[at_limit]),
+        "a constant above range_max": np.isin(range, values[above]),
+        "a constant": np.isin(range, values[alone & tied & (values == top)]),
     }
 
 

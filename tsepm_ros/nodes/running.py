@@ -37,23 +37,22 @@ class NodeClocks:
     Parameters
     ----------
     node : Node
+    warn : callable
+        Called as ``warn(reason, sentence, 0)``.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, warn: Callable[[str, str, int], None]) -> None:
+        self._node, self._warn = node, warn
         self._time, self._since = math.nan, 0.0
-        self._warned = False
 
     def now(self) -> tuple[float, float]:
         """Times of the wall clock and the node clock, s."""
         wall, simulated = time.monotonic(), clock_time(self._node)
         if simulated != self._time:
-            self._time, self._since, self._warned = simulated, wall, False
+            self._time, self._since = simulated, wall
         if not self.still:
             return wall, simulated
-        if not self._warned:
-            self._warned = True
-            self._node.get_logger().warning(standing_clock(self.still))
+        self._warn("clock", standing_clock(self.still), 0)
         return wall, math.nan
 
     @property

@@ -57,7 +57,7 @@ class TrackInitiator(ParameterisedNode):
         ).options
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._warnings = ThrottledWarnings(self)
-        self._clocks = NodeClocks(self)
+        self._clocks = NodeClocks(self, self._warnings.warn)
         self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)

@@ -123,18 +123,18 @@ class Frames:
         if len(self._noticed) == MAX_NOTICED:
             self._noticed.clear()
         self._noticed.add(pair)
-        said = []
-        if stated_axes(fixed) == "down":
-            said.append(("fixed_frame", f"tracks have x north and y east, as {fixed!r} says"))
-        elif not self._moves and without_suffix(sensor) != sensor:
-            origin = "from the same origin with x ahead, y to port and z up"
-            axes = f"the name of frame {sensor!r} states its axes (REP-103)"
-            said.append(("fixed_frame", f"{axes}: tracks are in frame {fixed!r}, {origin}"))
-        if own_ship and mounting.given and stated_axes(own_ship) != "body":
-            sense = "mounting.y is to port, mounting.yaw counter-clockwise from the bow"
-            said.append(("mounting", f"{sense}, though {own_ship!r} has other axes by its name"))
-        if own_ship and not mounting.given and without_suffix(own_ship) != without_suffix(sensor):
-            frames = f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}"
-            assumed = "no mounting is given, so the frames are assumed to coincide"
-            said.append(("mounting", f"{frames}: {assumed}"))
-        return [Notice(*one) for one in said]
+        stem = without_suffix(sensor)
+        axes = f"the name of frame {sensor!r} states its axes (REP-103)"
+        origin = f"tracks are in frame {fixed!r}, x ahead, y to port and z up from the same origin"
+        sense = "mounting.y is to port, mounting.yaw counter-clockwise from the bow"
+        frames = f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}"
+        assumed = "no mounting is given, so the frames are assumed to coincide"
+        down, turned = stated_axes(fixed) == "down", stated_axes(own_ship) != "body"
+        apart = bool(own_ship) and without_suffix(own_ship) != stem
+        said = [
+            (down, "fixed_frame", f"tracks have x north and y east, as {fixed!r} says"),
+            (not (down or self._moves or stem == sensor), "fixed_frame", f"{axes}: {origin}"),
+            (turned and mounting.given, "mounting", f"{sense}, whatever {own_ship!r} says"),
+            (apart and not mounting.given, "mounting", f"{frames}: {assumed}"),
+        ]
+        return [Notice(*one) for applies, *one in said if applies]

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from tsepm_ros.session.drop_reasons import EXPECTED, reason_of
 from tsepm_ros.session.refusal import Notice
 
-LAST, MIN_SCANS, MIN_DETECTIONS = 20, 5, 20
-"""Scans over which losses are judged, and least number of scans and of lost detections."""
+LAST, MIN_SCANS, MIN_DETECTIONS = 20, 5, 40
+"""Scans over which losses are judged, and least number of scans, and of detections."""
 CONSEQUENCES = "own_ship_missing", "own_ship_stale"
 """Reasons of scans whose own-ship data may have arrived and been dropped."""
 
@@ -40,8 +40,7 @@ class Losses:
     """The fates of the last scans and of their detections."""
 
     def __init__(self) -> None:
-        self._scans: deque[str] = deque(maxlen=LAST)
-        self._detections: deque[tuple[int, Counter[str]]] = deque(maxlen=LAST)
+        self._last: deque[tuple[str, int, Counter[str]]] = deque(maxlen=LAST)
         self._lost: Counter[str] = Counter()
         self._sentences: dict[str, str] = {}
         self._said: set[str] = set()
@@ -49,35 +48,33 @@ class Losses:
     def drop(self, reason: str, sentence: str, number: int, dropped: Counter[str]) -> list[Notice]:
         """Note a drop, with the drops so far; a notice if half of the last scans are lost."""
         self._sentences.setdefault(reason, sentence)
-        lost = reason_of(reason).lost
-        if lost == "detection" and reason_of(reason).remedy != EXPECTED:
+        described = reason_of(reason)
+        if described.lost == "detection" and described.remedy != EXPECTED:
             self._lost[reason] += number
-        if lost != "scan":
+        if described.lost != "scan":
             return []
-        self._scans.extend([reason] * min(number, LAST))
-        reasons = Counter(name for name in self._scans if name)
-        if len(self._scans) < MIN_SCANS or 2 * reasons.total() < len(self._scans):
-            return []
-        scans = f"{reasons.total()} of the last {len(self._scans)} scans were dropped"
-        return self._say(scans, reasons, dropped)
+        self._last.extend([(reason, 0, Counter())] * min(number, LAST))
+        return self._judge(dropped)
 
     def processed(self, detections: int, dropped: Counter[str]) -> list[Notice]:
         """Note a processed scan; a notice if half of the last scans' detections are lost."""
-        self._scans.append("")
-        self._detections.append((detections, self._lost))
+        self._last.append(("", detections, self._lost))
         self._lost = Counter()
-        reasons = sum((lost for _, lost in self._detections), Counter[str]())
-        number = reasons.total()
-        kept = sum(detections for detections, _ in self._detections)
-        if number < max(MIN_DETECTIONS, kept) or len(self._detections) < MIN_SCANS:
-            return []
-        share = f"{100 * number / (number + kept):.0f} % of the detections"
-        return self._say(f"{share} of the last scans were dropped", reasons, dropped)
+        return self._judge(dropped)
 
-    def _say(self, what: str, reasons: Counter[str], dropped: Counter[str]) -> list[Notice]:
-        ((reason, number),) = reasons.most_common(1)
-        if reason in self._said:
-            return []
-        self._said.add(reason)
-        why = explained(reason, dropped, self._sentences)
-        return [Notice(f"lost {reason}", f"{what}, {number} as {why}")]
+    def _judge(self, dropped: Counter[str]) -> list[Notice]:
+        names, numbers, losses = zip(*self._last, strict=True)
+        scans, detections = Counter(filter(None, names)), sum(losses, Counter[str]())
+        share = detections.total() / max(detections.total() + sum(numbers), MIN_DETECTIONS)
+        said = []
+        for reasons, half, lost in (
+            (scans, 2 * scans.total() >= len(names), f"{scans.total()} of the last {len(names)}"),
+            (detections, 2.0 * share >= 1.0, f"{100 * share:.0f} % of the detections of the last"),
+        ):
+            ((reason, number),) = reasons.most_common(1) or [("", 0)]
+            if half and reason not in {*self._said, ""} and len(names) >= MIN_SCANS:
+                self._said.add(reason)
+                why = explained(reason, dropped, self._sentences)
+                told = f"{lost} scans were dropped, {number} as {why}"
+                said.append(Notice(f"lost {reason}", told))
+        return said

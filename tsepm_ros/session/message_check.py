@@ -13,11 +13,14 @@ from tsepm_ros.session.clocks import Now
 from tsepm_ros.session.refusal import Notice
 
 MESSAGES, WINDOW = 10, 200
-"""Messages after which they are judged, and after which counts begin anew."""
+"""Messages after which they are judged, again and again, and after which counts begin anew."""
+NO_RETURN = "no return: "
+"""Beginning of the names of counts of values for no return."""
 REPEATED_SHARE, MIN_DETECTIONS = 0.2, 50
-"""Least share and number of detections that repeat those of the message before, to the bit."""
+"""Least share of detections that repeat those of the message before, to the bit, of a number."""
 ECHO_FACTOR, SLOWEST_SOUND = 10.0, 1400.0
 """Factor by which a time exceeds that of an echo at the speed of sound (m/s), to be no echo's."""
+NO_OFFSET = np.zeros(1)
 STATED_CHANGE = 0.01
 """Least change of what a message states, as a part of it."""
 LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
@@ -57,33 +60,35 @@ class MessageCheck:
         `own_ship_stamp` is that of the newest pose, s.
         """
         self._count(arrived, own_ship_stamp, now)
-        asked = {**self._of_counts(), **self._of_times()}
-        new = [Notice(*one) for one in asked.items() if one[0] not in self._asked]
-        self._asked.update(asked)
-        return self._changes(arrived) + new
+        said = self._changes(arrived)
+        if self._messages % MESSAGES == 0:
+            asked = {**self._of_counts(), **self._of_times()}
+            said += [Notice(*one) for one in asked.items() if one[0] not in self._asked]
+            self._asked.update(asked)
+        return said
 
     def _count(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> None:
-        scan, counts = arrived.scan, self._counts
+        scan, facts, counts = arrived.scan, arrived.facts, self._counts
         self._messages += 1
-        if self._messages % WINDOW == 0:
+        if self._messages % WINDOW == 1:
             counts.clear()
-        places = scan.range * np.exp(1j * scan.azimuth)
-        if len(self._before) == 2:
-            counts["near second"] += _number_near(places, self._before[0])
-            counts["near last"] += _number_near(places, self._before[1])
-            counts["repeated"] += int(np.count_nonzero(np.isin(places, self._before[1])))
-            counts["detections"] += len(scan)
+        places = (scan.range * np.exp(1j * scan.azimuth))[:COMPARED]
+        if len(self._before) == 2 and len(places):
+            second, last = (np.abs(places[:, None] - before) for before in self._before)
+            counts["compared"] += len(places)
+            counts["repeated"] += int(np.count_nonzero(last == 0.0))
+            limit = NEAR * scan.range[:COMPARED, None]
+            counts["second"] += int(np.count_nonzero((second < limit).any(axis=1)))
+            counts["last"] += int(np.count_nonzero((last < limit).any(axis=1)))
         self._before.append(places)
-        facts = {"rays": arrived.facts.rays, "beyond": arrived.facts.beyond_turn}
-        codes = {f"no return: {code}": n for code, n in arrived.facts.no_return.items()}
-        counts.update({**facts, **codes, "angles": len(scan)})
-        times = np.zeros(1) if scan.time_offset is None or not len(scan) else scan.time_offset
-        offset, clock = float(np.median(np.abs(times))), float(np.atleast_1d(now)[-1])
-        longest = ECHO_FACTOR * float(np.median(scan.range)) / SLOWEST_SOUND if offset else 0.0
-        own = math.nan if own_ship_stamp is None else clock - own_ship_stamp
-        # A message arrives after its last echo.
-        delay = clock - scan.stamp - 2.0 * float(times.max())
-        self._times.append((scan.stamp, offset if offset > longest else 0.0, clock, delay, own))
+        codes = {f"{NO_RETURN}{code}": number for code, number in facts.no_return.items()}
+        counts.update({**codes, "rays": facts.rays, "beyond": facts.beyond_turn})
+        counts["angles"] += len(scan)
+        offset = NO_OFFSET if scan.time_offset is None or not len(scan) else scan.time_offset
+        own_ship = math.nan if own_ship_stamp is None else own_ship_stamp
+        clock = now[-1] if isinstance(now, tuple) else now
+        usual = float(np.abs(offset).mean()), float(scan.range.mean()) if len(scan) else 0.0
+        self._times.append((scan.stamp, own_ship, clock, float(offset.max()), *usual))
 
     def _changes(self, arrived: SensorScan) -> list[Notice]:
         """What the message states otherwise than those before it."""
@@ -106,22 +111,20 @@ class MessageCheck:
                 "are they in degrees? They are read as radians; the driver must send radians "
                 "(degrees * pi / 180)"
             )
-        if self._messages < MESSAGES:
-            return said
         codes = [
-            f"{100 * number / counts['rays']:.2g} % {name.removeprefix('no return: ')}"
+            f"{100 * number / counts['rays']:.2g} % {name.removeprefix(NO_RETURN)}"
             for name, number in counts.items()
-            if name.startswith("no return: ") and not name.endswith("inf")
+            if name.startswith(NO_RETURN) and not name.endswith("inf")
         ]
         if codes:
             said["no_return"] = f"rays without a return, by their ranges: {', '.join(codes)}"
-        share = counts["repeated"] / max(counts["detections"], MIN_DETECTIONS)
-        if share >= REPEATED_SHARE:
+        share = counts["repeated"] / max(counts["compared"], 1)
+        if share >= REPEATED_SHARE and counts["compared"] >= MIN_DETECTIONS:
             said["repeated"] = (
                 f"{100 * share:.0f} % of the detections repeat the message before to the bit: is "
                 "that a value for no return, or a message that is sent twice? They are used"
             )
-        if counts["near second"] >= max(MIN_PAIRS, ALTERNATE_FACTOR * counts["near last"]):
+        if counts["second"] >= max(MIN_PAIRS, ALTERNATE_FACTOR * counts["last"]):
             said["two_sonars"] = (
                 "every second message sees the same objects, and the messages between see others: "
                 "are these two sonars on one topic? Run one node for each, on a topic of its own"
@@ -130,33 +133,27 @@ class MessageCheck:
 
     def _of_times(self) -> dict[str, str]:
         """Questions about the times of the last messages, by subject."""
-        if len(self._times) < MESSAGES:
-            return {}
-        stamps, offsets, clock, *delays = np.array(self._times).T
-        intervals, said = np.diff(stamps), {}
+        stamps, own_ship, clock, last, offsets, ranges = np.array(self._times).T
+        intervals, said = np.diff(stamps), dict[str, str]()
         interval = float(np.median(intervals)) if (intervals > 0.0).all() else math.inf
-        offset = float(np.median(offsets))
+        echo = ECHO_FACTOR / SLOWEST_SOUND * ranges
+        offset = float(np.median(np.where(offsets > echo, offsets, 0.0)))
         if offset > interval:
             said["time_offset"] = (
                 f"the time of detections after the stamp is {offset:.3g} s, with a message every "
                 f"{interval:.3g} s: is it in ms, us or ns, or not after the stamp? It is read in "
                 "seconds"
             )
-        for name, delay in zip(("detections", "own ship"), delays, strict=True):
+        # A message arrives after its last echo.
+        delays = {"detections": clock - stamps - 2.0 * last, "own ship": clock - own_ship}
+        for name, delay in delays.items():
             steady = np.isfinite(delay).all() and np.ptp(delay) <= LEAP_ERROR and np.ptp(clock) > 0
             middle = float(np.median(delay)) if steady else 0.0
             hint = leap_seconds(middle)
             if middle < -MAX_AHEAD or (hint and middle > 2.0 * interval):
-                side = "ahead of" if middle < 0.0 else "behind"
                 said[f"clock of {name}"] = (
-                    f"stamps of {name} are {abs(middle):.3g} s {side} the clock of their arrival"
+                    f"stamps of {name} are {abs(middle):.3g} s "
+                    f"{'ahead of' if middle < 0.0 else 'behind'} the clock of their arrival"
                     f"{hint or ': set the clocks'}"
                 )
         return said
-
-
-def _number_near(places: FloatArray, others: FloatArray) -> int:
-    """Number of detections with another near it, of the first `COMPARED` of each."""
-    places, others = places[:COMPARED], others[:COMPARED]
-    distance = np.abs(places[:, None] - others)
-    return int(np.count_nonzero((distance < NEAR * np.abs(places)[:, None]).any(axis=1)))
