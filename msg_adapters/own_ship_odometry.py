@@ -67,7 +67,8 @@ def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
     angular = _finite("twist.angular", twist.angular, "xyz")
     body = AXES[_body_axes(message.child_frame_id, world, rotation)]
     yaw, pitch, roll = _angles(rotation @ body)
-    vx, vy, _ = (float(value) for value in rotation @ linear)
+    with np.errstate(over="ignore", invalid="ignore"):  # refused by `PoseSample.check`
+        vx, vy, _ = (float(value) for value in rotation @ linear)
     _, rate_y, rate_z = (float(value) for value in body.T @ angular)
     yaw_rate = (rate_y * math.sin(roll) + rate_z * math.cos(roll)) / math.cos(pitch)
     return PoseSample(

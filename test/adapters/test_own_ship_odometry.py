@@ -145,6 +145,17 @@ def test_a_value_that_is_not_finite_is_refused_by_its_name(path, value):
     assert error.value.reason == "not_finite"
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_speed_whose_components_overflow_is_refused_without_a_warning():
+    message = _message()
+    largest = np.finfo(float).max
+    message.pose.pose.orientation.z = message.pose.pose.orientation.w
+    message.twist.twist.linear.x = message.twist.twist.linear.y = -largest
+    message.twist.twist.linear.z = largest
+    with pytest.raises(ValueError, match="rates must be at most"):
+        read_own_ship(message).check()
+
+
 @pytest.mark.parametrize("w", [0.0, 1e-9], ids=["zero", "next-to-zero"])
 def test_a_quaternion_without_direction_is_refused(w):
     message = _message()

@@ -211,6 +211,18 @@ def test_a_tracker_s_report_has_what_the_cloud_has(header, make_track, over_the_
         assert (found.evaluation, found.score, found.age) == (1.25, 6.5, 72.0)
 
 
+@pytest.mark.parametrize("age", [1e300, -1e300, math.inf])
+def test_an_age_that_overflows_is_bounded(header, make_track, age):
+    report = tracker_report(track_cloud(header, [make_track(age=age)]))
+    assert 0.0 <= report.tracks.age[0] <= 1e9
+
+
+def test_a_report_in_a_ned_frame_is_read_in_east_and_north(header, make_track):
+    header.frame_id = "/map_ned"
+    report = tracker_report(track_cloud(header, [make_track(state=np.arange(4.0))]))
+    assert (report.frame_id, report.tracks.state.tolist()) == ("map_ned", [[2.0, 3.0, 0.0, 1.0]])
+
+
 def test_truth_without_errors_can_be_written(header, make_track):
     truth = make_track(covariance=np.zeros((4, 4)), hits=())
     records = read_track_cloud(track_cloud(header, [truth]))

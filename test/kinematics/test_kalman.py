@@ -10,6 +10,7 @@ from tsepm_ros import SensorModel
 from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.sensing.conversion import covariance_at
+from tsepm_ros.sensing.scan import MAX_MAGNITUDE
 
 SENSOR = SensorModel()
 
@@ -78,6 +79,23 @@ def test_the_update_is_kalman_s_with_the_echo_at_its_own_time():
         np.testing.assert_allclose(
             updated[row], A @ P @ A.T + K @ error @ K.T, rtol=1e-7, atol=1e-7
         )
+
+
+def test_the_update_with_the_largest_range_error_is_a_covariance():
+    """An error of 100 km along the line of sight leaves that across it."""
+    rng = np.random.default_rng(7)
+    _, covariance = states(7, 500)
+    angle, across = rng.uniform(-np.pi, np.pi, 500), 10.0 ** rng.uniform(-1.0, 2.0, 500)
+    sight = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    normal = sight[:, ::-1] * [-1.0, 1.0]
+    error = MAX_MAGNITUDE["range_std"] ** 2 * sight[:, :, None] * sight[:, None]
+    error += across[:, None, None] ** 2 * normal[:, :, None] * normal[:, None]
+    spread = kalman.position_covariance_after(covariance, np.zeros(500)) + error
+    _, updated = kalman.update(
+        np.zeros((500, 4)), covariance, np.zeros(500), np.zeros((500, 2)), spread
+    )
+    eigenvalues = np.linalg.eigvalsh(0.5 * (updated + np.swapaxes(updated, 1, 2)))
+    assert (eigenvalues > 0.0).all()
 
 
 def test_the_inverse_is_the_inverse():

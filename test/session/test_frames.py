@@ -134,5 +134,5 @@ def test_the_frames_that_were_noticed_are_bounded():
         )
         noticed += len(frames.notices(Mounting()))
         assert frames.notices(Mounting()) == []
-        assert frames.remembered <= MAX_NOTICED
+        assert len(frames._noticed) <= MAX_NOTICED
     assert noticed == 10 * MAX_NOTICED

@@ -126,7 +126,7 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
     """
     dropped = run.session.dropped
     for reason, sentence in run.notes.items():
-        if reason not in dropped:
+        if reason not in dropped and (run.processed or not reason.startswith("lost ")):
             print(f"note: {sentence}", file=sys.stderr)
     for reason, number in sorted(dropped.items()):
         sentence = run.notes.get(reason) or reason_of(reason).meaning

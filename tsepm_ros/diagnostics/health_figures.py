@@ -66,8 +66,8 @@ class Connections:
         Topics that have an incompatible endpoint now.
     unused_own_ship : str
         Topic of own-ship data that is published without a subscription of the node.
-    clock_still : float
-        Time for which the node's clock stands still, s; 0 while it runs.
+    clock_fault : str
+        A sentence while the node's clock stands still.
     """
 
     subscribed: bool = True
@@ -77,7 +77,7 @@ class Connections:
     mismatches_heard: Mapping[str, int] = field(default_factory=dict)
     mismatches: Sequence[str] = ()
     unused_own_ship: str = ""
-    clock_still: float = 0.0
+    clock_fault: str = ""
 
 
 @dataclass(frozen=True)

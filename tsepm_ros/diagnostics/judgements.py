@@ -65,18 +65,9 @@ def unread_type(figures: HealthFigures) -> str:
     return f"detections are published as {'; and as '.join(sentences)}" if sentences else ""
 
 
-def standing_clock(seconds: float) -> str:
-    """Return the sentence for a node clock that stands still for a time, s."""
-    return (
-        f"the node's clock (use_sim_time) stands still for {seconds:.3g} s: is /clock published? "
-        "Waiting is limited by the wall clock"
-    )
-
-
 def clock_stands(figures: HealthFigures) -> str:
     """The node's clock, which is simulated, stands still."""
-    seconds = figures.connections.clock_still
-    return standing_clock(seconds) if seconds else ""
+    return figures.connections.clock_fault
 
 
 def no_publisher(figures: HealthFigures) -> str:

@@ -73,7 +73,7 @@ class DiagnosticsPublisher:
     def _publish(self) -> None:
         now = self._clocks.now()
         connections = Connections(
-            clock_still=self._clocks.still,
+            clock_fault=self._clocks.fault,
             subscribed=self._detections.connected,
             unread=self._detections.unread,
             subscribed_type=self._detections.subscribed,

@@ -14,7 +14,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
 
-from tsepm_ros.diagnostics.judgements import standing_clock
 from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.nodes.node_parameters import ParameterError
 
@@ -32,34 +31,35 @@ def clock_time(node: Node) -> float:
 class NodeClocks:
     """The times that limit waiting: wall clock and node clock, which may be simulated.
 
-    A node clock that stands still would limit nothing: its time is nan then, and a warning says so.
-
     Parameters
     ----------
     node : Node
     warn : callable
         Called as ``warn(reason, sentence, 0)``.
+
+    Attributes
+    ----------
+    fault : str
+        A sentence while the node clock stands still, which limits nothing: its time is nan then.
     """
 
     def __init__(self, node: Node, warn: Callable[[str, str, int], None]) -> None:
-        self._node, self._warn = node, warn
+        self._node, self._warn, self.fault = node, warn, ""
         self._time, self._since = math.nan, 0.0
 
     def now(self) -> tuple[float, float]:
         """Times of the wall clock and the node clock, s."""
         wall, simulated = time.monotonic(), clock_time(self._node)
         if simulated != self._time:
-            self._time, self._since = simulated, wall
-        if not self.still:
+            self._time, self._since, self.fault = simulated, wall, ""
+        if wall - self._since <= MAX_STANDING:
             return wall, simulated
-        self._warn("clock", standing_clock(self.still), 0)
+        self.fault = (
+            f"the node's clock (use_sim_time) stands still for {wall - self._since:.3g} s: is "
+            "/clock published? Waiting is limited by the wall clock"
+        )
+        self._warn("clock", self.fault, 0)
         return wall, math.nan
-
-    @property
-    def still(self) -> float:
-        """Time of the wall clock for which the node clock stands still, s; 0 while it runs."""
-        elapsed = time.monotonic() - self._since
-        return elapsed if elapsed > MAX_STANDING else 0.0
 
 
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage: str = "") -> int:

@@ -45,11 +45,6 @@ class Frames:
         self.sensor = self.options.sensor_frame.lstrip("/")
         self.own_ship = ""
 
-    @property
-    def remembered(self) -> int:
-        """Number of pairs of frames whose assumed mounting was noticed, at most MAX_NOTICED."""
-        return len(self._noticed)
-
     def named(self, arrived: SensorScan) -> SensorScan:
         """Return a scan with its frame; an empty frame becomes the frame of the options, if any."""
         given = self.options.sensor_frame or ("" if self._moves else self.options.fixed_frame)

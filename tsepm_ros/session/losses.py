@@ -26,14 +26,10 @@ def explained(reason: str, dropped: Mapping[str, int], sentences: Mapping[str, s
         First sentence by reason.
     """
     poses = [name for name in dropped if reason_of(name).lost == "pose"]
-    cause, counted = reason, ""
-    if reason in CONSEQUENCES and poses:
-        first = max(poses, key=dropped.__getitem__)
-        if dropped[first] >= dropped[reason]:
-            cause, counted = first, f" after {dropped[first]} {first}"
-    described = reason_of(cause)
-    sentence = sentences.get(cause) or described.meaning
-    return f"{reason}{counted}: {sentence}. Remedy: {described.remedy}"
+    cause = max([reason, *poses], key=dropped.__getitem__) if reason in CONSEQUENCES else reason
+    counted = "" if cause == reason else f" after {dropped[cause]} {cause}"
+    sentence = sentences.get(cause) or reason_of(cause).meaning
+    return f"{reason}{counted}: {sentence}. Remedy: {reason_of(cause).remedy}"
 
 
 class Losses:

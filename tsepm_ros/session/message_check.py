@@ -20,7 +20,6 @@ REPEATED_SHARE, MIN_DETECTIONS = 0.2, 50
 """Least share of detections that repeat those of the message before, to the bit, of a number."""
 ECHO_FACTOR, SLOWEST_SOUND = 10.0, 1400.0
 """Factor by which a time exceeds that of an echo at the speed of sound (m/s), to be no echo's."""
-NO_OFFSET = np.zeros(1)
 STATED_CHANGE = 0.01
 """Least change of what a message states, as a part of it."""
 LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
@@ -84,7 +83,7 @@ class MessageCheck:
         codes = {f"{NO_RETURN}{code}": number for code, number in facts.no_return.items()}
         counts.update({**codes, "rays": facts.rays, "beyond": facts.beyond_turn})
         counts["angles"] += len(scan)
-        offset = NO_OFFSET if scan.time_offset is None or not len(scan) else scan.time_offset
+        offset = np.zeros(1) if scan.time_offset is None or not len(scan) else scan.time_offset
         own_ship = math.nan if own_ship_stamp is None else own_ship_stamp
         clock = now[-1] if isinstance(now, tuple) else now
         usual = float(np.abs(offset).mean()), float(scan.range.mean()) if len(scan) else 0.0

@@ -145,7 +145,9 @@ class OwnShipInput:
         sentence = f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s"
         newest = self.poses.last_stamp
         if newest is not None:
-            sentence += f", the newest is of {newest - last:+.3g} s{leap_seconds(newest - last)}"
+            side = "before" if newest < last else "after"
+            sentence += f", the newest is {abs(newest - last):.3g} s {side} its last echo"
+            sentence += leap_seconds(newest - last)
         return Refusal(reason, f"{sentence}: {self._missing}" if self._missing else sentence)
 
     def _is_ahead(self, stamp: float) -> bool:
