@@ -59,12 +59,12 @@ class MessageCheck:
         `own_ship_stamp` is that of the newest pose, s.
         """
         self._count(arrived, own_ship_stamp, now)
-        said = self._changes(arrived)
+        asked = self._of_counts()
         if self._messages % MESSAGES == 0:
-            asked = {**self._of_counts(), **self._of_times()}
-            said += [Notice(*one) for one in asked.items() if one[0] not in self._asked]
-            self._asked.update(asked)
-        return said
+            asked |= self._of_times()
+        new = [Notice(*one) for one in asked.items() if one[0] not in self._asked]
+        self._asked.update(asked)
+        return self._changes(arrived) + new
 
     def _count(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> None:
         scan, facts, counts = arrived.scan, arrived.facts, self._counts
@@ -110,6 +110,8 @@ class MessageCheck:
                 "are they in degrees? They are read as radians; the driver must send radians "
                 "(degrees * pi / 180)"
             )
+        if self._messages < MESSAGES:
+            return said
         codes = [
             f"{100 * number / counts['rays']:.2g} % {name.removeprefix(NO_RETURN)}"
             for name, number in counts.items()

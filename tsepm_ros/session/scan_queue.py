@@ -43,7 +43,7 @@ class Waiting(NamedTuple):
             return None
         stamp = self.scan.scan.stamp
         reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self.arrival.value}"
-        fault = "not set" if stamp == 0.0 else "not later than that of the last scan"
+        fault = "not set" if stamp == 0.0 else "not later than the last scan's"
         return Refusal(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
 
 
