@@ -44,8 +44,8 @@ LAYERS = (
 WITH_ROS = ("tsepm_ros.nodes", "tsepm_ros.demo")
 MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
 MAX_LINES = 900
-MAX_MODULES = 334
-MAX_STATEMENTS = 19_840
+MAX_MODULES = 337
+MAX_STATEMENTS = 20_290
 """Budgets: small is a feature. Raising a number is a commit of its own, with the reason."""
 
 
