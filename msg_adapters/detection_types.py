@@ -21,6 +21,7 @@ from msg_adapters.errors import MessageError
 from msg_adapters.ping import Ping
 from msg_adapters.reading_options import ReadingOptions
 from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
@@ -65,7 +66,11 @@ def supported_types() -> tuple[str, ...]:
 
 
 def read_detections(
-    message: Any, *, bearing_reference: str = "bow", sound_speed: float = 0.0
+    message: Any,
+    *,
+    bearing_reference: str = "bow",
+    sound_speed: float = 0.0,
+    sensor: SensorModel | None = None,
 ) -> Ping:
     """Read a detection message of any supported type.
 
@@ -83,6 +88,8 @@ def read_detections(
         m/s. If it is not 0 and a message has no times, the ping is assumed to leave at the stamp:
         `time_offset` is range / sound_speed. It also applies to messages with an unset field for
         the sound speed; for these, 0 means SOUND_SPEED.
+    sensor : SensorModel, optional
+        Its range errors, by which the rays of one object in a `LaserScan` differ.
 
     Returns
     -------
@@ -95,7 +102,7 @@ def read_detections(
     ValueError
         If an option has a value that is not allowed.
     """
-    options = ReadingOptions(bearing_reference, sound_speed)
+    options = ReadingOptions(bearing_reference, sound_speed, sensor)
     name = _type_name(message)
     adapter = _adapter(name)
     try:

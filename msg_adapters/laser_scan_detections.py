@@ -22,6 +22,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.arcs import Arc
 from tsepm_ros.sensing.ray_runs import goes_on
 from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.sensing.sensor import SensorModel
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import LaserScan
@@ -97,7 +98,7 @@ def read_laser_scan(scan: LaserScan, options: ReadingOptions) -> Ping:
         time_offset=echo,
         transmit_offset=leaving,
         features=features,
-        group=runs_of_rays(seen, increment),
+        group=runs_of_rays(seen, increment, options.sensor),
         nothing=nothing,
         faults={"range_below_min": range < scan.range_min, "range_above_max": range > limit},
         states={
@@ -154,7 +155,9 @@ def _fan(first: float, increment: float, rays: int) -> Arc | None:
     return Arc(start, min(abs(turn), 2 * math.pi), whole=True)
 
 
-def runs_of_rays(range: FloatArray, increment: float) -> IntArray:
+def runs_of_rays(
+    range: FloatArray, increment: float, sensor: SensorModel | None = None
+) -> IntArray:
     """Which rays see one object: neighbours whose ranges do not jump, see `ray_runs.goes_on`.
 
     Parameters
@@ -163,13 +166,15 @@ def runs_of_rays(range: FloatArray, increment: float) -> IntArray:
         m; any value that is not finite and above 0 ends a run.
     increment : float
         Angle between rays, rad.
+    sensor : SensorModel, optional
+        Its range errors.
 
     Returns
     -------
     (n,) ndarray of int
         Number of each ray's run.
     """
-    ends = ~goes_on(range[:-1], range[1:], increment)
+    ends = ~goes_on(range[:-1], range[1:], increment, sensor)
     return np.concatenate([[0], np.cumsum(ends)])[: len(range)]
 
 

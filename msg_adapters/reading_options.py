@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from tsepm_ros.sensing.sensor import SensorModel
+
 BEARING_REFERENCES = ("bow", "north")
 """Reference directions of a `bearing`, which is positive clockwise."""
 
@@ -22,6 +24,8 @@ class ReadingOptions:
         Reference direction of a field `bearing`, which is positive clockwise.
     sound_speed : float
         m/s, for messages without times, or with an unset field for the sound speed; 0: unknown.
+    sensor : SensorModel, optional
+        Its range errors, by which rays of one object differ.
 
     Raises
     ------
@@ -31,6 +35,7 @@ class ReadingOptions:
 
     bearing_reference: str = "bow"
     sound_speed: float = 0.0
+    sensor: SensorModel | None = None
 
     def __post_init__(self) -> None:
         if self.bearing_reference not in BEARING_REFERENCES:

@@ -15,6 +15,8 @@ field                          datatype meaning
 ``stationary_probability``     FLOAT64  that the target stands still; nan where not known
 ``signal_to_clutter_db``       FLOAT64  strength over that of clutter, dB; nan where not known
 ``revision``                   UINT16   0 as first published, then the number of its correction
+``existence_probability``      FLOAT64  that the target exists; nan where not known
+``time_since_hit``             FLOAT64  time since the target was last detected, s
 ============================== ======== =======================================================
 """
 
@@ -50,6 +52,8 @@ TRACK_DTYPE = np.dtype(
         ("stationary_probability", "<f8"),
         ("signal_to_clutter_db", "<f8"),
         ("revision", "<u2"),
+        ("existence_probability", "<f8"),
+        ("time_since_hit", "<f8"),
     ],
     align=True,  # each float64 at a multiple of 8; the item size too
 )
@@ -65,6 +69,8 @@ _BLOCKS_DTYPE = np.dtype(
         ("stationary_probability", "<f8"),
         ("signal_to_clutter_db", "<f8"),
         ("revision", "<u2"),
+        ("existence_probability", "<f8"),
+        ("time_since_hit", "<f8"),
     ],
     align=True,
 )
@@ -74,9 +80,12 @@ OPTIONAL_FIELDS = {
     "stationary_probability": np.nan,
     "signal_to_clutter_db": np.nan,
     "revision": 0,
+    "existence_probability": np.nan,
+    "time_since_hit": 0.0,
 }
 """Fields that clouds of earlier versions lack, and their values then."""
 
+_PLAIN = ("age", *(name for name in OPTIONAL_FIELDS if name != "revision"))
 MAX_AGE = 1e9
 """Largest age that is read, s: the square of a larger one could overflow."""
 _MAX_COUNT = int(np.iinfo(np.uint16).max)
@@ -138,9 +147,8 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     numbers[:, 21] = arrays.score
     records["counts"][:, 0] = np.minimum(arrays.hit_count, _MAX_COUNT)
     records["counts"][:, 1] = np.minimum(arrays.scan_count, _MAX_COUNT)
-    records["age"] = arrays.age
-    records["stationary_probability"] = arrays.stationary_probability
-    records["signal_to_clutter_db"] = arrays.signal_to_clutter_db
+    for name in _PLAIN:
+        records[name] = getattr(arrays, name)
     records["revision"] = np.minimum(arrays.revision, _MAX_COUNT)
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
     return records.view(TRACK_DTYPE), is_dense
@@ -214,13 +222,9 @@ def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
         covariance=track_covariances(records),
         hits=[()] * len(records),
         hit_count=records["hit_count"].astype(np.int64),
-        evaluation=records["evaluation"].copy(),
-        score=records["score"].copy(),
         scan_count=records["scan_count"].astype(np.int64),
-        age=records["age"].copy(),
-        stationary_probability=records["stationary_probability"].copy(),
-        signal_to_clutter_db=records["signal_to_clutter_db"].copy(),
         revision=records["revision"].astype(np.int64),
+        **{name: records[name].copy() for name in ("evaluation", "score", *_PLAIN)},
     )
 
 

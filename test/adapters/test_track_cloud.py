@@ -53,8 +53,10 @@ LAYOUT = [
     ("stationary_probability", 208, "d"),
     ("signal_to_clutter_db", 216, "d"),
     ("revision", 224, "H"),
+    ("existence_probability", 232, "d"),
+    ("time_since_hit", 240, "d"),
 ]
-POINT_STEP = 232
+POINT_STEP = 248
 UNSYMMETRIC = np.arange(16.0).reshape(4, 4) + 0.125
 """No covariance, but it shows rows and columns that were exchanged."""
 
@@ -81,6 +83,8 @@ def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
             stationary_probability=0.25,
             signal_to_clutter_db=7.5,
             revision=2,
+            existence_probability=0.75,
+            time_since_hit=3.5,
         ),
         make_track(track_id=2**32 - 1, score=math.nan),
     ]
@@ -94,6 +98,7 @@ def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
         expected += [track.covariance[row, column] for row in range(4) for column in range(4)]
         expected += [track.evaluation, track.score, 5, 7, 72.0]
         expected += [track.stationary_probability, track.signal_to_clutter_db, track.revision]
+        expected += [track.existence_probability, track.time_since_hit]
         np.testing.assert_array_equal(found, expected)
         assert data[start + 196 : start + 200] == bytes(4)
         assert data[start + 226 : start + 232] == bytes(6)

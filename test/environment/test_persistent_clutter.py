@@ -143,7 +143,7 @@ def placed(range_: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("most", [persistent_clutter.MOST_DETECTIONS, 100], ids=["all", "some"])
 def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
     monkeypatch.setattr(persistent_clutter, "MOST_DETECTIONS", most)
-    rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter()
+    rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter(SensorModel())
     compared = 0
     for ping in range(115):
         pose = (0.5 * ping, -20.0, 0.05 * ping if turning else 0.0)
@@ -162,7 +162,7 @@ def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
 
 def learned_from(places, pings: int = 200) -> PersistentClutter:
     """Where clutter stays, from the places of detections at 1 ping/s."""
-    learned, rng = PersistentClutter(), np.random.default_rng(1)
+    learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(1)
     for ping in range(pings):
         range_, azimuth = detected(places(ping, rng), (0.0, 0.0, 0.0), rng)
         position = placed(range_, azimuth)
@@ -230,7 +230,7 @@ def test_where_the_fixed_frame_begins_does_not_matter():
     far = np.array([-5e5, 4e6])  # as in a national grid; a multiple of every side
 
     def moved(offset):
-        learned, rng = PersistentClutter(), np.random.default_rng(4)
+        learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(4)
         for ping in range(60):
             range_, azimuth = detected(quay(rng), (0.0, 0.0, 0.0), rng)
             position = placed(range_, azimuth)
@@ -278,7 +278,7 @@ def test_a_target_that_moves_to_and_fro_stays_held():
 
 
 def test_a_scan_that_is_observed_again_is_not_counted_again():
-    learned, rng = PersistentClutter(), np.random.default_rng(5)
+    learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(5)
     for stamp in (*range(40), *range(30, 40), *range(40, 80)):
         range_ = rng.uniform(100.0, 200.0, 5)
         cells = learned.cells(placed(range_, 0.0 * range_), deviations(range_))
@@ -288,7 +288,7 @@ def test_a_scan_that_is_observed_again_is_not_counted_again():
 
 def test_of_many_views_in_a_period_the_share_of_each_counts():
     """Eight arcs in turn, for sixteen scans a period: a place is seen in two scans of each."""
-    learned, rng = PersistentClutter(), np.random.default_rng(6)
+    learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(6)
     for ping in range(160):
         arc = (-math.pi / 3 + (ping % 8) * math.pi / 12, math.pi / 12)
         range_, azimuth = detected(quay(rng, 40.0), (0.0, 0.0, 0.0), rng)

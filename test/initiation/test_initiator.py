@@ -193,7 +193,7 @@ def test_ids_in_use_are_passed_over():
         confirmed += made.process(scan_at(12.0 * k, [HERE, *others]))
     assert [track.track_id for track in confirmed] == [1, 3, 4]
     assert made.next_track_id == 5
-    assert sorted(track.track_id for track in made.current) == [0, 1, 2, 3, 4, 500]
+    assert sorted(made.maintenance.held.tracks.track_id) == [0, 1, 2, 3, 4, 500]
 
 
 def test_a_track_says_when_where_and_from_what():

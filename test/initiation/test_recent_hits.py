@@ -53,6 +53,7 @@ def test_strengths_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
         found["index"], found["strength"] = [7, 3], [strength, 100.0]
         recent.append(scan, found, 16)
     both = track(3).joined(track(1))
-    _, (number, total) = recent.of(both)
+    _, (number, total), sigma = recent.of(both)
     assert number.tolist() == [2.0, 1.0]
     assert total.tolist() == [5.5, 1.5]
+    assert sigma.tolist() == [2.0, 2.0], "of the last hit, whose variance is 4"

@@ -9,11 +9,11 @@ import pytest
 
 from tsepm_ros.kinematics import interacting_models as motion_module
 from tsepm_ros.kinematics.interacting_models import (
-    MEAN_TIME_TO_TURN,
-    MEAN_TURN_DURATION,
+    GOES_ON,
     PROCESS_NOISE,
+    SCANS_TO_TURN,
+    TURN_TIME,
     InteractingModels,
-    stay_or_change,
 )
 from tsepm_ros.kinematics.kalman import predict
 
@@ -22,22 +22,14 @@ STATE = np.array([[100.0, 5.0, -200.0, 3.0], [0.0, -8.0, 900.0, 0.0]])
 COVARIANCE = np.stack([np.diag([20.0, 2.0, 20.0, 2.0]) ** 2] * 2)
 
 
-def test_what_begins_and_ends_at_random_does_so_at_its_rates():
-    begun, still = stay_or_change(np.array([1e-6, 1e9]), 300.0, 20.0)
-    np.testing.assert_allclose(begun, [1e-6 / 300.0, 20.0 / 320.0], rtol=1e-6)
-    np.testing.assert_allclose(still, [1.0 - 1e-6 / 20.0, 20.0 / 320.0], rtol=1e-6)
-
-
-def test_two_steps_are_as_one_of_their_sum():
-    (first,), (still,) = stay_or_change(np.array([7.0]), 300.0, 20.0)
-    (second,), (on,) = stay_or_change(np.array([4.0]), 300.0, 20.0)
-    (begun,), (whole,) = stay_or_change(np.array([11.0]), 300.0, 20.0)
-    assert begun == pytest.approx(first * on + (1.0 - first) * second)
-    assert whole == pytest.approx(still * on + (1.0 - still) * second)
+def test_the_modes_begin_as_a_target_is_in_the_long_run():
+    motion = InteractingModels.of(STATE, COVARIANCE)
+    next_scan = motion.predicted(np.full(2, 1.0), MAX_SPEED)
+    np.testing.assert_allclose(next_scan.probability, motion.probability)
 
 
 def test_what_never_begins_does_not_change_anything(monkeypatch):
-    monkeypatch.setattr(motion_module, "MEAN_TIME_TO_TURN", math.inf)
+    monkeypatch.setattr(motion_module, "SCANS_TO_TURN", math.inf)
     motion = InteractingModels.of(STATE, COVARIANCE)
     for _ in range(100):
         motion = motion.predicted(np.full(2, 2.0), MAX_SPEED)
@@ -59,11 +51,9 @@ def test_modes_are_mixed_and_carried_as_in_plain_loops(step):
         root @ np.swapaxes(root, 2, 3) + np.eye(4),
     )
     found = motion.predicted(np.full(2, step), MAX_SPEED)
-    rates = 1.0 / MEAN_TIME_TO_TURN + 1.0 / MEAN_TURN_DURATION
-    left = math.exp(-rates * abs(step))
-    turning = 1.0 / MEAN_TIME_TO_TURN / rates
-    change = np.array([[1.0 - turning, turning]] * 2) * (1.0 - left) + np.eye(2) * left
-    turn = (MAX_SPEED / 2.0) ** 2 / max(abs(step), MEAN_TURN_DURATION)
+    turning = 1.0 / SCANS_TO_TURN
+    change = np.array([[1.0 - turning, turning], [1.0 - GOES_ON, GOES_ON]])
+    turn = (MAX_SPEED / 2.0) ** 2 / max(abs(step), TURN_TIME)
     for track in range(2):
         for mode in range(2):
             weight = [change[i, mode] * motion.probability[i, track] for i in range(2)]

@@ -13,6 +13,6 @@ from tsepm_ros.maintenance import ipda
 @pytest.fixture
 def straight(monkeypatch):
     """Targets neither turn nor fade nor vanish: what is left has closed forms."""
-    monkeypatch.setattr(interacting_models, "MEAN_TIME_TO_TURN", math.inf)
-    monkeypatch.setattr(ipda, "TIME_TO_FADE", math.inf)
-    monkeypatch.setattr(ipda, "TIME_TO_VANISH", math.inf)
+    monkeypatch.setattr(interacting_models, "SCANS_TO_TURN", math.inf)
+    monkeypatch.setattr(ipda, "SCANS_TO_FADE", math.inf)
+    monkeypatch.setattr(ipda, "SCANS_TO_VANISH", math.inf)

@@ -36,12 +36,15 @@ def test_rows_are_taken_and_joined():
 
 def test_prediction_carries_every_column_and_changes_no_row_of_the_old_table():
     old = table(1, 2)
-    new = old.predicted(12.0, MAX_SPEED)
+    new = old.predicted(12.0, MAX_SPEED, np.zeros(2, bool))
     assert_same(old, table(1, 2))
     assert new.tracks.stamp.tolist() == new.tracks.age.tolist() == [12.0, 12.0]
     np.testing.assert_allclose(new.tracks.state[:, 0], 2060.0)
     np.testing.assert_array_equal(new.tracks.state, new.models.combined()[0])
-    assert (new.existence < old.existence).all() and (new.visible < old.visible).all()
+    kept = old.predicted(12.0, MAX_SPEED, np.ones(2, bool))
+    np.testing.assert_array_equal(kept.tracks.state, old.tracks.state)
+    np.testing.assert_allclose(kept.models.covariance, old.models.covariance)
+    assert kept.tracks.stamp.tolist() == kept.tracks.age.tolist() == [12.0, 12.0]
 
 
 def test_what_is_listed_gets_the_reported_state_and_keeps_its_figures():

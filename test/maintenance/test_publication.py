@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.builders import detections
-from support.held import P_D, ids, step, tracks
+from support.held import P_D, published, step, tracks
 
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.stationary import SpeedPrior
@@ -28,7 +28,7 @@ def echoes(hold: TrackMaintenance) -> list[int]:
 def test_without_min_speed_every_track_is_published_with_its_probability():
     hold = TrackMaintenance(1e6)
     new = hold.add(tracks(1, 2), 0.9)
-    assert ids(hold) == [1, 2] == new.track_id.tolist()
+    assert published(hold) == [1, 2] == new.track_id.tolist()
     assert echoes(hold) == []
     assert ((new.stationary_probability > 0.0) & (new.stationary_probability < 1.0)).all()
     step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), P_D)
@@ -36,30 +36,31 @@ def test_without_min_speed_every_track_is_published_with_its_probability():
 
 
 def test_what_is_held_back_claims_its_detections_as_every_held_track_does():
-    back, published = holding(1), holding(1, prior=SpeedPrior())
-    assert (ids(back), ids(published)) == ([], [1])
+    back, shown = holding(1), holding(1, prior=SpeedPrior())
+    assert (published(back), published(shown)) == ([], [1])
     scan = detections([[2060.0, 1000.0], [2000.0, 9000.0]], 12.0)
-    np.testing.assert_array_equal(step(back, 12.0, scan, P_D), step(published, 12.0, scan, P_D))
-    for one, other in zip(back.held_association, published.held_association, strict=True):
+    np.testing.assert_array_equal(step(back, 12.0, scan, P_D), step(shown, 12.0, scan, P_D))
+    for one, other in zip(back.held_association, shown.held_association, strict=True):
         np.testing.assert_array_equal(one, other)
     assert back.held_association.probability[0] > 0.9
-    assert (ids(back), echoes(back)) == ([], [1])
+    assert (published(back), echoes(back)) == ([], [1])
 
 
 def test_the_end_of_what_was_never_published_is_not_told():
     hold = holding(1, 2, hold_time=30.0)
     step(hold, 31.0)
-    assert (hold.ended, len(hold.held)) == ([], 0)
+    assert (hold.ended, len(hold.held)) == ({}, 0)
     hold = holding(1)
     hold.clear()
-    assert hold.take_cleared() == []
+    step(hold, 1.0)
+    assert hold.ended == {}
 
 
 def test_min_speed_off_publishes_what_was_held_back():
     hold = holding(1, 2)
     hold.speed_prior = SpeedPrior()
     step(hold, 12.0)
-    assert hold.released.track_id.tolist() == [1, 2] == ids(hold)
+    assert hold.released.track_id.tolist() == [1, 2] == published(hold)
     assert echoes(hold) == []
     step(hold, 24.0)
     assert len(hold.released) == 0
@@ -69,7 +70,7 @@ def test_min_speed_does_not_take_back_what_was_published():
     hold = holding(1, prior=SpeedPrior())
     hold.speed_prior = SLOW
     step(hold, 12.0)
-    assert (ids(hold), echoes(hold)) == ([1], [])
+    assert (published(hold), echoes(hold)) == ([1], [])
     assert hold.current.stationary_probability[0] > 0.5
 
 
@@ -79,28 +80,30 @@ def test_what_exists_hardly_is_neither_published_nor_a_fixed_echo():
     assert echoes(hold) == []
     hold.speed_prior = SpeedPrior()
     step(hold, 1.0)
-    assert (ids(hold), len(hold.held)) == ([], 1)
+    assert (published(hold), len(hold.held)) == ([], 1)
 
 
 def test_a_downstream_tracker_does_not_decline_what_it_never_heard_of():
     hold = holding(1)
-    for stamp in (10.0, 80.0, 150.0):
-        hold.follow(stamp, TrackArrays.of([]))
+    for stamp in np.arange(10.0, 160.0, 10.0):
+        step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp), P_D)
+        if stamp in (10.0, 80.0, 150.0):
+            hold.follow(stamp, TrackArrays.of([]))
     assert len(hold.held) == 1
     # Its time begins when the track is published.
     hold.speed_prior = SpeedPrior()
-    step(hold, 160.0)
-    assert ids(hold) == [1]
+    step(hold, 160.0, detections([[2800.0, 1000.0]], 160.0), P_D)
+    assert published(hold) == [1]
     hold.follow(200.0, TrackArrays.of([]))
-    assert ids(hold) == [1]
+    assert published(hold) == [1]
     hold.follow(230.0, TrackArrays.of([]))
-    assert ids(hold) == []
+    assert published(hold) == []
 
 
 def test_what_a_downstream_tracker_lists_is_published():
     hold = holding(1)
     hold.follow(5.0, tracks(1, 7, stamp=5.0))
-    assert ids(hold) == [1, 7]
+    assert published(hold) == [1, 7]
     step(hold, 6.0)
     assert len(hold.released) == 0
 

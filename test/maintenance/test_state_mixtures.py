@@ -62,7 +62,7 @@ def test_two_detections_are_weighed_as_probabilistic_data_association_does(strai
         w * (covariance + np.outer(state - mean, state - mean))
         for w, (state, covariance) in zip(weights, parts, strict=True)
     )
-    (track,) = hold.current
+    (track,) = hold.held.tracks
     np.testing.assert_allclose(track.state, mean, rtol=1e-9)
     np.testing.assert_allclose(track.covariance, spread, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(hold.held.existence, [odds / (odds + 0.2)])
@@ -92,7 +92,7 @@ def test_a_late_echo_is_taken_at_its_own_time_against_the_clutter_where_it_is(st
     coasted = holding(1)
     step(coasted, stamp)
     mean = (1 - weight) * coasted.current.state[0] + weight * state
-    np.testing.assert_allclose(hold.current.state[0], mean, rtol=1e-9)
+    np.testing.assert_allclose(hold.held.tracks.state[0], mean, rtol=1e-9)
 
 
 @pytest.mark.long
@@ -105,9 +105,9 @@ def test_covariances_stay_positive_definite_and_numbers_finite():
         points += [[2000.0 + 5.0 * time, 1000.0 * k] for k in (1, 2, 3)]
         explained = step(hold, time, detections(points, time), P_D)
         assert np.isfinite(explained).all()
-        assert np.linalg.eigvalsh(hold.current.covariance).min() > 0
+        assert np.linalg.eigvalsh(hold.held.tracks.covariance).min() > 0
         np.testing.assert_array_equal(
-            hold.current.covariance, np.swapaxes(hold.current.covariance, 1, 2)
+            hold.held.tracks.covariance, np.swapaxes(hold.held.tracks.covariance, 1, 2)
         )
     assert ids(hold) == [1, 2, 3]
     assert np.isfinite(hold.held.existence).all()

@@ -133,7 +133,10 @@ def test_over_scans_the_fit_is_least_squares_on_all_detections(monkeypatch):
     np.testing.assert_allclose(fits.state[0] / sigma, expected / sigma, atol=0.05)
     np.testing.assert_allclose(np.sqrt(np.diag(fits.covariance[0])), sigma, rtol=0.02)
     probability = SpeedPrior(0.0, 10.0).stationary_probability(expected[None], spread[None], 0.9)
-    np.testing.assert_allclose(hold.current.stationary_probability, probability, rtol=0.05)
+    found = fits.stationary_probability(SpeedPrior(0.0, 10.0), np.zeros(1))
+    share = stationary.STATIONARY_SHARE
+    odds = probability / (1.0 - probability) / 9.0 * share / (1.0 - share)
+    np.testing.assert_allclose(found, odds / (1.0 + odds), rtol=0.05)
 
 
 def test_places_are_the_fits_given_that_the_targets_stand_still():
@@ -153,24 +156,29 @@ def test_places_are_the_fits_given_that_the_targets_stand_still():
     assert np.linalg.eigvalsh(spread[0]).min() > 0.0
 
 
-def test_however_often_one_looks_few_fixed_echoes_are_taken_for_moving():
-    # By Ville's inequality, at most (1 - share) / share / 9 = 1 / 81 of them, ever.
-    rng = np.random.default_rng(7)
-    number, looks, sigma = 2000, 90, np.array([0.5, 4.0])
-    prior = SpeedPrior(0.3, 5.0)
-    seen = sigma * rng.standard_normal((looks, number, 2))
-    ever = np.zeros(number, bool)
-    for look in [*range(3, 20), *range(20, looks, 4)]:
-        times = np.arange(look) - (look - 1.0)
-        rows = np.stack([np.ones(look), times], axis=1)
-        inverse = np.linalg.inv(rows.T @ rows)
-        fitted = np.einsum("ij,kj,knc->nic", inverse, rows, seen[:look])
-        state = np.stack([fitted[:, axis, c] for c in (0, 1) for axis in (0, 1)], axis=1)
-        covariance = np.zeros((number, 4, 4))
-        for c in (0, 1):
-            covariance[:, 2 * c : 2 * c + 2, 2 * c : 2 * c + 2] = sigma[c] ** 2 * inverse
-        ever |= prior.sure_to_move(prior.stationary_probability(state, covariance, 0.9))
-    assert ever.mean() <= 1.0 / 81.0
+def test_the_share_of_rest_is_that_of_the_tracks_held():
+    # Of twenty tracks that surely stand still, the next start of which nothing is known is another.
+    prior, number = SpeedPrior(0.3, 5.0), 20
+    still, vague = np.diag([1.0, 1e-3, 1.0, 1e-3]) ** 2, np.diag([1.0, 50.0, 1.0, 50.0]) ** 2
+    covariance = np.stack([still] * number + [vague])
+    fits = StraightFits.of(np.zeros((number + 1, 4)), covariance)
+    found = fits.stationary_probability(prior, np.ones(number + 1))
+    share, weight = stationary.STATIONARY_SHARE, stationary.PRIOR_TRACKS
+    even = prior.stationary_probability(np.zeros((1, 4)), vague[None], 0.5)[0]
+
+    def posterior(share: float) -> float:
+        return share * even / (share * even + (1.0 - share) * (1.0 - even))
+
+    # The fixed point of the share, by bisection.
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        mean = (weight * share + number + posterior(middle)) / (weight + number + 1.0)
+        low, high = (middle, high) if mean > middle else (low, middle)
+    np.testing.assert_allclose(found[:number], 1.0, atol=1e-3)
+    np.testing.assert_allclose(found[number], posterior(low), atol=0.02)
+    alone = fits[np.array([number])].stationary_probability(prior, np.ones(1))
+    assert alone[0] < 0.5 < found[number]
 
 
 def test_one_detection_changes_the_odds_of_a_change_by_a_bounded_factor():
@@ -204,21 +212,24 @@ def standing(x: float = 2000.0):
     """A track of something at rest, as fitted to its first hits."""
     track = tracks(1, x=x).where(np.array([0]))
     state = np.array([[x, 0.0, 1000.0, 0.0]])
-    covariance = np.diag([3.0, 1.0, 3.0, 1.0])[None] ** 2
+    covariance = np.diag([3.0, 0.3, 3.0, 0.3])[None] ** 2
     return type(track)(**{**vars(track), "state": state, "covariance": covariance})
 
 
-def test_a_track_that_stops_stands_still_after_a_while_and_stays_a_track():
+def test_a_track_that_stops_becomes_a_fixed_echo_and_comes_back_under_its_id():
     rng = np.random.default_rng(4)
-    hold = TrackMaintenance(1e6)
+    hold = TrackMaintenance(1e6, speed_prior=SpeedPrior(0.5, 10.0))
     moving = standing()
     state = np.array([[2000.0, 5.0, 1000.0, 0.0]])
     hold.add(type(moving)(**{**vars(moving), "state": state}), 0.99)
     follow(hold, lambda t: (2000.0 + 5.0 * min(t, 60.0), 1000.0), np.arange(1.0, 60.0), rng)
+    assert hold.current.track_id.tolist() == [1]
     assert hold.current.stationary_probability[0] < 0.01
     follow(hold, lambda t: (2300.0, 1000.0), np.arange(61.0, 200.0), rng)
-    assert hold.current.track_id.tolist() == [1]
-    assert hold.current.stationary_probability[0] > 0.9
+    assert (len(hold.current), [echo.track_id for echo in hold.fixed_echoes]) == (0, [1])
+    follow(hold, lambda t: (2300.0 + 3.0 * (t - 200.0), 1000.0), np.arange(200.0, 240.0), rng)
+    assert (hold.current.track_id.tolist(), len(hold.fixed_echoes)) == ([1], 0)
+    assert len(hold.released) == 0, "it is no new track"
 
 
 def test_what_sets_off_is_released_under_its_id_and_only_once():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
-from support.held import MAX_SPEED, P_D, holding, ids, step, tracks
+from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, step, tracks
 
 from tsepm_ros import Scan
 from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
@@ -19,12 +19,12 @@ def test_a_track_is_held_for_its_time_and_ends_once_at_the_first_scan_after():
     hold = holding(1, hold_time=30.0)
     step(hold, 30.0)
     assert ids(hold) == [1]
-    assert hold.ended == []
+    assert list(hold.ended) == []
     step(hold, 30.1)
     assert ids(hold) == []
-    assert hold.ended == [1]
+    assert list(hold.ended) == [1]
     step(hold, 40.0)
-    assert hold.ended == []
+    assert list(hold.ended) == []
 
 
 def test_tracks_are_carried_to_the_scan_s_stamp_at_constant_velocity(straight):
@@ -49,21 +49,21 @@ def test_a_detection_of_its_own_lets_a_track_live_on():
     step(hold, 50.0)
     assert ids(hold) == [1]
     step(hold, 54.1)
-    assert hold.ended == [1]
+    assert list(hold.ended) == [1]
 
 
 def test_a_detection_far_off_is_not_its_own():
     hold = holding(1, hold_time=30.0)
     step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), P_D)
     step(hold, 30.1)
-    assert hold.ended == [1]
+    assert list(hold.ended) == [1]
 
 
 def test_a_track_that_is_over_its_time_takes_nothing_any_more():
     hold = holding(1, hold_time=30.0)
     explained = step(hold, 30.1, detections([[2150.5, 1000.0]], 30.1), P_D)
     assert explained.tolist() == [0.0]
-    assert hold.ended == [1]
+    assert list(hold.ended) == [1]
 
 
 def test_clearing_ends_every_track_and_the_next_step_names_it_once():
@@ -71,17 +71,9 @@ def test_clearing_ends_every_track_and_the_next_step_names_it_once():
     hold.clear()
     assert ids(hold) == []
     step(hold, 10.0)
-    assert hold.ended == [1, 5]
+    assert list(hold.ended) == [1, 5]
     step(hold, 20.0)
-    assert hold.ended == []
-
-
-def test_what_was_cleared_and_asked_for_is_not_named_again():
-    hold = holding(1)
-    hold.clear()
-    assert hold.take_cleared() == [1]
-    step(hold, 10.0)
-    assert hold.ended == []
+    assert list(hold.ended) == []
 
 
 def test_ended_tracks_are_not_remembered_for_ever():
@@ -89,7 +81,7 @@ def test_ended_tracks_are_not_remembered_for_ever():
     for scan in range(100):
         hold.add(tracks(scan, stamp=12.0 * scan), 0.9)
         step(hold, 12.0 * scan + 12.0)
-        assert hold.ended == [scan]
+        assert list(hold.ended) == [scan]
 
 
 def test_a_changed_hold_time_counts_at_the_next_scan():
@@ -97,7 +89,24 @@ def test_a_changed_hold_time_counts_at_the_next_scan():
     hold.hold_time = 5.0
     assert ids(hold) == [1]
     step(hold, 6.0)
-    assert hold.ended == [1]
+    assert list(hold.ended) == [1]
+
+
+@pytest.mark.parametrize("interval", [0.1, 12.0])
+def test_without_a_hold_time_the_longest_coast_is_fifty_scans(interval):
+    hold = TrackMaintenance()
+    hold.add(tracks(1), 0.9)
+    for scan in range(1, 52):
+        hold.step(
+            interval * scan,
+            NOTHING,
+            np.zeros(0),
+            lambda positions: np.full(len(positions), UNSEEN),
+            FIXED_RANGE_ERROR,
+            MAX_SPEED,
+            interval,
+        )
+        assert hold.ended == ({} if scan < 51 else {1: "not_detected"})
 
 
 def test_claims_are_those_of_the_last_scan():

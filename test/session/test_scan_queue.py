@@ -104,7 +104,7 @@ def test_a_restart_resets_the_state_and_is_said_once():
     after = play(one, [0, 12, 24])
     assert [result.arrival for result in after] == [Arrival.RESTART, Arrival.NEXT, Arrival.NEXT]
     assert one.heard == ["restart"]
-    assert after[0].ended == [before[2].new[0].track_id]
+    assert list(after[0].ended) == [before[2].new[0].track_id]
     assert len(after[0].current) == 0
     assert [len(result.new) for result in after] == [0, 0, 1]
     assert after[2].new[0].hits == ((0, 0), (1, 0), (2, 0)), "scans count from the restart"
@@ -168,7 +168,9 @@ def test_a_long_gap_drops_potential_tracks_and_keeps_the_held():
     assert results[5].arrival is Arrival.GAP
     assert one.heard == ["gap"]
     assert [len(result.new) for result in results] == [0, 0, 1, 0, 0, 0, 0, 1]
-    assert [track.track_id for track in results[5].current] == [0]
+    # Its place is not known well enough after the gap, and then it is again.
+    published = [[track.track_id for track in result.current] for result in results]
+    assert published[4:7] == [[0], [], [0]]
     assert results[7].new[0].scan_count == 3
 
 

@@ -12,6 +12,7 @@ from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 NOTHING = detections(np.zeros((0, 2)), 0.0)
 CLUTTER = 1e-6
 P_D = 0.9
+UNSEEN = 1e-9
 MAX_SPEED = 10.0
 
 
@@ -33,9 +34,12 @@ def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
 
 
 def step(
-    maintenance: TrackMaintenance, stamp: float, scan=NOTHING, detectable: float = 0.0
+    maintenance: TrackMaintenance, stamp: float, scan=NOTHING, detectable: float = UNSEEN
 ) -> np.ndarray:
-    """Process a scan; with `detectable` 0 misses do not count, and tracks live for hold_time."""
+    """Process a scan; with `detectable` UNSEEN misses do not count, and tracks live for hold_time.
+
+    With 0 the targets are outside the coverage.
+    """
     return maintenance.step(
         stamp,
         scan,
@@ -47,6 +51,11 @@ def step(
 
 
 def ids(maintenance: TrackMaintenance) -> list[int]:
+    """Ids of the held tracks, published or not."""
+    return maintenance.held.tracks.track_id.tolist()
+
+
+def published(maintenance: TrackMaintenance) -> list[int]:
     return [track.track_id for track in maintenance.current]
 
 

@@ -155,6 +155,8 @@ class PlainMaintenance:
         predicted = [
             predict(track, stamp, longest, rule.settings.max_speed) for track in self.tracks
         ]
+        p_d = [detectable(track.mean[0][[0, 2]]) for track in predicted]
+        predicted = [waited(track, p > 0.0) for track, p in zip(predicted, p_d, strict=True)]
         plots = plots_of(scan, clutter, rule)
         near = [neighbours(track, plots, stamp) for track in predicted]
         with_rates = any(has_rate(plot, rule) for plot in plots)
@@ -179,7 +181,6 @@ class PlainMaintenance:
             ]
             for track, modes in zip(predicted, fits, strict=True)
         ]
-        p_d = [detectable(track.mean[0][[0, 2]]) for track in predicted]
         empty = [1.0 - t.visible * p * P_G for t, p in zip(predicted, p_d, strict=True)]
         mean = [
             {
@@ -216,7 +217,7 @@ class PlainMaintenance:
             )
             for j, plot in enumerate(plots)
         ]
-        self.tracks, learned, located = [], [], {}
+        self.tracks, learned, located, explained = [], [], {}, {}
         for i, track in enumerate(predicted):
             of_modes = [{j: of[j] / left[i][j] for j in of} for of in ratios[i]]
             listed = self.report is not None and track.unlisted_since == -math.inf
@@ -229,14 +230,17 @@ class PlainMaintenance:
             whole = empty[i] + sum(competing[i].values())
             for j, value in competing[i].items():
                 self.association[track.id, j] = value / whole * track.existence
+            explained[track.id] = sum(competing[i].values()) / whole * track.existence
             covered = track.covered_scans + (p_d[i] > 0.0)
             if p_d[i] > 0.0:
                 learned.append((detected * track.proven / track.existence, covered))
             self.tracks.append(replace(track, covered_scans=covered * (1.0 - detected)))
         self.learn(learned)
-        self.end("existence", [track.existence >= 0.01 for track in self.tracks])
-        self.tracks = counted(self.tracks, located)
-        self.end("repetition", [track.agreeing < 5 for track in self.tracks])
+        seen = {track.id: p > 0.0 for track, p in zip(predicted, p_d, strict=True)}
+        self.end("existence", [t.existence >= 0.01 or not seen[t.id] for t in self.tracks])
+        self.end("leaving", [track.existence >= 0.01 for track in self.tracks])
+        self.tracks = counted(self.tracks, located, explained)
+        self.end("track_merging", [track.agreeing < 5 for track in self.tracks])
         return density
 
     def learn(self, learned: Sequence[tuple[float, float]]) -> None:
@@ -265,7 +269,7 @@ def begun(
     id_: int, stamp: float, state: Any, covariance: Any, existence: float, unlisted: float
 ) -> Track:
     """A track of which only a state is known: it turns as often as targets do in the long run."""
-    turning = (1.0 / 100.0) / (1.0 / 100.0 + 1.0 / 5.0)
+    turning = (1.0 / 30.0) / (1.0 / 30.0 + 0.9)
     state, covariance = np.array(state, float), np.array(covariance, float)
     modes = Mode(1.0 - turning, state, covariance), Mode(turning, state, covariance)
     return Track(id_, stamp, modes, existence, stamp, unlisted_since=unlisted)
@@ -282,14 +286,6 @@ def mixture(
     )
 
 
-def chain(time: float, begins: float, ends: float) -> np.ndarray:
-    """Probabilities p_ij of a Markov chain of two states after a time: mean times of 0 and 1."""
-    rate = 1.0 / begins + 1.0 / ends
-    stationary = np.array([(1.0 / ends) / rate, (1.0 / begins) / rate])
-    decay = math.exp(-rate * time)
-    return (1.0 - decay) * np.array([stationary, stationary]) + decay * np.eye(2)
-
-
 def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Track:
     """The track at the stamp of a scan.
 
@@ -297,7 +293,7 @@ def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Tra
     in the longest time of any track.
     """
     time = stamp - track.stamp
-    change = chain(abs(time), 100.0, 5.0)
+    change = np.array([[29.0 / 30.0, 1.0 / 30.0], [0.9, 0.1]])
     modes = []
     for to in (ON, TURN):
         weights = [change[of, to] * track.modes[of].probability for of in (ON, TURN)]
@@ -320,14 +316,21 @@ def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Tra
         )
         f = transition_matrix(time)
         modes.append(Mode(sum(weights), f @ state, f @ covariance @ f.T + q))
-    seen = np.array([track.visible, 1.0 - track.visible]) @ chain(abs(time), 300.0, 20.0)
+    return replace(track, stamp=stamp, modes=(modes[ON], modes[TURN]))
+
+
+def waited(track: Track, covered: bool) -> Track:
+    """The track after a scan's time in the chain of visible, faded and gone.
+
+    A visible target fades once in 25 scans, a faded one is visible again after 8 in the mean; a
+    target vanishes once in 50 scans, or leaves for good after 8 outside the coverage.
+    """
+    stays = 1.0 - 1.0 / 50.0 if covered else 1.0 - 1.0 / 8.0
     return replace(
         track,
-        stamp=stamp,
-        modes=(modes[ON], modes[TURN]),
-        existence=track.existence * math.exp(-max(time, 0.0) / 600.0),
-        proven=track.proven * math.exp(-max(time, 0.0) / 600.0),
-        visible=seen[0],
+        existence=stays * track.existence,
+        proven=stays * track.proven,
+        visible=24.0 / 25.0 * track.visible + (1.0 - track.visible) / 8.0,
     )
 
 
@@ -491,10 +494,13 @@ def limited(
     return state + gain @ (within - mean), covariance + gain @ (second - spread) @ gain.T
 
 
-def counted(tracks: Sequence[Track], located: Mapping[int, bool]) -> list[Track]:
+def counted(
+    tracks: Sequence[Track], located: Mapping[int, bool], explained: Mapping[int, float]
+) -> list[Track]:
     """The tracks with the scans in which each, located, agreed with an older located one nearby.
 
-    A scan in which it is located and does not agree begins the count again.
+    They do not agree while both together explain more than 1.5 detections. A scan in which a track
+    is located and does not agree begins the count again.
     """
     updated = []
     for i, track in enumerate(tracks):
@@ -507,7 +513,8 @@ def counted(tracks: Sequence[Track], located: Mapping[int, bool]) -> list[Track]
         agrees = False
         for k in sorted(away, key=lambda k: away[k])[:7]:
             error, total = state - tracks[k].mean[0], covariance + tracks[k].mean[1]
-            if located.get(track.id) and located.get(tracks[k].id):
+            alone = explained[track.id] + explained[tracks[k].id] <= 1.5
+            if alone and located.get(track.id) and located.get(tracks[k].id):
                 agrees |= k < i and float(error @ np.linalg.solve(total, error)) <= 7.78
         begins_again = not agrees and located.get(track.id, False)
         agreeing = 0 if begins_again else track.agreeing + agrees

@@ -280,7 +280,7 @@ def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
         transition @ hypothesis.state,
         transition @ hypothesis.covariance @ transition.T + noise,
         hypothesis.score,
-        0.4 + (hypothesis.faded - 0.4) * math.exp(-elapsed / 120.0),
+        0.4 + (hypothesis.faded - 0.4) * math.exp(-0.1),
     )
 
 

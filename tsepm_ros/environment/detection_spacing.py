@@ -48,6 +48,8 @@ from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.sensing.sensor import SensorModel
 
+SHORT_RANGE = 100.0
+"""Range below which every length here is as much shorter, m: a tank or a room is no sea."""
 OUTER = np.array([12.0, 24.0, 48.0, 96.0])
 """Half widths of the larger boxes, m: far below the scale on which clutter changes."""
 STREAKS = ((0, 0), (0, 1), (0, 3), (1, 3))
@@ -84,6 +86,11 @@ LARGEST_ODDS = 1.0
 """Odds of p1 from which on a detection tells too little."""
 
 
+def unit_of(sensor: SensorModel) -> float:
+    """Factor on the lengths of this module for a sensor, at most 1."""
+    return min(sensor.max_range / SHORT_RANGE, 1.0)
+
+
 class DetectionSpacing:
     """Judges from ping to ping how closely detections lie together.
 
@@ -103,22 +110,23 @@ class DetectionSpacing:
     """
 
     def __init__(self, sensor: SensorModel, target_extent: float = 0.0) -> None:
-        self._sensor = sensor
+        self._sensor, unit = sensor, unit_of(sensor)
+        self._outer = unit * OUTER
         cell, beam = sensor.range_resolution, sensor.azimuth_resolution
-        beams = ((beam, math.inf),) if beam else tuple((one, WIDEST) for one in BEAMS)
+        beams = ((beam, math.inf),) if beam else tuple((one, unit * WIDEST) for one in BEAMS)
         self._extents = [
             PlotExtent(one + cell, one, *width)
-            for one in ((target_extent,) if target_extent else EXTENTS)
+            for one in ((target_extent,) if target_extent else unit * np.array(EXTENTS))
             for width in beams
         ]
         self._plots = len(self._extents)
         if not target_extent:
-            self._extents += [PlotExtent(*one) for one in HULLS]
+            self._extents += [PlotExtent(*one) for one in unit * np.array(HULLS)]
         fields = [(one.along, one.across, one.beam, one.widest) for one in self._extents]
         self._along, self._across, self._beam, self._widest = np.array(fields).T
         shape = len(OUTER), len(STREAKS), len(self._extents), len(INSIDE)
         self._log, self._fit = np.full((2, *shape), -np.inf)
-        self._streaks = [CloseStreaks(extent) for extent in CLOSE]
+        self._streaks = [CloseStreaks(extent.scaled(unit)) for extent in CLOSE]
         self._strips = StripCounts((len(OUTER), len(self._extents)))
         self._pings = 0
         self.log_ratio, self.last_log_ratio = -math.inf, 0.0
@@ -196,7 +204,7 @@ class DetectionSpacing:
         range, azimuth = range[rows], azimuth[rows]
         eligible = np.stack([streak[kind, rows] >= least for kind, least in STREAKS])
         area = self._sensor.coverage_area if seen is None else seen.area
-        falls = _falls(_pairs(range, azimuth), eligible, area)
+        falls = _falls(_pairs(range, azimuth, self._outer), eligible, area, self._outer)
         if len(falls.earlier):
             larger = self._seen_area(range, azimuth, falls, seen)
             increments = self._increments(range, azimuth, falls, larger)
@@ -213,7 +221,7 @@ class DetectionSpacing:
         size = falls.test // len(STREAKS)
         boxes, box = np.unique(size * len(range) + falls.earlier, return_inverse=True)
         size, row = np.divmod(boxes, len(range))
-        range, azimuth, half = range[row], azimuth[row], OUTER[size]
+        range, azimuth, half = range[row], azimuth[row], self._outer[size]
         area = self._area(range, azimuth, half, half)
         if seen is not None:
             area *= _seen_share(seen, range, azimuth, half)
@@ -239,7 +247,7 @@ class DetectionSpacing:
         With the odds of p by the areas alone, and of clutter that may lie on arcs and rays.
         """
         size = falls.test // len(STREAKS)
-        earlier, outer = falls.earlier, OUTER[size][:, None]
+        earlier, outer = falls.earlier, self._outer[size][:, None]
         centre, angle = range[earlier][:, None], azimuth[earlier][:, None]
         left = (larger - falls.crowd)[:, None]
         widest = np.minimum(centre * self._beam, self._widest)
@@ -316,9 +324,9 @@ class _Falls(NamedTuple):
     crowd: FloatArray
 
 
-def _pairs(range: FloatArray, azimuth: FloatArray) -> _Pairs:
+def _pairs(range: FloatArray, azimuth: FloatArray, outer: FloatArray) -> _Pairs:
     places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
-    earlier, later = pairs_nearer(places, 2.0 * math.sqrt(2.0) * OUTER.max())
+    earlier, later = pairs_nearer(places, 2.0 * math.sqrt(2.0) * outer.max())
     order = np.lexsort((earlier, later))
     earlier, later = earlier[order], later[order]
     along = np.abs(range[earlier] - range[later])
@@ -327,18 +335,18 @@ def _pairs(range: FloatArray, azimuth: FloatArray) -> _Pairs:
     return _Pairs(earlier, later, along, across)
 
 
-def _falls(pairs: _Pairs, eligible: BoolArray, area: float) -> _Falls:
+def _falls(pairs: _Pairs, eligible: BoolArray, area: float, outer: FloatArray) -> _Falls:
     """Falls into the boxes of the detections that are eligible by each kind of streak, (s, n).
 
     Of tests whose boxes are not too many for the area (m^2) where clutter is seen.
     """
     number, n = eligible.sum(axis=1), eligible.shape[1]
-    possible = (number > 0) & (number * (2.0 * OUTER[:, None]) ** 2 <= CROWDED * area)
+    possible = (number > 0) & (number * (2.0 * outer[:, None]) ** 2 <= CROWDED * area)
     size, kind = possible.nonzero()
-    width = 2.0 * OUTER[size][:, None]
+    width = 2.0 * outer[size][:, None]
     near = (pairs.along < width) & (pairs.across < width) & eligible[kind][:, pairs.earlier]
     tried, pair = near.nonzero()
-    along, across, half = pairs.along[pair], pairs.across[pair], OUTER[size[tried]]
+    along, across, half = pairs.along[pair], pairs.across[pair], outer[size[tried]]
     earlier, later = pairs.earlier[pair], pairs.later[pair]
     both = eligible[kind[tried], later]
     shared = (2.0 * half - along) * (2.0 * half - across)

@@ -55,7 +55,7 @@ class Learned:
     clumps: ClutterClumps
     seen_extent: SeenExtent
     strengths: ClutterStrengths
-    persistent: PersistentClutter = field(default_factory=PersistentClutter)
+    persistent: PersistentClutter
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
     secondary_echoes: SecondaryEchoes = field(default_factory=SecondaryEchoes)
     scan_interval: ScanInterval = field(default_factory=ScanInterval)
@@ -71,7 +71,8 @@ class Learned:
         shape, wraps = clutter_map.grid.shape, clutter_map.grid.wraps
         strengths = ClutterStrengths(shape, wraps)
         clumps = ClutterClumps(shape, wraps)
-        return cls(clutter_map, clumps, SeenExtent(Extent.of(sensor)), strengths)
+        seen = SeenExtent(Extent.of(sensor))
+        return cls(clutter_map, clumps, seen, strengths, PersistentClutter(sensor))
 
     def anew(self, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor, but with where clutter stays."""

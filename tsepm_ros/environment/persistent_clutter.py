@@ -33,6 +33,7 @@ import numpy as np
 from tsepm_ros.environment.adaptive_windows import root_bound
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.sensing.coverage import View
+from tsepm_ros.sensing.sensor import SensorModel
 
 SIDE = 2.0
 """Sides of the smaller cells in standard deviations of a detection, about."""
@@ -78,9 +79,18 @@ class CellNumbers(NamedTuple):
 
 
 class PersistentClutter:
-    """Learns from scan to scan where clutter stays."""
+    """Learns from scan to scan where clutter stays.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    sensor : SensorModel
+        Where its sector begins, the cells do: they turn with it.
+    """
+
+    def __init__(self, sensor: SensorModel) -> None:
+        turn = 0.0 if sensor.all_round else sensor.azimuth_min
+        cos, sin = math.cos(turn), math.sin(turn)
+        self._axes = np.array([[cos, -sin], [sin, cos]])
         self._periods: deque[_Period] = deque(maxlen=PERIODS)
         self._cells = np.zeros(0, np.int64)
         self._densities = np.zeros(0)
@@ -109,7 +119,7 @@ class PersistentClutter:
         """
         part, power = np.frexp(np.maximum(SIDE * deviation, LEAST_SIDE))
         levels = power[:, None] - np.array([1, 0, -1])
-        numbers = _numbers(position[:, None], levels)
+        numbers = _numbers((position @ self._axes)[:, None], levels)
         nearer = (part > math.sqrt(0.5))[:, None]
         return CellNumbers(numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1]))
 
@@ -156,7 +166,7 @@ class PersistentClutter:
             views = [views[i] for i in rng.choice(len(views), VIEWS, replace=False)]
         self._periods.append(_Period(cells, counts, len(self._views), Counter(views)))
         if len(self._periods) > 1:
-            self._cells, self._densities = _densities(list(self._periods))
+            self._cells, self._densities = _densities(list(self._periods), self._axes)
 
 
 class _Period(NamedTuple):
@@ -178,13 +188,13 @@ class _Period(NamedTuple):
     views: Counter[View]
 
 
-def _densities(periods: list[_Period]) -> tuple[IntArray, FloatArray]:
+def _densities(periods: list[_Period], axes: FloatArray) -> tuple[IntArray, FloatArray]:
     """Cells in which clutter stays, (k,), ascending, and its density there, 1/m^2."""
     cells, counts, first = _counted(periods)
     number = _staying(cells, counts)
     stays = np.flatnonzero(number)
     cells, number, first = cells[stays], number[stays], first[stays]
-    scans = _scans_since(first, _middles(cells), periods)
+    scans = _scans_since(first, _middles(cells) @ axes.T, periods)
     use = np.flatnonzero(scans)
     return cells[use], number[use] / (scans[use] * _sides(cells[use]) ** 2)
 

@@ -192,14 +192,19 @@ class SeenExtent:
         widest = int(np.argmax(gaps))  # the sector begins behind it
         start = float(ordered[(widest + 1) % n])
         start, end = _widened(start, start + 2.0 * np.pi - float(gaps[widest]), n)
-        if end - start >= given.azimuth_max - given.azimuth_min:
+        width = given.azimuth_max - given.azimuth_min
+        if end - start >= width:
             start, end = given.azimuth_min, given.azimuth_max
         elif not given.all_round:
-            middle = 0.5 * (given.azimuth_min + given.azimuth_max)
-            half = 0.5 * (given.azimuth_max - given.azimuth_min)
-            turn = 2.0 * np.pi * round((middle - 0.5 * (start + end)) / (2.0 * np.pi))
-            start = min(max(start + turn, middle - half), middle + half)
-            end = max(min(end + turn, middle + half), start)
+            # From the beginning of the sector on; behind its end is what it leaves out, and then
+            # its beginning again: an arc over all of that is not cut.
+            first = (start - given.azimuth_min) % (2.0 * np.pi)
+            last = first + end - start
+            if first > width:
+                first, last = 0.0, max(last - 2.0 * np.pi, 0.0)
+            elif last < 2.0 * np.pi:
+                last = min(last, width)
+            start, end = given.azimuth_min + first, given.azimuth_min + last
         return Extent(
             math.sqrt(max(low, given.min_range**2)),
             math.sqrt(min(high, given.max_range**2)),

@@ -22,9 +22,9 @@ class CommonOptions:
     )
     min_speed: float = parameter(
         0.0,
-        "Targets slower than this are held back as fixed echoes. A target is published "
-        "once it moves faster with a probability of 0.9. 0: every target is published at "
-        "once",
+        "Targets slower than this are fixed echoes. A start is published unless it is "
+        "probably slower; a published track becomes a fixed echo once it is slower with a "
+        "probability of 0.9. 0: every target is published",
         unit="m/s",
         minimum=0.0,
         maximum=1e4,
@@ -48,9 +48,9 @@ class CommonOptions:
         minimum=1,
     )
     hold_time: float = parameter(
-        120.0,
+        0.0,
         "Maximum time for which a confirmed track is held without a detection of its own; "
-        "repeated misses end it sooner",
+        "repeated misses end it sooner. 0: the time of 50 scans",
         unit="s",
         minimum=0.0,
     )
@@ -77,7 +77,8 @@ class CommonOptions:
         "auto",
         "Combination of the detections of one target and ping into a plot. on: from the "
         "first scan; off: never, for drivers that give one detection per target; auto: "
-        "once detections of one ping lie closer together than clutter does",
+        "once detections of one ping lie closer together than clutter does, or with a "
+        "target_extent from the first scan",
         choices=("auto", "on", "off"),
     )
     target_extent: float = parameter(
@@ -120,7 +121,13 @@ class CommonOptions:
             )
 
     def resolved(self, most_tracks_true: bool) -> CommonOptions:
-        """The options of a method: `detection_probability` is "estimated" or "given"."""
-        if self.detection_probability != "auto":
-            return self
-        return replace(self, detection_probability="estimated" if most_tracks_true else "given")
+        """The options of a method: `detection_probability` is "estimated" or "given".
+
+        With a `target_extent`, targets have several detections: `plots` is "on" for "auto".
+        """
+        probability, plots = self.detection_probability, self.plots
+        if probability == "auto":
+            probability = "estimated" if most_tracks_true else "given"
+        if plots == "auto" and self.target_extent:
+            plots = "on"
+        return replace(self, detection_probability=probability, plots=plots)

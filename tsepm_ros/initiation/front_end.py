@@ -33,6 +33,8 @@ from tsepm_ros.sensing.coverage import EchoPoses, PosesByRange, View, echo_poses
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.sensing.sensor import SensorModel
 
+WHOLE_SHARE = 0.75
+"""Share of the sector from which on a scan looked at the whole coverage."""
 REACH_SCANS = 16
 """Scans within which the detections of one target count as near each other."""
 
@@ -274,7 +276,9 @@ class FrontEnd:
             self.detection_probability_at,
             self.sensor_in_use,
             self.common.max_speed,
+            self.learned.scan_interval.median,
             environment,
+            whole=scan.swept is None or scan.swept[1] > WHOLE_SHARE * self.sensor.sector_width,
         )
         association = self.maintenance.held_association
         if self.plots.active:

@@ -13,7 +13,7 @@ from tsepm_ros.environment.learned import Learned
 from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.initiation.front_end import FrontEnd
 from tsepm_ros.initiation.method import Method
-from tsepm_ros.initiation.observation import Observation
+from tsepm_ros.initiation.observation import Observation, Step
 from tsepm_ros.initiation.plot_extraction import PlotExtraction
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics import speed_limit
@@ -21,7 +21,7 @@ from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.maintenance import holding_limit
 from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.limits import TimeLimit
 from tsepm_ros.numerics.rows import changed
 from tsepm_ros.sensing.scan import Scan
@@ -67,9 +67,8 @@ class Initiator:
         self.revised = TrackArrays.of([])
         self._observed: Observation | None = None
         self.max_scan_time = math.inf
-        self.maintenance = TrackMaintenance(
-            method.common.hold_time, method.common.tracked_timeout, _speed_prior(method.common)
-        )
+        self.maintenance = TrackMaintenance()
+        self._set_maintenance(method.common)
         self.front_end = FrontEnd(
             method.sensor, method.common, self.maintenance, method.most_tracks_true
         )
@@ -130,6 +129,7 @@ class Initiator:
         existence = step.existence
         if existence is None:
             existence = np.full(confirmed, NEW_TRACK_EXISTENCE)
+        step, existence = self._recognised(step, existence)
         waiting = self.front_end.waiting(step.tracks)
         if waiting.any():
             step = changed(step, tracks=step.tracks.where(~waiting))
@@ -149,6 +149,19 @@ class Initiator:
             confirmed=step.statistics.confirmed - withheld,
             cut_confirmations=step.statistics.cut_confirmations + cut,
         )
+
+    def _recognised(self, step: Step, existence: FloatArray) -> tuple[Step, FloatArray]:
+        """The step without the starts that are of held tracks, which go on from them."""
+        if not self.method.most_tracks_true:
+            return step, existence
+        ids = self.maintenance.recognised(step.tracks, self.front_end.covered_area)
+        again = ids >= 0
+        if not again.any():
+            return step, existence
+        found = step.tracks.where(again).numbered(ids[again])
+        revised = self.maintenance.revise(found, (), existence[again])
+        self.revised = self.revised.joined(revised)
+        return changed(step, tracks=step.tracks.where(~again)), existence[~again]
 
     def _usable(self, tracks: TrackArrays) -> TrackArrays:
         """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
@@ -241,12 +254,16 @@ class Initiator:
             Whether the potential tracks were kept: not by another method.
         """
         self.method, self.front_end, kept = self._configured(method)
-        self.maintenance.hold_time = method.common.hold_time
-        self.maintenance.tracked_timeout = method.common.tracked_timeout
-        self.maintenance.speed_prior = _speed_prior(method.common)
+        self._set_maintenance(method.common)
         if not kept:
             self._observed = None
         return kept
+
+    def _set_maintenance(self, common: CommonOptions) -> None:
+        self.maintenance.hold_time = common.hold_time
+        self.maintenance.tracked_timeout = common.tracked_timeout
+        self.maintenance.speed_prior = SpeedPrior(common.min_speed, common.max_speed)
+        self.maintenance.target_extent = common.target_extent
 
     def rehearse(self, method: Method) -> None:
         """Raise what `configure` would; nothing changes."""
@@ -346,10 +363,6 @@ class Initiator:
     def sensor_in_use(self) -> SensorModel:
         """The sensor with the detection probability in use."""
         return self.front_end.sensor_in_use
-
-
-def _speed_prior(common: CommonOptions) -> SpeedPrior:
-    return SpeedPrior(common.min_speed, common.max_speed)
 
 
 def _confirmed_at(scan_index: int, tracks: TrackArrays) -> TrackArrays:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros.environment.detection_spacing import DetectionSpacing
+from tsepm_ros.environment.detection_spacing import DetectionSpacing, unit_of
 from tsepm_ros.environment.echo_scatter import EchoScatter
 from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.initiation.common_options import CommonOptions
@@ -35,7 +35,10 @@ LOOK_RATIO = 10.0
 LOOK_STREAK = 2
 """Looks in a row with detections close together at a place from which on it is: a choice."""
 BESIDE = 64.0
-"""Distance of tracks from older ones beside them, m: the widest box in which a target is sought."""
+"""Distance of tracks from older ones beside them, m: the widest box in which a target is sought.
+
+It is shorter for a short range, as the boxes are (`detection_spacing.unit_of`).
+"""
 DEVIATIONS = 4.0
 """Standard deviations within which a detection is a track's."""
 MOST_TRACKS = 200
@@ -257,7 +260,7 @@ def of_neighbours(
     if not len(scan) or number < 2:
         return found
     state, covariance = tracks.state[:number], tracks.covariance[:number]
-    near = squared_distances(state[:, 0::2], state[:, 0::2]) <= BESIDE**2
+    near = squared_distances(state[:, 0::2], state[:, 0::2]) <= (BESIDE * unit_of(sensor)) ** 2
     younger, older = np.nonzero(np.tril(near, -1))
     beside = np.unique(younger[fits.move_apart(younger, older)])
     if not len(beside):

@@ -14,6 +14,7 @@ from scipy.special import chdtri
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.sensing.conversion import major_sigma
 
 GOOD_FIT = 0.99
 """Probability up to which the squared distance of hits from their track is no misfit."""
@@ -50,8 +51,10 @@ class RecentHits:
         while self._scans[0][0] <= scan_index - window:
             self._scans.popleft()
 
-    def of(self, tracks: TrackArrays) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-        """What the recent hits of new tracks say: their misfits, and their strengths.
+    def of(
+        self, tracks: TrackArrays
+    ) -> tuple[FloatArray, tuple[FloatArray, FloatArray], FloatArray]:
+        """What the recent hits of new tracks say: their misfits, strengths and last errors.
 
         Returns
         -------
@@ -62,12 +65,17 @@ class RecentHits:
             scans that are forgotten do not count.
         strengths : tuple of (n,) ndarray
             Number of hits with a strength, and the sum of their exponents.
+        hit_sigma : (n,) ndarray
+            Standard deviation of the last hit along its major axis, m; that of the track where the
+            hit is forgotten.
         """
         n = len(tracks)
         if not n:
-            return np.ones(0), (np.zeros(0), np.zeros(0))
+            return np.ones(0), (np.zeros(0), np.zeros(0)), np.zeros(0)
         track, hits = self._seen(tracks)
-        return self._misfits(tracks, track, hits), _strengths(n, track, hits.strength)
+        hit_sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
+        hit_sigma[track] = major_sigma(hits.covariance)  # of several the last, the newest
+        return self._misfits(tracks, track, hits), _strengths(n, track, hits.strength), hit_sigma
 
     @staticmethod
     def _misfits(tracks: TrackArrays, track: IntArray, hits: _Hits) -> FloatArray:

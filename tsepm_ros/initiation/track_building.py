@@ -65,4 +65,6 @@ def tracks_from_hits(
         stationary_probability=np.full(len(hits), np.nan),
         signal_to_clutter_db=np.full(len(hits), np.nan),
         revision=np.zeros(len(hits), np.int64),
+        existence_probability=np.full(len(hits), np.nan),
+        time_since_hit=np.zeros(len(hits)),
     )

@@ -20,39 +20,14 @@ from tsepm_ros.numerics.gaussian import mixture
 
 PROCESS_NOISE = 0.01
 """Spectral density of the acceleration between turns, m^2/s^3: 1 m/s per 100 s."""
-MEAN_TIME_TO_TURN = 100.0
-"""Mean time between turns or changes of speed, s."""
-MEAN_TURN_DURATION = 5.0
-"""Mean duration of a turn or a change of speed, s."""
+SCANS_TO_TURN = 30.0
+"""Mean number of scans between turns or changes of speed: a choice."""
+GOES_ON = 0.1
+"""Probability that a turn goes on at the next scan: a choice."""
+TURN_TIME = 5.0
+"""Least time in which a target of any speed has turned, s."""
 MIN_MODE_PROBABILITY = 1e-30
 """Floor of a mode's probability, which keeps its state defined."""
-
-
-def stay_or_change(
-    time: FloatArray, time_to_begin: float, time_to_end: float
-) -> tuple[FloatArray, FloatArray]:
-    """Probabilities that a condition that begins and ends at random holds after a time.
-
-    With the rates ``a = 1 / time_to_begin``, ``b = 1 / time_to_end`` and
-    ``e = exp(-(a + b) t)``: ``a / (a + b) (1 - e)`` if it does not hold at time 0, and
-    ``a / (a + b) (1 - e) + e`` if it does.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        t, s.
-    time_to_begin, time_to_end : float
-        Mean times, s.
-
-    Returns
-    -------
-    begun, still : (n,) ndarray
-        Probability if the condition does not hold at time 0, and if it does.
-    """
-    begin, end = 1.0 / time_to_begin, 1.0 / time_to_end
-    unchanged = np.exp(-(begin + end) * time)
-    begun = begin / (begin + end) * (1.0 - unchanged)
-    return begun, begun + unchanged
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,25 +49,26 @@ class InteractingModels:
     @classmethod
     def of(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
         """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
-        turning = 1.0 / MEAN_TIME_TO_TURN / (1.0 / MEAN_TIME_TO_TURN + 1.0 / MEAN_TURN_DURATION)
+        turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - GOES_ON))
         probability = np.array([[1.0 - turning], [turning]]).repeat(len(state), axis=1)
         return cls(probability, np.stack([state, state]), np.stack([covariance, covariance]))
 
     def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingModels:
-        """Predict the tracks over time intervals (n,), s, of either sign.
+        """Predict the tracks to the next scan, over times (n,), s, of either sign.
 
         The states are mixed by the probabilities p_ij of a change from mode i to mode j::
 
             mu_j <- sum_i p_ij mu_i,    x_j <- sum_i p_ij mu_i x_i / mu_j
 
-        and predicted. A turn ends at an unknown velocity of at most v_max: the variance of each
-        component grows by v_max^2 / 4 over `MEAN_TURN_DURATION`.
+        and predicted. A turn begins with ``1 / SCANS_TO_TURN`` and goes on with `GOES_ON`. It ends
+        at an unknown velocity of at most v_max: the variance of each component grows by
+        v_max^2 / 4 over `TURN_TIME`.
         """
-        begun, still = stay_or_change(np.abs(elapsed), MEAN_TIME_TO_TURN, MEAN_TURN_DURATION)
-        change = np.array([[1.0 - begun, begun], [1.0 - still, still]])
+        begun = 1.0 / SCANS_TO_TURN
+        change = np.array([[1.0 - begun, begun], [1.0 - GOES_ON, GOES_ON]])[..., None]
         joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY)[:, None]
         probability = joint.sum(axis=0)
-        longest = max(float(np.abs(elapsed).max(initial=0.0)), MEAN_TURN_DURATION)
+        longest = max(float(np.abs(elapsed).max(initial=0.0)), TURN_TIME)
         turn_noise = (0.5 * max_speed) ** 2 / longest
         mixed = mixture(joint / probability, self.state[:, None], self.covariance[:, None])
         noise = np.array([[PROCESS_NOISE], [PROCESS_NOISE + turn_noise]])

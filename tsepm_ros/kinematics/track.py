@@ -50,6 +50,10 @@ class ConfirmedTrack:
         nan where it is not known.
     revision : int
         0 as first published; one more for each correction of the hits.
+    existence_probability : float
+        Probability that the target exists; nan where it is not known.
+    time_since_hit : float
+        Time since the last scan in which the target was probably detected, s.
     """
 
     track_id: int
@@ -64,6 +68,8 @@ class ConfirmedTrack:
     stationary_probability: float = math.nan
     signal_to_clutter_db: float = math.nan
     revision: int = 0
+    existence_probability: float = math.nan
+    time_since_hit: float = 0.0
 
     @property
     def since(self) -> float:
@@ -153,7 +159,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     Attributes
     ----------
     track_id, stamp, evaluation, score, scan_count, age, stationary_probability,
-    signal_to_clutter_db, revision : (n,) ndarray
+    signal_to_clutter_db, revision, existence_probability, time_since_hit : (n,) ndarray
         As in `ConfirmedTrack`.
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
@@ -176,29 +182,22 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     stationary_probability: NDArray[np.float64]
     signal_to_clutter_db: NDArray[np.float64]
     revision: NDArray[np.int64]
+    existence_probability: NDArray[np.float64]
+    time_since_hit: NDArray[np.float64]
 
     @classmethod
     def of(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
         """The arrays of the given tracks; `TrackArrays` are returned as they are."""
         if isinstance(tracks, cls):
             return tracks
-        return cls(
-            track_id=np.array([track.track_id for track in tracks], np.int64),
-            stamp=np.array([track.stamp for track in tracks], float),
-            state=np.array([track.state for track in tracks], float).reshape(-1, 4),
-            covariance=np.array([track.covariance for track in tracks], float).reshape(-1, 4, 4),
-            hits=[track.hits for track in tracks],
-            hit_count=np.array([len(track.hits) for track in tracks], np.int64),
-            evaluation=np.array([track.evaluation for track in tracks], float),
-            score=np.array([track.score for track in tracks], float),
-            scan_count=np.array([track.scan_count for track in tracks], np.int64),
-            age=np.array([track.age for track in tracks], float),
-            stationary_probability=np.array(
-                [track.stationary_probability for track in tracks], float
-            ),
-            signal_to_clutter_db=np.array([track.signal_to_clutter_db for track in tracks], float),
-            revision=np.array([track.revision for track in tracks], np.int64),
-        )
+        numbers: dict[str, Any] = {
+            name: np.array([getattr(track, name) for track in tracks], kind)
+            for name, kind in _KINDS.items()
+        }
+        numbers["state"] = numbers["state"].reshape(-1, 4)
+        numbers["covariance"] = numbers["covariance"].reshape(-1, 4, 4)
+        hits = [track.hits for track in tracks]
+        return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
 
     def proper(self) -> TrackArrays:
         """The tracks with covariances that are positive definite, see `covariances.proper`."""
@@ -220,19 +219,9 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         """One track, or the tracks of a slice."""
         if isinstance(row, slice):
             return self.where(np.arange(len(self))[row])
+        numbers = {name: self.__dict__[name][row].item() for name in _SCALARS}
         return ConfirmedTrack(
-            track_id=int(self.track_id[row]),
-            stamp=float(self.stamp[row]),
-            state=self.state[row],
-            covariance=self.covariance[row],
-            hits=self.hits[row],
-            evaluation=float(self.evaluation[row]),
-            score=float(self.score[row]),
-            scan_count=int(self.scan_count[row]),
-            age=float(self.age[row]),
-            stationary_probability=float(self.stationary_probability[row]),
-            signal_to_clutter_db=float(self.signal_to_clutter_db[row]),
-            revision=int(self.revision[row]),
+            state=self.state[row], covariance=self.covariance[row], hits=self.hits[row], **numbers
         )
 
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:
@@ -276,8 +265,15 @@ class TrackArrays(Sequence[ConfirmedTrack]):
             state=state,
             covariance=covariance,
             age=self.age + elapsed,
+            time_since_hit=self.time_since_hit + elapsed,
         )
 
 
 _NUMBERS = tuple(field.name for field in fields(TrackArrays) if field.name != "hits")
+_KINDS = {
+    field.name: np.int64 if field.type == "int" else np.float64
+    for field in fields(ConfirmedTrack)
+    if field.name != "hits"
+}
+_SCALARS = tuple(name for name in _KINDS if name not in ("state", "covariance"))
 NO_TRACKS = TrackArrays.of([])

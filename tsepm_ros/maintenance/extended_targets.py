@@ -5,42 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance import repetition
 from tsepm_ros.maintenance.held_tracks import HeldTracks
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.plots import PlotExtent
-from tsepm_ros.stages.paths import NO_HIT
 
 FURTHER_PLOTS = 1.0
 """Mean number of plots, beside its own, of a target with several detections a ping: a choice."""
-
-
-def may_repeat_older(
-    tracks: TrackArrays, extent: PlotExtent, sensor_position: FloatArray
-) -> BoolArray:
-    """Which tracks may be of an older one's target, whose detections differed by an extent.
-
-    Parameters
-    ----------
-    tracks : TrackArrays
-        n, oldest first.
-    extent : PlotExtent
-        Deviation by which positions may differ, and velocities over a track's age.
-    sensor_position : (2,) ndarray
-        m.
-
-    Returns
-    -------
-    (n,) ndarray of bool
-    """
-    range_ = np.hypot(*(tracks.state[:, 0::2] - sensor_position).T)
-    size = np.maximum(extent.along, extent.across_at(range_)) ** 2
-    covariance = tracks.covariance.copy()
-    covariance[:, [0, 2], [0, 2]] += size[:, None]
-    covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    unknown = np.full(len(tracks), NO_HIT)
-    return repetition.agrees_with_older(tracks.state, covariance, unknown)
 
 
 def further_plots(

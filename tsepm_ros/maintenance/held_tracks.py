@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, TypeVar
 
 import numpy as np
@@ -10,11 +11,11 @@ from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.interacting_models import InteractingModels
 from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance import ipda
 from tsepm_ros.maintenance.downstream_tracker import LISTED
 from tsepm_ros.maintenance.stationary import StraightFits
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.rows import changed, indices
+from tsepm_ros.sensing.conversion import major_sigma
 from tsepm_ros.sensing.plot_features import Histories
 
 UNPROVEN = 0.005
@@ -25,6 +26,14 @@ false start say nothing of targets, whatever their number. A choice.
 """
 
 T = TypeVar("T", bound=np.generic)
+
+
+class Status(IntEnum):
+    """What becomes of a held track: published, withheld while it is vague, or a fixed echo."""
+
+    PUBLISHED = 0
+    WITHHELD = 1
+    FIXED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +65,12 @@ class HeldTracks:
         Scans in a row in which the track agreed with an older track.
     unlisted_since : (n,) ndarray
         Time since which the downstream tracker has not listed the track, s; or `LISTED`.
-    published : (n,) ndarray of bool
-        Whether the track was published: not before its target is sure to move.
+    status : (n,) ndarray of int
+        Whether the track is published: a value of `Status`.
+    announced : (n,) ndarray of bool
+        Whether the track was ever published.
+    hit_sigma : (n,) ndarray
+        Standard deviation of the last detection, along its major axis, m; of a new track its own.
     strength_hits, strength_total : (n,) ndarray
         Detections with a strength so far, each weighted by the probability that it is the track's,
         and the sum of their exponents.
@@ -74,7 +87,9 @@ class HeldTracks:
     last_detected: FloatArray
     agreeing_scans: IntArray
     unlisted_since: FloatArray
-    published: BoolArray
+    status: IntArray
+    announced: BoolArray
+    hit_sigma: FloatArray
     strength_hits: FloatArray
     strength_total: FloatArray
 
@@ -86,12 +101,14 @@ class HeldTracks:
         histories: Histories | None = None,
         misfit: float | FloatArray = 1.0,
         strengths: tuple[FloatArray, FloatArray] | None = None,
+        hit_sigma: FloatArray | None = None,
     ) -> HeldTracks:
         """Rows of new tracks, whose targets exist with a probability, a number or (n,).
 
         Without histories no feature of their hits is known, nor without `strengths` these: their
         number and the sum of their exponents. The covariances are too small for the
-        hits by factors `misfit`, a number or (n,), which counts in the fits.
+        hits by factors `misfit`, a number or (n,), which counts in the fits. The last hits had the
+        errors `hit_sigma`, by default those of the tracks.
         """
         n = len(tracks)
         strength_hits, strength_total = strengths or (np.zeros(n), np.zeros(n))
@@ -109,7 +126,11 @@ class HeldTracks:
             last_detected=tracks.stamp,
             agreeing_scans=np.zeros(n, np.int64),
             unlisted_since=tracks.stamp,
-            published=np.ones(n, bool),
+            status=np.full(n, Status.PUBLISHED, np.int64),
+            announced=np.ones(n, bool),
+            hit_sigma=major_sigma(tracks.covariance[:, 0::2, 0::2])
+            if hit_sigma is None
+            else hit_sigma,
             strength_hits=strength_hits,
             strength_total=strength_total,
         )
@@ -147,12 +168,13 @@ class HeldTracks:
             **columns,
         )
 
-    def predicted(self, stamp: float, max_speed: float) -> HeldTracks:
+    def predicted(self, stamp: float, max_speed: float, stays: BoolArray) -> HeldTracks:
         """The rows at the stamp of a scan (s), before its detections.
 
-        A target that turns has a velocity that is unknown up to `max_speed`, m/s.
+        A target that turns has a velocity that is unknown up to `max_speed`, m/s. Rows that stay
+        (n,) are remembered as they are.
         """
-        time_step = stamp - self.tracks.stamp
+        time_step = np.where(stays, 0.0, stamp - self.tracks.stamp)
         models = self.models.predicted(time_step, max_speed)
         state, covariance = models.combined()
         return changed(
@@ -162,13 +184,10 @@ class HeldTracks:
                 stamp=np.full(len(self), stamp),
                 state=state,
                 covariance=covariance,
-                age=self.tracks.age + time_step,
+                age=self.tracks.age + stamp - self.tracks.stamp,
             ),
             models=models,
             fits=self.fits.predicted(time_step),
-            existence=ipda.predicted_existence(self.existence, time_step),
-            proven=ipda.predicted_existence(self.proven, time_step),
-            visible=ipda.predicted_visibility(self.visible, time_step),
         )
 
     def modes(self) -> tuple[FloatArray, FloatArray]:
@@ -179,10 +198,11 @@ class HeldTracks:
             np.concatenate([models.covariance, fits.covariance[None]]),
         )
 
-    def revised(self, corrected: TrackArrays) -> HeldTracks:
+    def revised(self, corrected: TrackArrays, existence: FloatArray | None = None) -> HeldTracks:
         """The rows with the starts of tracks, by their ids, that were corrected.
 
-        Each goes on from the corrected state, as its next revision; its target exists as before.
+        Each goes on from the corrected state, as its next revision. Its target exists as before, or
+        with a given probability if it was just found again.
         """
         tracks = self.tracks
         _, row, place = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
@@ -195,8 +215,18 @@ class HeldTracks:
             name: _put(getattr(tracks, name), row, getattr(new, name)) for name in names
         }
         revision = _put(tracks.revision, row, tracks.revision[row] + 1)
+        found: dict[str, Any] = {}
+        if existence is not None:
+            found = {
+                "existence": _put(self.existence, row, existence[place]),
+                "visible": _put(self.visible, row, 1.0),
+                "covered_scans": _put(self.covered_scans, row, 0.0),
+                "last_detected": _put(self.last_detected, row, new.stamp),
+                "status": _put(self.status, row, Status.PUBLISHED),
+            }
         return changed(
             self,
+            **found,
             tracks=changed(tracks, hits=hits, revision=revision, **figures),
             models=self.models.with_rows(row, InteractingModels.of(new.state, new.covariance)),
             fits=self.fits.with_rows(row, StraightFits.of(new.state, new.covariance)),
@@ -229,7 +259,8 @@ class HeldTracks:
                 self.last_detected, row, np.maximum(self.last_detected[row], reported.stamp)
             ),
             unlisted_since=_put(self.unlisted_since, row, LISTED),
-            published=_put(self.published, row, True),
+            status=_put(self.status, row, Status.PUBLISHED),
+            announced=_put(self.announced, row, True),
         )
 
 
@@ -241,7 +272,9 @@ _COLUMNS = (
     "last_detected",
     "agreeing_scans",
     "unlisted_since",
-    "published",
+    "status",
+    "announced",
+    "hit_sigma",
     "strength_hits",
     "strength_total",
 )

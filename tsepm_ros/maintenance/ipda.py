@@ -3,8 +3,11 @@
 Each track has a probability r that its target exists, which falls with every miss and rises with
 every detection that fits (Musicki, Evans, Stankovic, "Integrated probabilistic data association",
 IEEE Trans. Autom. Control 39(6), 1994). A target that exists may fade and become visible again
-(their Markov chain two): misses come in runs where scans follow quickly, and a run of them does not
-end a track. The modes of target motion are weighted by their likelihoods
+(their Markov chain two), so a few misses in a row do not end a track. The chain is one of scans,
+not of seconds: a sonar looks as often as its targets and its sea require. After n misses in a row
+of a P_D near 1, the odds of a faded target against none are
+``SCANS_TO_VANISH / SCANS_TO_FADE (1 - 1 / SCANS_OF_FADING)^n``. The modes of target motion are
+weighted by their likelihoods
 (Musicki, Suvorova, "Tracking in clutter using IMM-IPDA-based algorithms", IEEE Trans. Aerosp.
 Electron. Syst. 44(1), 2008).
 
@@ -27,35 +30,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.kinematics.interacting_models import stay_or_change
 from tsepm_ros.numerics import grouped
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
-TIME_TO_FADE = 300.0
-"""Mean time after which a visible target fades, s."""
-TIME_OF_FADING = 20.0
-"""Mean time for which it then stays invisible, s."""
-TIME_TO_VANISH = 600.0
-"""Mean time after which a target is gone, s: without it no number of misses would end a track."""
+SCANS_TO_FADE = 25.0
+"""Mean number of scans after which a visible target fades: a choice."""
+SCANS_OF_FADING = 8.0
+"""Mean number of scans for which it then stays invisible: a choice."""
+SCANS_TO_VANISH = 50.0
+"""Mean number of scans after which a target is gone, so that misses end its track: a choice."""
 MAX_LOG_FACTOR = 100.0
 """Logarithm of the largest factor by which detections are explained: no overflow."""
 
 
-def predicted_existence(existence: FloatArray, time_step: FloatArray) -> FloatArray:
-    """Probability of existence (n,) after time steps (n,), s: ``r exp(-t / TIME_TO_VANISH)``.
+def predicted(
+    existence: FloatArray, visible: FloatArray, covered: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Probabilities r and s (n,) of targets before a scan.
 
-    Backward in time no target comes into existence.
+    ``r <- (1 - 1 / SCANS_TO_VANISH) r``,
+    ``s <- (1 - 1 / SCANS_TO_FADE) s + (1 - s) / SCANS_OF_FADING``. A target outside the coverage
+    (not `covered`) is as one that has faded, ``r <- (1 - 1 / SCANS_OF_FADING) r``: it stays away or
+    comes back.
     """
-    return np.asarray(existence * np.exp(-np.maximum(time_step, 0.0) / TIME_TO_VANISH))
-
-
-def predicted_visibility(visible: FloatArray, time_step: FloatArray) -> FloatArray:
-    """Probability that targets are visible (n,) after time steps (n,), s, of either sign.
-
-    ``1 - s <- s P(faded after t | visible) + (1 - s) P(faded after t | faded)``
-    """
-    fades, stays_faded = stay_or_change(np.abs(time_step), TIME_TO_FADE, TIME_OF_FADING)
-    return np.asarray(1.0 - visible * fades - (1.0 - visible) * stays_faded)
+    stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_OF_FADING)
+    visible = (1.0 - 1.0 / SCANS_TO_FADE) * visible + (1.0 - visible) / SCANS_OF_FADING
+    return existence * stays, visible
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,7 @@ that a v_max far above a target's speed hardly delays its track.
 
 A constant velocity is fitted to the hits of a target's start and to all its later detections. Up to
 a factor, the likelihood of v is the density of the fitted velocity, ``N(v; v^, P_v)``, which gives
-the posterior probability that the target stands still. This evidence grows with every ping, and it
-does not matter how often it is looked at: under the law of a fixed echo the odds of moving are a
-martingale, and they ever reach 9 to 1 with a probability of at most ``(1 - share) / share / 9``
-(Ville 1939).
+the posterior probability that the target stands still. This evidence grows with every ping.
 
 The fit hardly forgets, so that slow motion shows. A fixed echo that moves off leaves its fit
 behind; the held track follows it, since its filter allows for manoeuvres. With Lambda the
@@ -46,16 +43,13 @@ from tsepm_ros.numerics.disc import disc_probability
 from tsepm_ros.numerics.gaussian import is_significant, log_density
 from tsepm_ros.numerics.rows import Rows, changed
 
-STATIONARY_SHARE = 0.9
-"""Prior share of starts that stand still: a choice.
-
-With it, at most 1 / 81 of fixed echoes are ever taken for moving, and far fewer where starts are as
-good as stated: the bound is that of the worst case.
-"""
+STATIONARY_SHARE = 0.2
+"""Prior share of starts that stand still, with the weight of `PRIOR_TRACKS` tracks: a choice."""
+PRIOR_TRACKS = 5.0
+SHARE_PASSES = 5
+"""Passes in which the share of targets that stand still is estimated."""
 CHANGED_SHARE = 0.1
 """The same after a change of motion: a choice."""
-SURE = 0.9
-"""Probability of moving from which a track is published."""
 CERTAIN_DEVIATIONS = 12.0
 """Deviations from `min_speed` from which on a velocity up to v_max is certain: beyond, 1e-25."""
 SPEED_SHARES = 0.5, 0.25, 0.125, 0.125
@@ -69,7 +63,7 @@ TIME_TO_CHANGE = 1e4
 """Mean time after which the motion of a target changes, s: a choice."""
 GLITCH = 0.02
 """Probability that the error of a detection is not as the fit expects: a choice."""
-MAX_CHANGE_ODDS = SURE / (1.0 - SURE)
+MAX_CHANGE_ODDS = 9.0
 """Odds of a change of motion from which the fit begins again."""
 
 
@@ -139,12 +133,6 @@ class SpeedPrior:
         fast = np.maximum((1.0 - share) * fast, np.finfo(float).tiny)
         return np.asarray(still / (still + fast))
 
-    def sure_to_move(self, stationary_probability: FloatArray) -> NDArray[np.bool_]:
-        """Which targets are published, (n,): all without `min_speed`, else those sure to move."""
-        if not self.min_speed:
-            return np.ones(len(stationary_probability), bool)
-        return np.asarray(1.0 - stationary_probability >= SURE)
-
 
 @lru_cache
 def _speed_limits(min_speed: float, max_speed: float) -> tuple[FloatArray, FloatArray]:
@@ -207,9 +195,22 @@ class StraightFits(Rows):
         velocity, spread = self.state[:, 1::2], self.covariance[:, 1::2, 1::2]
         return is_significant(velocity[one] - velocity[other], spread[one] + spread[other])
 
-    def stationary_probability(self, prior: SpeedPrior) -> FloatArray:
-        """Probability that the targets stand still or are slower than `min_speed`, (n,)."""
-        return prior.stationary_probability(self.state, self.covariance, self.share)
+    def stationary_probability(self, prior: SpeedPrior, existence: FloatArray) -> FloatArray:
+        """Probability that the targets stand still or are slower than `min_speed`, (n,).
+
+        How many stand still depends on the place. The prior share of those whose motion has not
+        changed is estimated from all that exist (empirical Bayes; n tracks of probabilities r_i)::
+
+            share <- (w share_0 + sum_i r_i p_i) / (w + sum_i r_i)
+        """
+        even = prior.stationary_probability(self.state, self.covariance, 0.5)
+        new = self.share == STATIONARY_SHARE
+        share, weight = self.share, np.where(new, existence, 0.0)
+        for _ in range(SHARE_PASSES):
+            still = share * even / (share * even + (1.0 - share) * (1.0 - even))
+            mean = PRIOR_TRACKS * STATIONARY_SHARE + weight @ still
+            share = np.where(new, mean / (PRIOR_TRACKS + weight.sum()), self.share)
+        return np.asarray(still)
 
     def places(self) -> tuple[FloatArray, FloatArray]:
         """States and covariances of the targets, given that they stand still.

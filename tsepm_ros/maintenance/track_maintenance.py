@@ -6,6 +6,8 @@ tracks here apply only to tracks that it has not listed yet.
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -15,15 +17,14 @@ from numpy.typing import NDArray
 from tsepm_ros.environment.feature_association import Environment
 from tsepm_ros.kinematics.track import NO_TRACKS, TrackArrays
 from tsepm_ros.maintenance import (
-    extended_targets,
     gated_detections,
     held_features,
     held_update,
     ipda,
     publication,
-    repetition,
     state_mixtures,
     stationary,
+    track_merging,
 )
 from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, Neighbours
@@ -33,7 +34,7 @@ from tsepm_ros.maintenance.held_detections import (
     HeldAssociation,
     OwnDetections,
 )
-from tsepm_ros.maintenance.held_tracks import HeldTracks
+from tsepm_ros.maintenance.held_tracks import HeldTracks, Status
 from tsepm_ros.maintenance.held_update import CoveredTracks
 from tsepm_ros.maintenance.stationary import SpeedPrior
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -44,6 +45,12 @@ from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
 MIN_EXISTENCE = 0.01
 """Probability of existence below which a track ends."""
+REMEMBERED_SCANS = 16
+"""Scans whose detections of held tracks are remembered, for starts by these."""
+HOLD_SCANS = 50
+"""Scans after whose time without a detection a track ends, where `hold_time` is 0: a choice."""
+MOST_PLACES = 500
+"""Fixed echoes outside the coverage whose places are remembered: the last ones."""
 TRACKED_EXISTENCE = 0.99
 """Existence probability of a target that a downstream tracker lists: a choice."""
 ALMOST_CERTAIN = 0.9
@@ -53,6 +60,17 @@ PROBABLE = 0.5
 
 
 NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
+ENDS = {
+    "missed": "its target was missed too often",
+    "left": "its target left the coverage",
+    "not_detected": "its target was not detected for the longest coast",
+    "duplicate": "it is of the same target as an older track",
+    "replaced": "its detections are another target's, whose track begins",
+    "tracker": "the downstream tracker does not list it",
+    "forgotten": "fixed echoes that left the coverage later are remembered",
+    "cleared": "all tracks were cleared",
+}
+"""Why a track ends, in words."""
 
 
 class TrackMaintenance:
@@ -66,13 +84,15 @@ class TrackMaintenance:
     hold_time : float
         Time, s, for which a track is held without a detection of its own; it ends at the first scan
         after that, or sooner, where its target was missed so often that it probably exists no more,
-        or where it repeats an older track.
+        or where it repeats an older track. 0: the time of `HOLD_SCANS` scans.
     tracked_timeout : float, optional
         Time, s, after which a downstream tracker without a report is silent, and for which it may
         leave a track unlisted before that counts as declined.
     speed_prior : SpeedPrior, optional
-        With a `min_speed` tracks are published once they are sure to move faster; until then they
-        are held all the same.
+        With a `min_speed` tracks are published while they move faster; until then they are held all
+        the same.
+    target_extent : float, optional
+        m, 0 if not known: a position error below it still says where a target is.
 
     Attributes
     ----------
@@ -90,18 +110,24 @@ class TrackMaintenance:
     """
 
     def __init__(
-        self, hold_time: float, tracked_timeout: float = 60.0, speed_prior: SpeedPrior | None = None
+        self,
+        hold_time: float = 0.0,
+        tracked_timeout: float = 60.0,
+        speed_prior: SpeedPrior | None = None,
+        target_extent: float = 0.0,
     ) -> None:
         self.hold_time = hold_time
         self.tracked_timeout = tracked_timeout
         self.speed_prior = speed_prior or SpeedPrior()
-        self._ended: list[int] = []
-        self._cleared: list[int] = []
+        self.target_extent = target_extent
+        self._ended: dict[int, str] = {}
+        self._cleared: dict[int, str] = {}
         self._forget()
 
     def _forget(self) -> None:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
+        self._owned: deque[dict[tuple[int, int], int]] = deque([{}], maxlen=REMEMBERED_SCANS)
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
@@ -115,7 +141,7 @@ class TrackMaintenance:
     def current(self) -> TrackArrays:
         """Published tracks, at the last scan's stamp; between `follow` and `step` at their own."""
         held = self._state()
-        return held.tracks if held.published.all() else held.tracks.where(held.published)
+        return held.tracks.where(held.status == Status.PUBLISHED)
 
     def _state(self) -> HeldTracks:
         """Every track held, with its probability to stand still."""
@@ -124,12 +150,12 @@ class TrackMaintenance:
 
     @property
     def fixed_echoes(self) -> TrackArrays:
-        """Held tracks, not published, that exist and stand still with more than 0.5."""
+        """Held tracks that exist and stand still, at their places."""
         return publication.fixed_echoes(self._state())
 
     @property
-    def ended(self) -> list[int]:
-        """Ids of the tracks that ended at the last step, or before it since the one before."""
+    def ended(self) -> dict[int, str]:
+        """Tracks that ended at the last step, or since the one before: id and reason in `ENDS`."""
         return self._ended
 
     @property
@@ -153,7 +179,10 @@ class TrackMaintenance:
         detectable: Callable[[FloatArray], FloatArray],
         sensor: SensorModel,
         max_speed: float,
+        interval: float = 0.0,
         environment: Environment | None = None,
+        *,
+        whole: bool = True,
     ) -> FloatArray:
         """Predict the tracks to a scan, associate its detections, update the tracks, and end some.
 
@@ -171,8 +200,12 @@ class TrackMaintenance:
         sensor : SensorModel
         max_speed : float
             v_max, m/s: the velocity after a turn is unknown up to it; see `held_update` too.
+        interval : float, optional
+            Median time between scans, s; 0 if it is not known.
         environment : Environment, optional
             Clutter zones and encounters, in which plots' features count.
+        whole : bool, optional
+            Whether the scan looked at the whole coverage; a target elsewhere is not away otherwise.
 
         Returns
         -------
@@ -180,13 +213,23 @@ class TrackMaintenance:
             Density at each detection, 1/m^2, of the held targets' detections, to be added to the
             clutter density; see `ipda.associate`.
         """
-        self._begin(stamp)
+        away = self._begin(stamp, interval, detectable)
         if not len(self._held):
             return np.zeros(len(detections))
         # Predict.
-        held = self._held.predicted(stamp, max_speed)
+        held = self._held.predicted(stamp, max_speed, away)
         # Associate.
         probability = detectable(held.tracks.state[:, 0::2])
+        covered = probability > 0.0
+        existence, visible = ipda.predicted(held.existence, held.visible, covered)
+        proven, _ = ipda.predicted(held.proven, held.visible, covered)
+        counts = covered | (whole & ~away)
+        held = changed(
+            held,
+            existence=np.where(counts, existence, held.existence),
+            proven=np.where(counts, proven, held.proven),
+            visible=np.where(counts, visible, held.visible),
+        )
         empty = 1.0 - held.visible * probability * GATE_PROBABILITY
         state, covariance = held.modes()
         means = np.stack([held.tracks.state, held.fits.state])
@@ -214,7 +257,7 @@ class TrackMaintenance:
         # A downstream tracker has a speed limit of its own.
         limit = np.where(self._tracker.keeps(held.unlisted_since), np.inf, max_speed)
         held, self.covered = held_update.updated(
-            held, state[:-1], covariance[:-1], mode_ratios, empty, probability > 0.0, limit
+            held, state[:-1], covariance[:-1], mode_ratios, empty, covered, limit
         )
         of_target = association.probability * held.existence[near.track]
         held = held_features.with_strengths(held, near, of_target, detections["strength"])
@@ -224,15 +267,71 @@ class TrackMaintenance:
             OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
             for own in (of_target > ALMOST_CERTAIN, of_target > PROBABLE)
         )
-        self._held = held
-        # End.
-        sigma = np.zeros(len(held))
+        self._remember_owners(detections)
+        hit_sigma, sigma = held.hit_sigma.copy(), np.zeros(len(held))
         if len(detections):
             sigma = detections["major_sigma"][near.nearest]
-        kept = self._end(held.existence >= MIN_EXISTENCE)
-        self._end(~self._repeated(plots[kept], sigma[kept]))
-        self._held, self.released = publication.released(self._held, self.speed_prior)
+            probable = of_target > PROBABLE
+            hit_sigma[near.track[probable]] = detections["major_sigma"][near.row[probable]]
+        self._held = changed(held, hit_sigma=hit_sigma)
+        # End.
+        exists = held.existence >= MIN_EXISTENCE
+        kept = self._end(exists | ~covered, "missed")
+        kept[kept] = self._end(exists[kept], "left")
+        explained = np.asarray(np.bincount(near.track, of_target, len(held)), float)
+        self._end(~self._repeated(plots[kept], sigma[kept], explained[kept]), "duplicate")
+        self._publish(sensor.max_range)
         return association.held_density
+
+    def _publish(self, max_range: float) -> None:
+        """Publish, withhold or fix each track; those that are published for the first time."""
+        if self.speed_prior.min_speed:
+            self._state()
+        extent = self.target_extent
+        status = publication.statuses(self._held, self.speed_prior, extent, max_range)
+        new = (status == Status.PUBLISHED) & ~self._held.announced
+        self._held = held = changed(
+            self._held,
+            status=status,
+            announced=self._held.announced | new,
+            # A downstream tracker has known them from now on only.
+            unlisted_since=np.where(new, self._held.tracks.stamp, self._held.unlisted_since),
+        )
+        self.released = held.tracks.where(new) if new.any() else NO_TRACKS
+
+    def _remember_owners(self, detections: NDArray[np.void]) -> None:
+        ids, rows = self.probable_detections
+        hits = map(tuple, np.stack([detections["scan"], detections["index"]], 1)[rows].tolist())
+        self._owned.append(dict(zip(hits, ids.tolist(), strict=True)))
+
+    def recognised(self, starts: TrackArrays, coverage_area: float) -> IntArray:
+        """Ids of the held tracks that starts (n,) are, or continue; -1 for those of new targets.
+
+        See `track_merging.own_starts` and `continued`. Targets are born, in the mean, as often as
+        they vanish, uniform in the coverage (m^2) and the velocities up to `max_speed`. Fixed
+        echoes and the tracks that a downstream tracker lists are left as they are.
+        """
+        held = self._held
+        may = (held.status != Status.FIXED) & ~self._tracker.keeps(held.unlisted_since)
+        rows = np.flatnonzero(may)
+        if not len(starts) or not len(rows):
+            return np.full(len(starts), -1)
+        owned = {hit: track for scan in self._owned for hit, track in scan.items()}
+        mine = {hit for hits in starts.hits for hit in hits}
+        busy = {track for hit, track in self._owned[-1].items() if hit not in mine}
+        busy |= set(held.tracks.track_id[~may].tolist())
+        ids = track_merging.own_starts(starts, owned, frozenset(busy))
+        others, lost = np.flatnonzero(ids < 0), rows[~np.isin(held.tracks.track_id[rows], ids)]
+        volume = coverage_area * math.pi * self.speed_prior.max_speed**2
+        births = (1.0 + len(held)) * ipda.SCANS_OF_FADING / ipda.SCANS_TO_VANISH / volume
+        ids[others] = track_merging.continued(
+            starts.where(others),
+            held.tracks.where(lost),
+            held.existence[lost],
+            owned,
+            births,
+        )
+        return ids
 
     def add(
         self,
@@ -241,25 +340,37 @@ class TrackMaintenance:
         histories: Histories | None = None,
         misfit: float | FloatArray = 1.0,
         strengths: tuple[FloatArray, FloatArray] | None = None,
+        hit_sigma: FloatArray | None = None,
     ) -> TrackArrays:
         """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
 
         Their hits have features as in `histories`, if these are known; their covariances are too
-        small for the hits by factors `misfit`; their `strengths` see `HeldTracks.of`. Those that
-        are published at once are returned.
+        small for the hits by factors `misfit`; `strengths` and `hit_sigma` see `HeldTracks.of`.
+        Those that are published at once are returned.
         """
         if not len(tracks):
             return tracks
-        new = HeldTracks.of(tracks, existence, histories, misfit, strengths)
-        new = publication.stated(publication.judged(new, self.speed_prior), self.speed_prior)
-        sure = self.speed_prior.sure_to_move(new.tracks.stationary_probability)
-        self._held = self._held.joined(changed(new, published=sure))
-        return new.tracks.where(sure)
+        new = HeldTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
+        held = self._held.joined(changed(new, announced=np.zeros(len(new), bool)))
+        held = publication.stated(publication.judged(held, self.speed_prior), self.speed_prior)
+        first = len(held) - len(new)
+        fixed = publication.stands_still(held, self.speed_prior)[first:]
+        status, announced = held.status.copy(), held.announced.copy()
+        status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
+        announced[first:] = ~fixed
+        self._held = changed(held, status=status, announced=announced)
+        return held.tracks.where(first + np.flatnonzero(~fixed))
 
-    def revise(self, corrected: TrackArrays, replaced: Sequence[int] = ()) -> TrackArrays:
+    def revise(
+        self,
+        corrected: TrackArrays,
+        replaced: Sequence[int] = (),
+        existence: FloatArray | None = None,
+    ) -> TrackArrays:
         """Correct the starts of held tracks, by their ids, and end tracks that were replaced.
 
-        A track that a downstream tracker lists does not end.
+        A track that a downstream tracker lists does not end. With the `existence` of each, the
+        tracks were lost and are found again.
 
         Returns
         -------
@@ -267,10 +378,11 @@ class TrackMaintenance:
             The published tracks that were corrected.
         """
         if replaced:
-            self._end(~np.isin(self._held.tracks.track_id, replaced))
+            self._end(~np.isin(self._held.tracks.track_id, replaced), "replaced")
         if not len(corrected):
             return corrected
-        self._held = publication.judged(self._held.revised(corrected), self.speed_prior)
+        held = self._held.revised(corrected, existence)
+        self._held = publication.judged(held, self.speed_prior)
         current = self.current
         return current.where(np.isin(current.track_id, corrected.track_id))
 
@@ -296,25 +408,21 @@ class TrackMaintenance:
         self._tracker = tracker.heard(stamp)
         ids = held.tracks.track_id
         over = declined(since, ids, tracks.track_id, stamp, self.tracked_timeout)
-        over &= held.published
-        self._cleared += ids[over].tolist()
+        over &= held.announced
+        self._cleared |= dict.fromkeys(ids[over].tolist(), "tracker")
         self._held = changed(held, unlisted_since=since).where(~over)
         self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
         self._held = self._held.listed(tracks, TRACKED_EXISTENCE)
 
     def clear(self) -> None:
         """End every track and forget what a downstream tracker said."""
-        self._cleared += self._held.tracks.track_id[self._held.published].tolist()
+        ids = self._held.tracks.track_id[self._held.announced].tolist()
+        self._cleared |= dict.fromkeys(ids, "cleared")
         self._forget()
 
-    def take_cleared(self) -> list[int]:
-        """Ids of the tracks that ended since the last step; the next will not name them."""
-        cleared, self._cleared = self._cleared, []
-        return cleared
-
     def keep_ended(self) -> None:
-        """Name the ids of the tracks that ended at the last step again at the next."""
-        self._cleared = self._ended + self._cleared
+        """Name the tracks that ended at the last step again at the next."""
+        self._cleared = self._ended | self._cleared
 
     def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
@@ -322,30 +430,49 @@ class TrackMaintenance:
         See `extended_targets.may_repeat_older`.
         """
         held = self._held
-        repeats = extended_targets.may_repeat_older(held.tracks, extent, sensor_position)
+        repeats = track_merging.may_repeat_older(held.tracks, extent, sensor_position)
         kept = ~repeats | self._tracker.keeps(held.unlisted_since)
-        self._cleared += held.tracks.track_id[held.published & ~kept].tolist()
+        ended = held.tracks.track_id[held.announced & ~kept].tolist()
+        self._cleared |= dict.fromkeys(ended, "duplicate")
         self._held = held.where(kept)
 
-    def _begin(self, stamp: float) -> None:
-        """Begin a step: forget the last one's, and end the tracks that are over their time."""
-        self._ended, self._cleared = self._cleared, []
+    def _begin(
+        self, stamp: float, interval: float, detectable: Callable[[FloatArray], FloatArray]
+    ) -> BoolArray:
+        """Begin a step: forget the last one's, and end the tracks that are over their time.
+
+        Returns which are fixed echoes outside the coverage: these are remembered.
+        """
+        self._ended, self._cleared = self._cleared, {}
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
-        self._end(self._held.last_detected >= stamp - self.hold_time)
+        fixed = self._held.status == Status.FIXED
+        away = fixed & (detectable(self._held.tracks.state[:, 0::2]) <= 0.0)
+        last = self._held.last_detected
+        longest = self.hold_time or HOLD_SCANS * interval or np.inf
+        away = away[self._end(away | (last >= stamp - longest), "not_detected")]
+        if np.count_nonzero(away) > MOST_PLACES:
+            kept = ~away
+            kept[np.flatnonzero(away)[-MOST_PLACES:]] = True
+            away = away[self._end(kept, "forgotten")]
+        return away
 
-    def _repeated(self, plots: IntArray, detection_sigma: FloatArray) -> BoolArray:
+    def _repeated(
+        self, plots: IntArray, detection_sigma: FloatArray, explained: FloatArray
+    ) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
         tracks, before = self._held.tracks, self._held.agreeing_scans
-        known = repetition.located(tracks.covariance, detection_sigma)
-        agrees = repetition.agrees_with_older(tracks.state, tracks.covariance, plots, known)
+        known = track_merging.located(tracks.covariance, detection_sigma)
+        agrees = track_merging.agrees_with_older(
+            tracks.state, tracks.covariance, plots, known, explained
+        )
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
         self._held = changed(self._held, agreeing_scans=scans)
-        return scans >= repetition.SAME_SCANS
+        return scans >= track_merging.SAME_SCANS
 
-    def _end(self, kept: BoolArray) -> BoolArray:
+    def _end(self, kept: BoolArray, reason: str) -> BoolArray:
         """End all tracks but those kept and those that the downstream tracker lists.
 
         Returns which were kept.
@@ -354,7 +481,8 @@ class TrackMaintenance:
             kept = kept | self._tracker.keeps(self._held.unlisted_since)
         if not kept.all():
             held = self._held
-            self._ended = self._ended + held.tracks.track_id[held.published & ~kept].tolist()
+            ended = held.tracks.track_id[held.announced & ~kept].tolist()
+            self._ended = self._ended | dict.fromkeys(ended, reason)
             self._held = held.where(kept)
         return kept
 

@@ -57,6 +57,7 @@ class MessageInput:
                 message,
                 bearing_reference=self.options.bearing_reference,
                 sound_speed=self.options.sound_speed,
+                sensor=self._session.settings.sensor,
             )
         except MessageError as error:
             self._session.drop(error.reason, f"detections dropped: {error}")

@@ -12,6 +12,9 @@ from tsepm_ros.numerics.rows import changed
 from tsepm_ros.parameters import check_group, parameter
 from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 
+SEAM = math.radians(2.5)
+"""Gap between the ends of a sector that is a full turn in rounded numbers, such as 3.14 or 179
+degrees to either side, rad."""
 MIN_SECTOR_WIDTH = 1e-6
 """Smallest width of the azimuth sector covered, rad."""
 MIN_CLUTTER_DENSITY = 1e-12
@@ -151,8 +154,9 @@ class SensorModel:
 
     @property
     def sector_width(self) -> float:
-        """Width of the azimuth sector covered, rad, at most 2 pi."""
-        return min(self.azimuth_max - self.azimuth_min, 2 * math.pi)
+        """Width of the azimuth sector covered, rad; 2 pi where less than `SEAM` is missing."""
+        width = self.azimuth_max - self.azimuth_min
+        return width if width < 2 * math.pi - SEAM else 2 * math.pi
 
     @property
     def all_round(self) -> bool:

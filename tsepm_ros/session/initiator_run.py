@@ -61,12 +61,11 @@ class InitiatorRun:
         """Raise the errors of `configure`, without a change."""
         self.initiator.rehearse(settings.make_method())
 
-    def reset(self) -> list[int]:
-        """Discard tracks and counts; return the ids of the tracks that end."""
+    def reset(self) -> None:
+        """Discard tracks and counts."""
         self.initiator.reset()
         self.check = SensorCheck()
         self._totals_before = ScanStatistics()
-        return self.initiator.maintenance.take_cleared()
 
     def start_over(self) -> None:
         """Discard tracks and keep counts."""

@@ -95,7 +95,7 @@ def joined(
         azimuth_std=of_scans(lambda scan: _azimuth_std(scan, sensor)) if own_azimuth else None,
         time_offset=time + of_scans(lambda scan: scan.time_offset),
         features={name: of_scans(partial(_feature, name)) for name in names},
-        group=_groups(messages),
+        group=_groups(messages, sensor),
         swept=swept,
     )
     heights = any(message.height is not None for message, _ in full)
@@ -126,7 +126,7 @@ def _feature(name: str, scan: Scan) -> FloatArray:
     return scan.features.get(name, np.full(len(scan), np.nan))
 
 
-def _groups(messages: Sequence[SensorScan]) -> IntArray | None:
+def _groups(messages: Sequence[SensorScan], sensor: SensorModel) -> IntArray | None:
     """Groups of all detections; runs of rays go on from one message to the next."""
     if all(message.scan.group is None for message in messages):
         return None
@@ -137,14 +137,14 @@ def _groups(messages: Sequence[SensorScan]) -> IntArray | None:
             groups.append(np.full(len(message.scan), -1))
             continue
         own = np.where(group < 0, -1, group - group.min() + following)
-        if before is not None and group.min() >= 0 and _continues(before, message):
+        if before is not None and group.min() >= 0 and _continues(before, message, sensor):
             own = own - 1 + (following - own[0])
         groups.append(own)
         following = int(own.max(initial=following - 1)) + 1
     return np.concatenate(groups)
 
 
-def _continues(before: SensorScan, after: SensorScan) -> bool:
+def _continues(before: SensorScan, after: SensorScan, sensor: SensorModel) -> bool:
     """Whether the last ray of a message and the first of the next see one object."""
     one, two = before.beams, after.beams
     if one is None or two is None or before.scan.group is None or not len(before.scan):
@@ -159,4 +159,5 @@ def _continues(before: SensorScan, after: SensorScan) -> bool:
     last, first = float(before.scan.azimuth[-1]), float(after.scan.azimuth[0])
     if max(abs(turned(last - end)), abs(turned(first - begin))) > SAME_RAY:
         return False
-    return bool(goes_on(before.scan.range[-1:], after.scan.range[:1], turned(first - last))[0])
+    rays = before.scan.range[-1:], after.scan.range[:1]
+    return bool(goes_on(*rays, turned(first - last), sensor)[0])

@@ -38,8 +38,8 @@ class ScanResult:
         All published tracks that are held, at `stamp`.
     fixed_echoes : TrackArrays
         Fixed echoes, with `min_speed`, at `stamp`.
-    ended : list of int
-        Ids of the tracks that ended.
+    ended : dict of int to str
+        Tracks that ended: their ids, and the reason of each, see `track_maintenance.ENDS`.
     statistics : ScanStatistics
         The initiator's counts.
     core_seconds : float
@@ -57,7 +57,7 @@ class ScanResult:
     revised: TrackArrays
     current: TrackArrays
     fixed_echoes: TrackArrays
-    ended: list[int]
+    ended: dict[int, str]
     statistics: ScanStatistics
     core_seconds: float
     waiting: float

@@ -162,8 +162,8 @@ class Session:
         """Raise the errors of `configure`, without a change."""
         self._run.rehearse(settings)
 
-    def reset(self) -> list[int]:
-        """Discard scans, tracks, poses and counts; return the ids of the tracks that end."""
+    def reset(self) -> None:
+        """Discard scans, tracks, poses and counts."""
         self.dropped.clear()
         self._losses = Losses()
         self.arrived_stamp = None
@@ -174,7 +174,7 @@ class Session:
         self._frames.reset()
         self._downstream.clear()
         self._land.reset()
-        return self._run.reset()
+        self._run.reset()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count a drop, and report it, unless it has no sentence."""

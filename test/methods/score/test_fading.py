@@ -10,14 +10,14 @@ import pytest
 
 from tsepm_ros.methods.score import fading
 
-P_D, P_G, INTERVAL = 0.9, 0.99, 12.0
+P_D, P_G = 0.9, 0.99
 
 
 def scores(detected: tuple[bool, ...]) -> float:
     """Log-likelihood of detections after the first, by the recursion."""
     faded, total = np.array([fading.FADED_AT_START]), 0.0
     for hit in detected:
-        faded = fading.predicted(faded, INTERVAL)
+        faded = fading.predicted(faded)
         probability = P_D * fading.visible_share(faded)
         if hit:
             total += math.log(probability[0])
@@ -30,7 +30,7 @@ def scores(detected: tuple[bool, ...]) -> float:
 
 def summed(detected: tuple[bool, ...]) -> float:
     """The same from all sequences of states: seen 0, faded 1; the first scan had a detection."""
-    stays = math.exp(-INTERVAL / 120.0)
+    stays = math.exp(-1.0 / 10.0)
     share, p_d = (0.6, 0.4), (P_D, 0.6 * P_D)
     first = [share[k] * p_d[k] for k in (0, 1)]
     total = 0.0

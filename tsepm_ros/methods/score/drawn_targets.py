@@ -89,7 +89,7 @@ def draw_targets(
         truth[:, 1::2] += rng.normal(
             0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
         )
-    share = np.where(_faded(window, interval) & fades, fading.FADED_FACTOR, 1.0)
+    share = np.where(_faded(window) & fades, fading.FADED_FACTOR, 1.0)
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
     return DrawnTargets(scans, detected, _drawn_exponents(ratio, window))
@@ -107,15 +107,14 @@ def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
     return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
 
 
-def _faded(window: int, interval: float) -> BoolArray:
+def _faded(window: int) -> BoolArray:
     """Whether the targets, detected in the first scan, have faded in each scan, (n, window)."""
     rng = np.random.default_rng([SEED, 2])
     draws = rng.random((SIMULATED_TARGETS, window))
     faded = draws < fading.FADED_AT_START
     for scan in range(1, window):
-        faded[:, scan] = draws[:, scan] < fading.predicted(
-            faded[:, scan - 1].astype(np.float64), interval
-        )
+        before = faded[:, scan - 1].astype(np.float64)
+        faded[:, scan] = draws[:, scan] < fading.predicted(before)
     return faded
 
 

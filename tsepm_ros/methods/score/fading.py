@@ -3,9 +3,9 @@
 A target is seen with the P_D in use, or it has faded to less: by aspect, shadow or weather, or
 because the data sheet flatters. It is in either state for a while (the Markov chain of Musicki,
 Evans, Stankovic, IEEE Trans. Autom. Control 39(6), 1994, with P_D above 0 in both), so that a miss
-makes further misses cheaper. With f the probability that it has faded, over a time t::
+makes further misses cheaper. With f the probability that it has faded, from scan to scan::
 
-    predicted     f <- F + (f - F) exp(-t / FADING_TIME),   F = FADED_SHARE
+    predicted     f <- F + (f - F) exp(-1 / FADING_SCANS),   F = FADED_SHARE
     P_D           P_D v,   v = 1 - (1 - b) f,   b = FADED_FACTOR
     hit           f <- b f / v
     miss          f <- f (1 - b P_D P_G) / (1 - P_D v P_G)
@@ -16,6 +16,8 @@ loses 0.7 instead of 4.7.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -30,15 +32,15 @@ told, starts are slightly later. docs/score.md has the figures.
 """
 FADED_FACTOR = 0.6
 """Detection probability of a faded target, in that of a seen one: a choice."""
-FADING_TIME = 120.0
-"""Time constant of the chain, s."""
+FADING_SCANS = 10.0
+"""Time constant of the chain, in scans: a choice."""
 FADED_AT_START = FADED_SHARE * FADED_FACTOR / (1.0 - FADED_SHARE * (1.0 - FADED_FACTOR))
 """Probability that a target has faded, given its first detection."""
 
 
-def predicted(faded: FloatArray, interval: float) -> FloatArray:
-    """Probability that targets have faded (n,) after a time, s."""
-    kept = float(np.exp(-abs(interval) / FADING_TIME))
+def predicted(faded: FloatArray) -> FloatArray:
+    """Probability that targets have faded (n,) at the next scan."""
+    kept = math.exp(-1.0 / FADING_SCANS)
     return np.asarray(FADED_SHARE + kept * (faded - FADED_SHARE))
 
 

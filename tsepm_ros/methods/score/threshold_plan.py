@@ -244,7 +244,7 @@ def _scores(
         )
         hit = targets.detected[rows, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
-        faded = fading.predicted(faded, interval)
+        faded = fading.predicted(faded)
         probability = sensor.detection_probability * fading.visible_share(faded)
         increment = likelihood_ratio.hit_increment(density, probability, clutter)
         increment = increment + of_strength[rows, scan]

@@ -49,7 +49,7 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
     state, covariance = kalman.predict(
         hypotheses.state, hypotheses.covariance, interval, process_noise
     )
-    faded = fading.predicted(hypotheses.faded, interval)
+    faded = fading.predicted(hypotheses.faded)
     return changed(hypotheses, state=state, covariance=covariance, faded=faded)
 
 

@@ -11,7 +11,7 @@ from support.builders import detections
 from support.held import P_D, ids, step, tracks
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.maintenance import repetition
+from tsepm_ros.maintenance import track_merging
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.stages.paths import NO_HIT
 
@@ -52,7 +52,7 @@ def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
     state[:, 0] = offsets
     covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
     own = np.full(len(offsets), NO_HIT) if plots is None else np.array(plots)
-    return repetition.agrees_with_older(state, covariance, own).tolist()
+    return track_merging.agrees_with_older(state, covariance, own).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():
@@ -74,15 +74,18 @@ def test_only_located_tracks_agree():
     covariance = np.stack(
         [np.diag([90.0**2, 4.0, 10.0**2, 4.0]), np.diag([5.0, 1.0, 5.0, 1.0]) ** 2]
     )
-    known = repetition.located(covariance, np.array([10.0, 10.0]))
+    known = track_merging.located(covariance, np.array([10.0, 10.0]))
     assert known.tolist() == [False, True]
     unknown = np.full(2, NO_HIT)
-    assert repetition.agrees_with_older(state, covariance, unknown, known).tolist() == [
+    assert track_merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
         False,
         False,
     ]
-    known = repetition.located(covariance, np.array([45.1, 45.1]))
-    assert repetition.agrees_with_older(state, covariance, unknown, known).tolist() == [False, True]
+    known = track_merging.located(covariance, np.array([45.1, 45.1]))
+    assert track_merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
+        False,
+        True,
+    ]
 
 
 def test_a_vague_older_track_does_not_end_one_that_is_on_its_target():
