@@ -75,3 +75,18 @@ def test_held_tracks_detections_do_not_count_and_old_ones_go():
     for _ in range(40):  # the operator chose a shorter range
         seen.update(*draw(rng, 20, SONAR), np.ones(20))
     assert seen.estimate.max_range < 310.0
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.5])
+def test_a_sector_that_is_seen_across_the_seam_of_the_coverage_is_not_cut(turn):
+    # Nearly all round, in rounded numbers; and three quarters of a turn, seen at both ends.
+    rng = np.random.default_rng(1)
+    azimuth = np.pi + rng.uniform(-0.5, 0.5, 400)
+    range_ = np.sqrt(rng.uniform(100.0, 8100.0, 400))
+    for low, high in ((-3.1415, 3.1415), (-2.9, 2.9)):
+        extent = Extent(0.0, 100.0, low + turn, high + turn)
+        seen = SeenExtent(extent)
+        seen.update(range_, azimuth + turn, np.ones(400))
+        region = seen.region
+        assert region.contains(range_, azimuth + turn).mean() > 0.98
+        assert region.extent.azimuth_max - region.extent.azimuth_min < 1.2

@@ -86,13 +86,13 @@ def test_what_exists_hardly_is_neither_published_nor_a_fixed_echo():
 def test_a_downstream_tracker_does_not_decline_what_it_never_heard_of():
     hold = holding(1)
     for stamp in np.arange(10.0, 160.0, 10.0):
-        step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp), P_D)
+        step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp, 400.0), P_D)
         if stamp in (10.0, 80.0, 150.0):
             hold.follow(stamp, TrackArrays.of([]))
     assert len(hold.held) == 1
     # Its time begins when the track is published.
     hold.speed_prior = SpeedPrior()
-    step(hold, 160.0, detections([[2800.0, 1000.0]], 160.0), P_D)
+    step(hold, 160.0, detections([[2800.0, 1000.0]], 160.0, 400.0), P_D)
     assert published(hold) == [1]
     hold.follow(200.0, TrackArrays.of([]))
     assert published(hold) == [1]
@@ -119,3 +119,34 @@ def test_a_fixed_echo_has_its_place_and_since_when(speed):
     assert echo.velocity.tolist() == [0.0, 0.0]
     assert np.linalg.eigvalsh(echo.covariance).min() > 0.0
     assert echo.stationary_probability > 0.5
+
+
+def test_a_vague_track_is_withheld_and_comes_back_under_its_id():
+    hold = TrackMaintenance()
+    hold.add(tracks(1), 0.99)
+    states = []
+    for scan in range(1, 20):
+        seen = [[2000.0 + 60.0 * scan, 1000.0]] if not 4 <= scan < 10 else np.zeros((0, 2))
+        step(hold, 12.0 * scan, detections(seen, 12.0 * scan, 400.0), P_D)
+        states.append(published(hold))
+        if scan < 10:
+            assert hold.held.tracks.time_since_hit[0] == 12.0 * max(scan - 3, 0)
+        assert hold.held.tracks.existence_probability[0] == hold.held.existence[0]
+    assert states[:3] == [[1]] * 3
+    assert states[8] == [], "six misses"
+    assert states[-1] == [1]
+    assert len(hold.released) == 0
+    assert hold.ended == {}
+
+
+def test_a_fixed_echo_outside_the_coverage_is_remembered_as_it_is():
+    hold = holding(1)
+    for stamp in range(12, 61, 12):
+        step(hold, stamp, detections([[2000.0, 1000.0]], stamp, 400.0), P_D)
+    before = hold.fixed_echoes
+    for stamp in range(72, 6000, 12):
+        step(hold, stamp, detectable=0.0)
+    after = hold.fixed_echoes
+    assert after.track_id.tolist() == [1]
+    np.testing.assert_allclose(after.state, before.state, rtol=1e-9)
+    np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-6)

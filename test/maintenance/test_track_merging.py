@@ -10,7 +10,8 @@ import pytest
 from support.builders import detections
 from support.held import P_D, ids, step, tracks
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance import track_merging
 from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.stages.paths import NO_HIT
@@ -110,3 +111,65 @@ def test_scans_in_which_a_track_is_vague_count_neither_way():
     assert before[1] > 0
     step(hold, 6.0)  # nothing says how well a track is located
     assert hold.held.agreeing_scans.tolist() == before
+
+
+def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:
+    """Starts at positions, at rest, with errors of 2 m and 1 m/s."""
+    return TrackArrays.of(
+        [
+            ConfirmedTrack(
+                track_id=place,
+                stamp=7.0,
+                state=np.array([x, 0.0, y, 0.0]),
+                covariance=np.diag([4.0, 1.0, 4.0, 1.0]),
+                hits=hits,
+                evaluation=0.0,
+            )
+            for place, (x, y) in enumerate(rows)
+        ]
+    )
+
+
+def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
+    starts = starts_at((0.0, 0.0))
+    two, one = {(5, 0): 9, (6, 0): 9}, {(5, 0): 9}
+    assert track_merging.own_starts(starts, two, frozenset()).tolist() == [9]
+    assert track_merging.own_starts(starts, one, frozenset()).tolist() == [-1]
+    assert track_merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
+    twice = starts.joined(starts)
+    assert track_merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
+
+
+@pytest.mark.parametrize(("births_over_density", "ids"), [(0.99, [4]), (1.01, [-1])])
+def test_a_lost_track_is_continued_where_that_is_likelier_than_a_new_target(
+    births_over_density, ids
+):
+    starts = starts_at((3.0, 0.0))
+    lost = starts_at((0.0, 0.0)).numbered(np.array([4]))
+    # r N(d; 0, P + P') of the sum of two diagonal covariances: one axis of 3 m over 8 m^2.
+    density = 0.3 * math.exp(-0.5 * 9.0 / 8.0) / ((2.0 * math.pi) ** 2 * 8.0 * 2.0)
+    births = births_over_density * density
+    found = track_merging.continued(starts, lost, np.array([0.3]), {}, births)
+    assert found.tolist() == ids
+
+
+def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continued_once():
+    starts = starts_at((1.0, 0.0), (0.0, 0.0))
+    lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
+    existence = np.array([0.9, 0.9])
+    found = track_merging.continued(starts, lost, existence, {(4, 3): 4}, 1e-9)
+    assert found.tolist() == [4, -1]
+    found = track_merging.continued(starts, lost, existence, {(6, 3): 4}, 1e-9)
+    assert found.tolist() == [-1, -1]
+    found = track_merging.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
+    assert found.tolist() == [4, -1], "its own hits do not count"
+
+
+def test_two_tracks_that_explain_two_detections_do_not_agree():
+    state = np.zeros((2, 4))
+    covariance = np.stack([np.eye(4)] * 2)
+    unknown = np.full(2, NO_HIT)
+    for explained, agrees in ((0.7, True), (0.8, False)):
+        each = np.full(2, explained)
+        found = track_merging.agrees_with_older(state, covariance, unknown, None, each)
+        assert found.tolist() == [False, agrees]

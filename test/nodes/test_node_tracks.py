@@ -101,7 +101,7 @@ def test_tracks_have_the_documented_layout(world):
     assert names == [
         *("x", "y", "z", "track_id", *STATE, *COVARIANCE),
         *("evaluation", "score", "hit_count", "scan_count", "age", "stationary_probability"),
-        *("signal_to_clutter_db", "revision"),
+        *("signal_to_clutter_db", "revision", "existence_probability", "time_since_hit"),
     ]
     kinds = {field.name: field.datatype for field in message.fields}
     # RViz and PCL need these three as float32.

@@ -132,3 +132,10 @@ def test_the_covered_area_is_what_drawn_points_say():
     share = sensor.covers(np.hypot(x, y), np.arctan2(y, x)).mean()
     expected = sensor.coverage_area / 4e6
     assert abs(share - expected) < 5 * math.sqrt(expected * (1 - expected) / 200_000)
+
+
+def test_a_turn_in_rounded_numbers_is_all_round():
+    for half, all_round in ((3.1415, True), (3.14, True), (math.radians(179), True), (3.0, False)):
+        sensor = SensorModel(azimuth_min=-half, azimuth_max=half)
+        assert sensor.all_round is all_round
+        assert bool(sensor.covers([100.0], [math.pi])[0]) is all_round
