@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.sensing.conversion import major_sigma
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
@@ -17,13 +18,14 @@ if TYPE_CHECKING:
 
 FIXED_ECHO_COLOR = 0.95, 0.75, 0.2
 """Red, green and blue: unlike tracks, potential tracks and truth."""
-SIZE = 5.0
-"""Length of the edges, m."""
+_THICKNESS = 0.01  # m; RViz refuses a scale of 0
 MAX_LABELS = 500
 """Labels shown, of the echoes seen for the longest; nested messages are slow to build."""
 
 
-def fixed_echo_markers(header: Header, echoes: Sequence[ConfirmedTrack]) -> MarkerArray:
+def fixed_echo_markers(
+    header: Header, echoes: Sequence[ConfirmedTrack], *, minimum_size: float = 0.0
+) -> MarkerArray:
     """Build the markers of fixed echoes, which replace those of the last message.
 
     A cube at each place, and a label with the id and the minutes since the first hit.
@@ -33,6 +35,9 @@ def fixed_echo_markers(header: Header, echoes: Sequence[ConfirmedTrack]) -> Mark
     header : std_msgs.msg.Header
         The fixed frame, and the stamp of the states.
     echoes : sequence of ConfirmedTrack
+    minimum_size : float, optional
+        Length of the edges and height of the labels, m; see `track_markers.marker_sizes`. At least
+        the median standard deviation of the places.
 
     Returns
     -------
@@ -46,15 +51,17 @@ def fixed_echo_markers(header: Header, echoes: Sequence[ConfirmedTrack]) -> Mark
     if not len(arrays):
         return MarkerArray(markers=markers)  # RViz rejects a marker without points
     cubes = _marker(header, "position", Marker.CUBE_LIST)
-    cubes.scale.x = cubes.scale.y = cubes.scale.z = SIZE
+    sigma = major_sigma(arrays.covariance[:, 0::2, 0::2])
+    size = max(minimum_size, float(np.median(sigma)), _THICKNESS)
+    cubes.scale.x = cubes.scale.y = cubes.scale.z = size
     cubes.points = [Point(x=x, y=y) for x, y in arrays.state[:, 0::2].tolist()]
     markers.append(cubes)
     for number, row in enumerate(np.argsort(-arrays.age, kind="stable")[:MAX_LABELS].tolist()):
         echo = arrays[row]
         label = _marker(header, "label", Marker.TEXT_VIEW_FACING, number)
-        label.scale.z = SIZE
+        label.scale.z = size
         label.pose.position.x, label.pose.position.y = echo.position.tolist()
-        label.pose.position.y += SIZE
+        label.pose.position.y += size
         label.text = f"{echo.track_id}: {echo.age / 60.0:.1f} min"
         markers.append(label)
     return MarkerArray(markers=markers)

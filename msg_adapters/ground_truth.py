@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.track_markers import track_markers
+from msg_adapters.track_markers import marker_sizes, track_markers
 from tsepm_ros.kinematics.track import ConfirmedTrack
 
 if TYPE_CHECKING:
@@ -39,6 +39,10 @@ def truth_tracks(stamp: float, states: NDArray[np.float64]) -> list[ConfirmedTra
     ]
 
 
-def truth_markers(header: Header, truth: list[ConfirmedTrack]) -> MarkerArray:
-    """Markers of the truth: position, velocity and label in `TRUTH_COLOR`."""
-    return track_markers(header, truth, color=TRUTH_COLOR)
+def truth_markers(header: Header, truth: list[ConfirmedTrack], reach: float = 0.0) -> MarkerArray:
+    """Markers of the truth: position, velocity and label in `TRUTH_COLOR`.
+
+    Their sizes are those of targets up to a distance `reach` (m), and of the fastest of these.
+    """
+    fastest = max((math.hypot(*track.velocity) for track in truth), default=0.0)
+    return track_markers(header, truth, color=TRUTH_COLOR, **marker_sizes(reach, fastest or 1.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,18 +28,46 @@ TRACK_COLOR: Color = (0.1, 0.9, 0.3)
 POTENTIAL_COLORS: tuple[Color, Color] = (0.45, 0.5, 0.6), (1.0, 0.6, 0.0)
 """Colours of a potential track with zero score, and of one at the threshold."""
 
-LEAD_TIME = 60.0
-"""Time of travel that velocity markers show, s."""
+SIZE_SHARE = 0.01
+"""Size of a marker in the reach of the sensor: a few pixels where all of it is in view."""
+LEAD_SHARE = 0.1
+"""Way that velocity markers show of the fastest target, in the reach of the sensor."""
 
 ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 """Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
 
 _LABEL_HEIGHT = 3.0  # in sizes of the position marker: readable if that is a few pixels
 _ELLIPSE_OPACITY = 0.25
+_COASTING_OPACITY = 0.5  # of every marker of a track without a detection in the last scan
+_DASHES, _DASH_WIDTH = 24, 0.1  # of a coasting track's ellipse; the width in sizes
 _MAX_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
 _POTENTIAL_OPACITY = 0.3, 1.0  # as for the colours
-_POTENTIAL_SIZE, _POTENTIAL_LINE = 60.0, 15.0  # m
+_POTENTIAL_LINE = 0.25  # width, in sizes of the points
 _THICKNESS = 0.01  # m; RViz refuses a scale of 0
+
+
+class MarkerSizes(TypedDict):
+    """Sizes of markers, as arguments of the functions that build them: m, and s."""
+
+    minimum_size: float
+    lead_time: float
+
+
+def marker_sizes(reach: float, max_speed: float) -> MarkerSizes:
+    """Sizes of the markers of a sensor.
+
+    Parameters
+    ----------
+    reach : float
+        Largest range of targets, m.
+    max_speed : float
+        Of targets, m/s.
+
+    Returns
+    -------
+    MarkerSizes
+    """
+    return {"minimum_size": SIZE_SHARE * reach, "lead_time": LEAD_SHARE * reach / max_speed}
 
 
 def track_markers(
@@ -48,15 +76,16 @@ def track_markers(
     ended_ids: Iterable[int] = (),
     *,
     afresh: bool = False,
-    minimum_size: float = 20.0,
-    lead_time: float = LEAD_TIME,
+    minimum_size: float = 0.0,
+    lead_time: float = 1.0,
     color: Color = TRACK_COLOR,
 ) -> MarkerArray:
-    """Build the markers that show the current tracks and remove those that ended.
+    """Build the markers that show the current tracks and remove those of others.
 
     Each track has a sphere at its position, an arrow to its predicted position, its 95 % ellipse,
     and a label with id, speed, the largest standard deviation of the position, and the revision of
-    a start that was corrected.
+    a start that was corrected. Those of a track that coasts, without a detection in the last scan,
+    are fainter, and its ellipse is dashed.
 
     Parameters
     ----------
@@ -65,14 +94,14 @@ def track_markers(
     tracks : iterable of ConfirmedTrack
         Every current track.
     ended_ids : iterable of int, optional
-        Ids of the tracks that ended since the last message.
+        Ids of the tracks of the last message that are not current any more.
     afresh : bool, optional
         Remove every marker of the topic first, those of other publishers included.
     minimum_size : float, optional
         Minimum size of sphere, arrow and label, m, which otherwise have the largest standard
-        deviation of the position. The ellipse is always to scale.
+        deviation of the position; see `marker_sizes`. The ellipse is always to scale.
     lead_time : float, optional
-        Prediction time of the arrow, s.
+        Prediction time of the arrow, s; see `marker_sizes`.
     color : (float, float, float), optional
         Red, green and blue, 0 to 1.
 
@@ -93,18 +122,22 @@ def track_markers(
     for track in tracks:
         semi_major, _, _ = confidence_ellipse(track.position_covariance)
         sigma = semi_major / ELLIPSE_SCALE
-        size = max(minimum_size, sigma)
+        size = max(minimum_size, sigma, _THICKNESS)
         markers += (
             _position(header, track, size, color),
             _velocity(header, track, size, lead_time, color),
-            _ellipse(header, track, color),
+            _ellipse(header, track, size, color),
             _label(header, track, size, sigma, color),
         )
     return MarkerArray(markers=markers)
 
 
 def potential_track_markers(
-    header: Header, tracks: Sequence[ConfirmedTrack], *, lead_time: float = LEAD_TIME
+    header: Header,
+    tracks: Sequence[ConfirmedTrack],
+    *,
+    minimum_size: float = 0.0,
+    lead_time: float = 1.0,
 ) -> MarkerArray:
     """Build the markers of candidate tracks, which replace those of the last message.
 
@@ -120,8 +153,8 @@ def potential_track_markers(
     header : std_msgs.msg.Header
         The fixed frame, and the stamp of the states.
     tracks : sequence of ConfirmedTrack
-    lead_time : float, optional
-        Prediction time of the lines, s.
+    minimum_size, lead_time : float, optional
+        Size of the points, m, and prediction time of the lines, s; see `marker_sizes`.
 
     Returns
     -------
@@ -146,11 +179,11 @@ def potential_track_markers(
     points = [[Point(x=x, y=y) for x, y in line] for line in ends.tolist()]
     positions = _marker(header, "position", 0, "ADD")
     positions.type = positions.POINTS
-    positions.scale.x = positions.scale.y = _POTENTIAL_SIZE
+    positions.scale.x = positions.scale.y = max(minimum_size, _THICKNESS)
     positions.points, positions.colors = [line[0] for line in points], colors
     velocities = _marker(header, "velocity", 0, "ADD")
     velocities.type = velocities.LINE_LIST
-    velocities.scale.x = _POTENTIAL_LINE
+    velocities.scale.x = _POTENTIAL_LINE * positions.scale.x
     velocities.points = [point for line in points for point in line]
     velocities.colors = [color for color in colors for _ in range(2)]
     for marker in (positions, velocities):
@@ -228,7 +261,7 @@ def _shape(
     marker.type = getattr(marker, kind)
     marker.scale.x, marker.scale.y, marker.scale.z = scale
     marker.color.r, marker.color.g, marker.color.b = color
-    marker.color.a = 1.0
+    marker.color.a = _COASTING_OPACITY if track.time_since_hit > 0.0 else 1.0
     return marker
 
 
@@ -257,11 +290,22 @@ def _velocity(
     return marker
 
 
-def _ellipse(header: Header, track: ConfirmedTrack, color: Color) -> Marker:
+def _ellipse(header: Header, track: ConfirmedTrack, size: float, color: Color) -> Marker:
+    from geometry_msgs.msg import Point
+
     semi_major, semi_minor, angle = confidence_ellipse(track.position_covariance)
-    scale = (max(2 * semi_major, _THICKNESS), max(2 * semi_minor, _THICKNESS), _THICKNESS)
-    marker = _shape(header, "ellipse", track, "CYLINDER", scale, color)
-    marker.color.a = _ELLIPSE_OPACITY
+    if track.time_since_hit > 0.0:  # every second segment, along the ellipse
+        marker = _shape(
+            header, "ellipse", track, "LINE_LIST", (_DASH_WIDTH * size, 0.0, 0.0), color
+        )
+        marker.points = [
+            Point(x=semi_major * math.cos(turn), y=semi_minor * math.sin(turn))
+            for turn in np.linspace(0.0, math.tau, 2 * _DASHES, endpoint=False).tolist()
+        ]
+    else:
+        scale = (max(2 * semi_major, _THICKNESS), max(2 * semi_minor, _THICKNESS), _THICKNESS)
+        marker = _shape(header, "ellipse", track, "CYLINDER", scale, color)
+        marker.color.a = _ELLIPSE_OPACITY
     marker.pose.orientation.z, marker.pose.orientation.w = math.sin(angle / 2), math.cos(angle / 2)
     return _place(marker, track)
 

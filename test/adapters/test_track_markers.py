@@ -10,8 +10,13 @@ import pytest
 from scipy.stats import chi2
 from visualization_msgs.msg import Marker
 
-from msg_adapters import clear_markers, potential_track_markers, track_markers
-from msg_adapters.track_markers import POTENTIAL_COLORS
+from msg_adapters import (
+    clear_markers,
+    fixed_echo_markers,
+    potential_track_markers,
+    track_markers,
+)
+from msg_adapters.track_markers import POTENTIAL_COLORS, marker_sizes
 
 KINDS = {
     "position": Marker.SPHERE,
@@ -113,6 +118,26 @@ def test_a_degenerate_ellipse_has_no_scale_of_zero(header, make_track, covarianc
     assert min(scale.x, scale.y, scale.z) > 0
 
 
+def test_the_ellipse_of_a_track_that_coasts_is_dashed_and_its_markers_are_fainter(
+    header, make_track, over_the_wire
+):
+    covariance = _covariance([[5.0, 4.0], [4.0, 5.0]])  # variances 9 and 1 at 45 degrees
+    seen, coasting = (
+        _by_kind(over_the_wire(track_markers(header, [track])))
+        for track in (make_track(covariance=covariance, time_since_hit=t) for t in (0.0, 0.1))
+    )
+    dashes = coasting["ellipse"]
+    assert (seen["ellipse"].type, dashes.type) == (Marker.CYLINDER, Marker.LINE_LIST)
+    assert dashes.pose == seen["ellipse"].pose and dashes.scale.x > 0
+    points = np.array([[point.x, point.y] for point in dashes.points])
+    semi_axes = math.sqrt(chi2.ppf(0.95, 2)) * np.array([3.0, 1.0])
+    np.testing.assert_allclose(np.hypot(*(points / semi_axes).T), 1.0)
+    turns = np.unwrap(np.arctan2(*(points / semi_axes).T[::-1])).reshape(-1, 2)
+    np.testing.assert_allclose(turns[1:, 0] - turns[:-1, 1], np.diff(turns[:-1], axis=1)[:, 0])
+    for kind in ("position", "velocity", "label"):
+        assert coasting[kind].color.a < seen[kind].color.a
+
+
 def test_position_is_where_the_track_is(header, make_track):
     shown = _by_kind(track_markers(header, [make_track()]))
     for kind in ("position", "ellipse"):
@@ -138,6 +163,21 @@ def test_sizes_follow_sigma_down_to_a_minimum(header, make_track, sigma, size):
     assert shown["velocity"].scale.x == pytest.approx(0.3 * size)
     # The ellipse says what is known: no minimum there.
     assert shown["ellipse"].scale.x == pytest.approx(2 * math.sqrt(chi2.ppf(0.95, 2)) * sigma)
+
+
+@pytest.mark.parametrize(("reach", "max_speed"), [(10.0, 1.0), (9000.0, 15.0)])
+def test_markers_are_a_share_of_the_sensor_s_reach(header, make_track, reach, max_speed):
+    track = make_track(state=np.array([0.0, max_speed, 0.0, 0.0]), covariance=np.zeros((4, 4)))
+    sizes = marker_sizes(reach, max_speed)
+    shown = _by_kind(track_markers(header, [track], **sizes))
+    assert shown["position"].scale.x == pytest.approx(reach / 100)
+    assert shown["velocity"].points[1].x == pytest.approx(reach / 10)
+    _, points, lines = potential_track_markers(header, [track], **sizes).markers
+    assert points.scale.x == pytest.approx(reach / 100)
+    assert lines.points[1].x == pytest.approx(reach / 10)
+    size = sizes["minimum_size"]
+    _, cubes, label = fixed_echo_markers(header, [track], minimum_size=size).markers
+    assert (cubes.scale.x, label.scale.z) == pytest.approx((reach / 100, reach / 100))
 
 
 def test_label_has_id_speed_and_sigma_in_ascii(header, make_track):

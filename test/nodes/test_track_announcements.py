@@ -1,4 +1,4 @@
-"""Log lines of confirmed tracks: readable, and never a flood."""
+"""Log lines of confirmed tracks and of their ends: readable, and never a flood."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from support.boat import Boat
 from support.sonar_driver import pings, points
 
 from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.maintenance.track_maintenance import ENDS
 from tsepm_ros.nodes.track_announcements import MAX_LINES, PERIOD, TrackAnnouncements, announcement
 
 STATE = np.array([100.0, 3.0, -50.0, 4.0])
@@ -39,7 +40,11 @@ class Spoken(list):
     def confirm(self, number: int) -> None:
         new = [track(self.number + index) for index in range(number)]
         self.number += number
-        self._announced.announce(SimpleNamespace(new=new, frame_id="odom"), lambda _: "why")
+        self.take(new, {})
+
+    def take(self, new: list[ConfirmedTrack], ended: dict[int, str]) -> None:
+        result = SimpleNamespace(new=new, ended=ended, frame_id="odom")
+        self._announced.announce(result, lambda _: "why")
 
 
 def test_fifty_at_once_are_ten_lines_and_a_sum():
@@ -48,6 +53,23 @@ def test_fifty_at_once_are_ten_lines_and_a_sum():
     assert len(spoken) == MAX_LINES + 1
     assert [line.split()[1] for line in spoken[:-1]] == [str(n) for n in range(MAX_LINES)]
     assert spoken[-1].startswith("40 more confirmed tracks (ids 10 to 49)")
+
+
+@pytest.mark.parametrize("reason", ENDS)
+def test_the_end_of_a_track_is_one_line_with_its_reason(reason):
+    spoken = Spoken()
+    spoken.take([], {7: reason})
+    spoken.take([], {})
+    assert spoken == [f"track 7 ended: {ENDS[reason]}"]
+
+
+def test_a_flood_of_ends_is_summed_and_leaves_the_lines_of_starts():
+    spoken = Spoken()
+    spoken.take([], dict.fromkeys(range(50), "missed"))
+    spoken.take([track(60)], {})
+    assert len(spoken) == MAX_LINES + 2
+    assert spoken[MAX_LINES].startswith("40 more ended tracks (ids 10 to 49)")
+    assert spoken[-1].startswith("track 60 confirmed")
 
 
 @pytest.mark.parametrize("each", [1, 3, 50])

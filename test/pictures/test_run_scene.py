@@ -160,6 +160,21 @@ def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
     plt.close(figure)
 
 
+@pytest.mark.parametrize(("since", "dashed"), [(0.0, False), (0.1, True)])
+def test_the_ellipse_of_a_track_that_coasts_is_dashed(since, dashed):
+    pytest.importorskip("matplotlib")
+    import matplotlib.pyplot as plt
+    from matplotlib.patches import Ellipse
+
+    from tsepm_ros.pictures.plan_marks import draw_track
+
+    figure, axes = plt.subplots()
+    draw_track(axes, replace(track_at(1, 0.0), time_since_hit=since), 1.0, "#c05621", 1.0, 1.6)
+    (ellipse,) = (one for one in axes.patches if isinstance(one, Ellipse))
+    assert (ellipse.get_linestyle() not in ("-", "solid")) == dashed
+    plt.close(figure)
+
+
 def track_at(track_id, x, hits=()):
     return ConfirmedTrack(
         track_id=track_id,

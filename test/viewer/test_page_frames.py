@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,12 +27,13 @@ def potential(x: float, score: float, newest: int, threshold: float = 10.0):
     return held(0, x, 0.0, score=score, evaluation=score - threshold, hits=((0, 0), (1, newest)))
 
 
-def test_a_track_s_row_has_its_state_ellipse_and_speed_error():
-    ((track_id, *numbers),) = track_rows([held(12, 1000.126, -2000.0, 3.0, 4.0)])
+def test_a_track_s_row_has_its_state_ellipse_speed_error_and_time_since_the_last_detection():
+    track = replace(held(12, 1000.126, -2000.0, 3.0, 4.0), time_since_hit=2.5)
+    ((track_id, *numbers),) = track_rows([track])
     # Along (0.6, 0.8): 0.36 * 1 + 0.64 * 4 = 2.92 m^2/s^2.
     axes = 2.4477 * 30.0, 2.4477 * 20.0
-    expected = [1000.126, -2000.0, 3.0, 4.0, *axes, math.pi / 2, math.sqrt(2.92)]
-    units = [100, 100, 1000, 1000, 100, 100, 1000, 1000]
+    expected = [1000.126, -2000.0, 3.0, 4.0, *axes, math.pi / 2, math.sqrt(2.92), 2.5]
+    units = [100, 100, 1000, 1000, 100, 100, 1000, 1000, 1000]
     assert track_id == 12 and all(type(number) is int for number in numbers)
     assert np.abs(numbers) == pytest.approx(np.abs(expected) * units, abs=0.51)
 
@@ -46,7 +48,7 @@ def test_ellipses_are_those_of_the_markers():
 
 def test_what_is_not_finite_is_left_out_and_the_frame_is_json():
     broken = held(1, math.nan, 0.0)
-    blind = held(2, 5.0, 6.0, covariance=np.full((4, 4), np.inf))
+    blind = held(2, 5.0, 6.0, covariance=np.full((4, 4), np.inf), time_since_hit=math.nan)
     frame = make_frame(
         3.0,
         "odom",
@@ -59,7 +61,7 @@ def test_what_is_not_finite_is_left_out_and_the_frame_is_json():
     assert json.loads(encode(frame)) == frame
     assert frame["detections"] == [100, 200]
     assert [row[0] for row in frame["tracks"]] == [2]
-    assert frame["tracks"][0][5:] == [0, 0, 0, 0]
+    assert frame["tracks"][0][5:] == [0, 0, 0, 0, 0]
     assert (frame["potential"], frame["fixed"]) == ([], [])
     assert frame["own_ship"] == [100, 200, None]
     assert make_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Iterable
 
 from tsepm_ros.diagnostics.rules import RULES, Rule
+from tsepm_ros.maintenance.track_maintenance import ENDS
 from tsepm_ros.session.drop_reasons import as_markdown
 
 INTRODUCTION = """\
@@ -24,6 +25,10 @@ may change while the node runs.
 """
 
 FIGURES = {
+    "`tracks.published`, `tracks.withheld`, `tracks.fixed`": "held tracks now, by their state: "
+    "docs/use_the_tracks.md; `tracks` is the number of published ones",
+    "`ended.REASON`": "published tracks that ended: "
+    + "; ".join(f"`{name}`, {sentence}" for name, sentence in ENDS.items()),
     "`latency_ms`": "time from the callback to the publication of `tracks`",
     "`latency_all_ms`": "time from the callback to the end of publishing",
     "`waiting_ms`": "time that a scan waited for own-ship data before the callback",

@@ -50,6 +50,8 @@ def _initiation_values(figures: HealthFigures) -> Mapping[str, object]:
         "potential_tracks": snapshot.potential_tracks,
         "potential_tracks_most": snapshot.totals.potential_tracks,
         "tracks": snapshot.tracks,
+        **{f"tracks.{state}": number for state, number in snapshot.states.items()},
+        **{f"ended.{reason}": number for reason, number in sorted(snapshot.ends.items())},
         "fixed_echoes": snapshot.fixed_echoes,
         "detection_probability": snapshot.detection_probability,
         "detection_probability_estimated": snapshot.detection_probability_estimated,

@@ -53,6 +53,7 @@ class DriverTopics:
         own_ship: bool = True,
     ) -> None:
         self._frames = fixed_frame, sensor_frame
+        self._place, self._reach = np.zeros(2), 0.0  # of the own ship; largest range of a target
 
         def publisher(kind: type, topic: str, depth: int = PUBLISHER_DEPTH) -> Publisher:
             options = qos_overrides.PUBLISHER
@@ -99,6 +100,7 @@ class DriverTopics:
         if self._own_ship is None:
             raise ValueError("there is no own ship")
         x, y, yaw = pose
+        self._place = np.array([x, y])
         frame_id, child_frame_id = self._frames
         sample = PoseSample(
             stamp,
@@ -118,4 +120,6 @@ class DriverTopics:
         header = make_header(seconds_to_ns(stamp), self._frames[0])
         truth = truth_tracks(stamp, states)
         self._truth.publish(track_cloud(header, truth))
-        self._truth_markers.publish(truth_markers(header, truth))
+        ranges = np.hypot(*(np.reshape(states, (-1, 4))[:, 0::2] - self._place).T)
+        self._reach = max(self._reach, float(ranges.max(initial=0.0)))
+        self._truth_markers.publish(truth_markers(header, truth, self._reach))

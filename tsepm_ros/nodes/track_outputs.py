@@ -26,8 +26,9 @@ from msg_adapters import (
     track_markers,
     track_odometry,
 )
+from msg_adapters.track_markers import MarkerSizes, marker_sizes
 from tsepm_ros.diagnostics.health_figures import Latency
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.kinematics.track import NO_TRACKS, ConfirmedTrack, TrackArrays
 from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.nodes.qos_watch import QosWatch
 from tsepm_ros.own_ship.frame_axes import exchanged, stated_axes
@@ -75,7 +76,7 @@ class TrackOutputs:
                 qos_overriding_options=qos_overrides.PUBLISHER,
             )
 
-        self._shown: tuple[Header, Sequence[ConfirmedTrack]] = make_header(0, ""), ()
+        self._shown: tuple[Header, TrackArrays] = make_header(0, ""), NO_TRACKS
         self._echoes: Sequence[ConfirmedTrack] = ()
         self._drawn: set[Publisher] = set()
         self._redraw = True
@@ -126,20 +127,27 @@ class TrackOutputs:
         if self._odometry.get_subscription_count():
             for track in result.starts:
                 self._odometry.publish(track_odometry(header, track))
+        # Those that ended, and those that are withheld or have become fixed echoes.
+        gone = np.setdiff1d(self._shown[1].track_id, result.current.track_id).tolist()
         self._shown, self._echoes = (header, result.current), result.fixed_echoes
         if self._markers.get_subscription_count():
             self._markers.publish(
-                track_markers(header, result.current, result.ended, afresh=self._redraw)
+                track_markers(header, result.current, gone, afresh=self._redraw, **self._sizes)
             )
             self._redraw = False
         if self._fixed_echo_markers.get_subscription_count():
-            self._draw(self._fixed_echo_markers, fixed_echo_markers(header, self._echoes))
+            self._draw_echoes(header)
         if self._with_potential_tracks:
             self._publish_potential(header)
 
+    @property
+    def _sizes(self) -> MarkerSizes:
+        settings = self._session.settings
+        return marker_sizes(settings.sensor.max_range, settings.common.max_speed)
+
     def clear(self, header: Header) -> None:
         """Publish empty tracks and markers."""
-        self._shown, self._echoes = (header, ()), ()
+        self._shown, self._echoes = (header, NO_TRACKS), ()
         self._markers.publish(clear_markers(header))
         self._potential_markers.publish(clear_markers(header))
         self._fixed_echo_markers.publish(clear_markers(header))
@@ -171,7 +179,14 @@ class TrackOutputs:
         tracks = exchanged(potential, header.frame_id)
         self._potential.publish(track_cloud(header, tracks))
         if self._potential_markers.get_subscription_count():
-            self._draw(self._potential_markers, potential_track_markers(header, tracks))
+            self._draw(
+                self._potential_markers, potential_track_markers(header, tracks, **self._sizes)
+            )
+
+    def _draw_echoes(self, header: Header) -> None:
+        size = self._sizes["minimum_size"]
+        markers = fixed_echo_markers(header, self._echoes, minimum_size=size)
+        self._draw(self._fixed_echo_markers, markers)
 
     def _draw(self, publisher: Publisher, markers: MarkerArray) -> None:
         """Publish latched markers, which later viewers get as well."""
@@ -185,15 +200,14 @@ class TrackOutputs:
         """
         if event.current_count_change > 0:
             header, tracks = self._shown
-            self._markers.publish(track_markers(header, tracks, afresh=True))
+            self._markers.publish(track_markers(header, tracks, afresh=True, **self._sizes))
             self._redraw = True
 
     def _on_viewer_of_echoes(self, event: Any) -> None:
         """Publish the present fixed echoes for a new viewer, in place of those drawn last."""
         drawn = self._fixed_echo_markers in self._drawn
         if event.current_count_change > 0 and (drawn or len(self._echoes)):
-            header, _ = self._shown
-            self._draw(self._fixed_echo_markers, fixed_echo_markers(header, self._echoes))
+            self._draw_echoes(self._shown[0])
 
     def _on_viewer_of_potential_tracks(self, event: Any) -> None:
         """Remove the potential tracks drawn last for a new viewer; the next scan draws its own."""

@@ -205,6 +205,10 @@ def _legend(scene: RunScene, seconds: float) -> list[Line2D]:
     label = f"track: id, 95 % ellipse, arrow: {seconds:g} s of travel"
     handles.append(legend_line(TRACK_COLOUR, label, **arrow))
     handles.append(legend_line(NEW_TRACK_COLOUR, "the same, new", **arrow))
+    if any(view.held.time_since_hit.any() for view in scene.scans):
+        dashes = legend_line(TRACK_COLOUR, "dashed ellipse: not detected in this ping")
+        dashes.set_linestyle((0, (4, 2)))
+        handles.append(dashes)
     if any(len(view.fixed_echoes) for view in scene.scans):
         handles.append(legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0))
     return handles

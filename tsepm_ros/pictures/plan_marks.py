@@ -150,7 +150,10 @@ def draw_track(
     alpha: float,
     width: float,
 ) -> None:
-    """Draw a track: position, id, velocity over some seconds as an arrow, and 95 % ellipse."""
+    """Draw a track: position, id, velocity over some seconds as an arrow, and 95 % ellipse.
+
+    The ellipse is dashed while the track coasts, without a detection in its scan.
+    """
     start = track.position
     end = start + track.velocity * velocity_seconds
     style = {"arrowstyle": "-|>", "color": colour, "alpha": alpha, "linewidth": width}
@@ -172,6 +175,7 @@ def draw_track(
             edgecolor=colour,
             alpha=alpha,
             linewidth=width,
+            linestyle=(0, (4, 2)) if track.time_since_hit > 0.0 else "-",
         )
     )
     # Abeam and outside the ellipse, clear of the velocity arrow and of the target's way.

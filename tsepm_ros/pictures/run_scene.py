@@ -228,7 +228,7 @@ def position_at(path: FloatArray, stamp: float) -> FloatArray | None:
     return np.array([np.interp(stamp, path[:, 0], path[:, axis]) for axis in (1, 2)])
 
 
-ROUND_SECONDS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
+ROUND_SECONDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 
 
 def velocity_seconds(scene: RunScene) -> float:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from typing import Any
 
 from tsepm_ros.initiation.statistics import ScanStatistics
 from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance.downstream_tracker import Tracker, TrackerReport
+from tsepm_ros.maintenance.held_tracks import Status
 from tsepm_ros.sensing.scan import Scan
 from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark
 from tsepm_ros.session.sensor_check import SensorCheck, findings
@@ -37,6 +39,7 @@ class InitiatorRun:
         self.check = SensorCheck()
         self._strengths_count = False
         self._totals_before = ScanStatistics()  # of runs before the last `start_over`
+        self._ends: Counter[str] = Counter()
 
     @property
     def totals(self) -> ScanStatistics:
@@ -66,6 +69,7 @@ class InitiatorRun:
         self.initiator.reset()
         self.check = SensorCheck()
         self._totals_before = ScanStatistics()
+        self._ends.clear()
 
     def start_over(self) -> None:
         """Discard tracks and keep counts."""
@@ -99,6 +103,7 @@ class InitiatorRun:
             self.start_over()
             raise
         seconds = time.perf_counter() - begin
+        self._ends.update(self.initiator.maintenance.ended.values())
         outside = self.initiator.statistics.outside_coverage
         self.check.observe(scan.stamp, len(new), outside, len(scan))
         return new, seconds
@@ -107,10 +112,13 @@ class InitiatorRun:
         """The fields of a `SessionSnapshot` that describe the initiator."""
         initiator = self.initiator
         check = self.check.figures(initiator)
+        states = Counter(initiator.maintenance.held.status.tolist())
         return {
             "totals": self.totals,
             "potential_tracks": initiator.statistics.potential_tracks,
             "tracks": len(initiator.current),
+            "states": {state.name.lower(): states[state] for state in Status},
+            "ends": dict(self._ends),
             "fixed_echoes": len(initiator.fixed_echoes),
             "detection_probability": initiator.detection_probability,
             "detection_probability_estimated": initiator.estimated_detection_probability,

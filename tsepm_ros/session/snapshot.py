@@ -21,6 +21,11 @@ class SessionSnapshot:
         Number of potential tracks.
     tracks : int
         Number of published tracks that are held.
+    states : mapping of str to int
+        Number of held tracks by the name of their `Status`.
+    ends : mapping of str to int
+        Number of tracks that ended since the start or the last reset, by the reason, a key of
+        `track_maintenance.ENDS`.
     fixed_echoes : int
         Number of fixed echoes.
     dropped : mapping of str to int
@@ -71,6 +76,8 @@ class SessionSnapshot:
     own_ship_stamp: float | None
     scan_stamp: float | None
     tracker: str
+    states: Mapping[str, int] = field(default_factory=dict)
+    ends: Mapping[str, int] = field(default_factory=dict)
     intensity: str = "not used"
     land_area: float = 0.0
     sweep: str = "a message is a scan"

@@ -1,7 +1,7 @@
 """One scan as the page draws it: a JSON object, the same live, replayed and in a file.
 
 Numbers are integers, which are quicker to write than decimals: positions and semi-axes in cm,
-speeds in mm/s, angles in mrad, evidence in percent. The page converts them to SI.
+speeds in mm/s, angles in mrad, times in ms, evidence in percent. The page converts them to SI.
 
 ============= ===================================================================================
 field         meaning
@@ -13,7 +13,7 @@ field         meaning
 ``detections``  x and y of each detection in turn
 ``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
 ``tracks``    a row per held track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the angle of
-              the major one, standard deviation of the speed
+              the major one, standard deviation of the speed, time since the last detection
 ``fixed``     as ``tracks``, of fixed echoes
 ``restart``   true if all tracks before it were discarded
 ============= ===================================================================================
@@ -42,8 +42,8 @@ Frame = dict[str, Any]
 MAX_POTENTIAL = 500
 """Potential tracks of a frame, those nearest to confirmation."""
 
-CENTIMETERS, MILLIMETERS, MILLIRADIANS, PERCENT = 100.0, 1000.0, 1000.0, 100.0
-"""Integers of a frame per m, m/s, rad and 1."""
+CENTIMETERS, MILLIMETERS, MILLIRADIANS, MILLISECONDS, PERCENT = 100.0, 1e3, 1e3, 1e3, 100.0
+"""Integers of a frame per m, m/s, rad, s and 1."""
 
 _ELLIPSE_UNITS = np.array([CENTIMETERS, CENTIMETERS, MILLIRADIANS])
 _LARGEST = 1e15  # a larger number is drawn nowhere
@@ -114,6 +114,7 @@ def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
             _integers(
                 speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
             ),
+            _integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
         ]
     )
     return list(numbers.tolist())

@@ -152,8 +152,10 @@ class SelectedPanel {
     const row = frame.tracks.find((one) => one[Row.ID] === id);
     const last = history[history.length - 1];
     this.name.textContent = `Track ${id}`;
-    this.state.textContent = row ? "held" : last ? "ended" : "not yet confirmed";
-    this.state.className = `chip ${row ? "ok" : "stale"}`;
+    const coasts = row && row[Row.SINCE_HIT] > 0;
+    this.state.textContent = coasts ? `coasting ${duration(row[Row.SINCE_HIT])}`
+      : row ? "held" : last ? "ended or withheld" : "not yet confirmed";
+    this.state.className = `chip ${coasts ? "warn" : row ? "ok" : "stale"}`;
     this.reason.textContent = this.why(facts, history, frame);
     const rows = row ? this.present(row, facts, frame, scene) : [];
     if (!row && last) rows.push(["Last held", clock(last.stamp)]);

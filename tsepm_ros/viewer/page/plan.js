@@ -261,18 +261,21 @@ class Plan {
     context.globalAlpha = 1;
   }
 
+  /* Dashed and not filled without a detection in this scan. */
   drawEllipse(row, colour) {
     const { context } = this;
+    const coasts = row[Row.SINCE_HIT] > 0;
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.beginPath();
     context.ellipse(x, y, row[Row.MAJOR] * this.scale, row[Row.MINOR] * this.scale,
       -row[Row.ANGLE], 0, 2 * Math.PI);
     context.globalAlpha = 0.14;
     context.fillStyle = context.strokeStyle = colour;
-    context.fill();
+    if (coasts) context.setLineDash([5, 4]); else context.fill();
     context.globalAlpha = 0.7;
     context.lineWidth = 1;
     context.stroke();
+    context.setLineDash([]);
     context.globalAlpha = 1;
   }
 
@@ -281,11 +284,14 @@ class Plan {
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.fillStyle = context.strokeStyle = colour;
     context.lineWidth = 2;
+    const coasts = row[Row.SINCE_HIT] > 0;
+    context.setLineDash(coasts ? [5, 4] : []);
     this.arrow(x, y, ...this.screen(
       row[Row.X] + row[Row.VX] * this.arrowTime, row[Row.Y] + row[Row.VY] * this.arrowTime));
+    context.setLineDash([]);
     context.beginPath();
     context.arc(x, y, 4, 0, 2 * Math.PI);
-    context.fill();
+    if (coasts) context.stroke(); else context.fill();
   }
 
   drawSelected(frame) {

@@ -4,7 +4,7 @@
 
 const MAX_FRAMES = 4000; // of a live source; a recording is kept whole
 
-const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8 };
+const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8, SINCE_HIT: 9 };
 
 class Scene {
   constructor() {
@@ -111,11 +111,11 @@ class Scene {
   }
 }
 
-/* A frame in SI: the integers of page_frames.py are cm, mm/s, mrad and percent. */
+/* A frame in SI: the integers of page_frames.py are cm, mm/s, mrad, ms and percent. */
 function converted(frame) {
-  const track = ([id, x, y, vx, vy, major, minor, angle, speedStd]) => [
+  const track = ([id, x, y, vx, vy, major, minor, angle, speedStd, sinceHit = 0]) => [
     id, 0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy,
-    0.01 * major, 0.01 * minor, 0.001 * angle, 0.001 * speedStd,
+    0.01 * major, 0.01 * minor, 0.001 * angle, 0.001 * speedStd, 0.001 * sinceHit,
   ];
   const pose = frame.own_ship;
   return {
