@@ -82,11 +82,11 @@ def test_states_and_ends_of_tracks_are_counted_by_name():
     values = dict(run.status("track initiation", 0.0).values)
     counts = {name: values[name] for name in values if name.startswith(("tracks", "ended"))}
     assert counts == {
-        "tracks": "3",
-        "tracks.published": "3",
-        "tracks.withheld": "2",
-        "ended.left": "1",
-        "ended.missed": "4",
+        "tracks": 3,
+        "tracks.published": 3,
+        "tracks.withheld": 2,
+        "ended.left": 1,
+        "ended.missed": 4,
     }
 
 

@@ -14,6 +14,9 @@ from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import START_NS, Ping, cloud, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
+from tsepm_ros.maintenance import publication
+from tsepm_ros.maintenance.held_tracks import Status
+
 SECOND = 10**9
 FIELDS = (
     *((name, PointField.FLOAT32) for name in "xyz"),
@@ -124,6 +127,29 @@ def test_what_is_tracked_is_held_carried_and_ended_as_the_tracker_says(world, qo
     tracker.say(25.0)
     assert tracker.held_at(36.0) == []
     assert world.dropped() == {}
+
+
+@pytest.mark.parametrize("state", ["withheld", "fixed"])
+def test_the_markers_of_a_track_that_is_not_published_any_more_are_deleted(
+    world, monkeypatch, state
+):
+    boat = Boat(world)
+    tracker = Tracker(world, boat)
+    tracker.say(0.0, 7, 8)
+    assert ids(tracker.held_at(12.0)) == [7, 8]
+    one = Status[state.upper()]
+    monkeypatch.setattr(publication, "statuses", lambda held, *_: np.array([one, 0]))
+    assert ids(tracker.held_at(24.0)) == [8]
+    assert tracker.shown_at(24.0) == ({8}, {7})
+    figures = world.figures()
+    assert (figures["tracks.published"], figures[f"tracks.{state}"]) == ("1", "1")
+    monkeypatch.undo()
+    tracker.say(25.0, 8)
+    assert ids(tracker.held_at(36.0)) == [8]
+    world.until(lambda: world.figures().get("ended.tracker") == "1", "the end to be counted")
+    assert tracker.held_at(48.0)
+    assert world.figures()["ended.tracker"] == "1", "ends are counted since the start"
+    world.until_logged("track 7 ended: the downstream tracker does not list it", level=20)
 
 
 def test_a_tracker_ahead_of_the_ping_is_carried_back(world):
