@@ -25,6 +25,7 @@ def test_fixed_echoes_are_published_beside_the_tracks(world, method):
     boat = Boat(world, method=method, **OPTIONS)
     echoes = world.listen(PointCloud2, "fixed_echoes", LATCHED)
     markers = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
     world.until_connected()
     received = boat.send(sent)
     world.until(lambda: len(echoes) >= len(sent) and markers, "an answer to every ping")
@@ -45,7 +46,9 @@ def test_fixed_echoes_are_published_beside_the_tracks(world, method):
     kinds = {marker.type for marker in markers[-1].markers if marker.action == Marker.ADD}
     assert kinds == {Marker.CUBE_LIST, Marker.TEXT_VIEW_FACING}
     assert world.figures()["fixed_echoes"] == "1"
-    assert all(np.hypot(*(one.position - [3000.0, 1500.0])) > 500.0 for one in initiator.current)
+    starts = [point["track_id"] for message in received for point in points(message)]
+    assert len(starts) == len(set(starts)), "no echo is published as a second track"
+    assert echo["track_id"] not in [point["track_id"] for point in points(current[-1])]
 
 
 def test_without_min_speed_the_topic_is_there_and_empty_and_a_reset_clears_it(world):
