@@ -62,6 +62,8 @@ class Track:
     agreeing: int = 0
     unlisted_since: float = 0.0
     proven: float = 0.005
+    published: bool = True
+    hit_variance: float = math.nan
 
     @property
     def mean(self) -> tuple[np.ndarray, np.ndarray]:
@@ -88,6 +90,8 @@ class Rule:
     tracked_timeout: float
     detection_probability: float
     range_rate_std: float
+    max_range: float
+    target_extent: float
 
 
 @dataclass
@@ -97,6 +101,7 @@ class PlainMaintenance:
     rule: Rule
     tracks: list[Track] = field(default_factory=list)
     ended: dict[str, list[int]] = field(default_factory=dict)
+    """Ids by the reason of their end."""
     association: dict[tuple[int, int], float] = field(default_factory=dict)
     report: float | None = None
     declined: list[int] = field(default_factory=list)
@@ -125,6 +130,7 @@ class PlainMaintenance:
                         proven=0.99,
                         last_detected=max(track.last_detected, time),
                         unlisted_since=-math.inf,
+                        published=True,
                     )
                 )
             elif stamp - since > timeout:
@@ -143,20 +149,24 @@ class PlainMaintenance:
         scan: Mapping[str, Any],
         clutter: Sequence[float],
         detectable: Callable[[np.ndarray], float],
+        whole_coverage: bool = True,
     ) -> list[float]:
-        """Take a scan; returns the held density at each detection."""
+        """Take a scan, of a part of the coverage or all; returns the held density at detections."""
         rule, stamp = self.rule, scan["stamp"]
-        self.ended, self.declined = {"declined": self.declined}, []
+        self.ended, self.declined = {"tracker": self.declined}, []
         self.association = {}
         if self.report is not None and abs(stamp - self.report) > rule.tracked_timeout:
             self.report = None
-        self.end("time", [t.last_detected >= stamp - rule.hold_time for t in self.tracks])
+        self.end("not_detected", [t.last_detected >= stamp - rule.hold_time for t in self.tracks])
         longest = max((abs(stamp - track.stamp) for track in self.tracks), default=0.0)
         predicted = [
             predict(track, stamp, longest, rule.settings.max_speed) for track in self.tracks
         ]
         p_d = [detectable(track.mean[0][[0, 2]]) for track in predicted]
-        predicted = [waited(track, p > 0.0) for track, p in zip(predicted, p_d, strict=True)]
+        predicted = [
+            waited(track, p > 0.0) if p > 0.0 or whole_coverage else track
+            for track, p in zip(predicted, p_d, strict=True)
+        ]
         plots = plots_of(scan, clutter, rule)
         near = [neighbours(track, plots, stamp) for track in predicted]
         with_rates = any(has_rate(plot, rule) for plot in plots)
@@ -230,6 +240,9 @@ class PlainMaintenance:
             whole = empty[i] + sum(competing[i].values())
             for j, value in competing[i].items():
                 self.association[track.id, j] = value / whole * track.existence
+                if self.association[track.id, j] > 0.5:
+                    error = largest(plots[j].detection.covariance)
+                    track = replace(track, hit_variance=error)
             explained[track.id] = sum(competing[i].values()) / whole * track.existence
             covered = track.covered_scans + (p_d[i] > 0.0)
             if p_d[i] > 0.0:
@@ -237,11 +250,23 @@ class PlainMaintenance:
             self.tracks.append(replace(track, covered_scans=covered * (1.0 - detected)))
         self.learn(learned)
         seen = {track.id: p > 0.0 for track, p in zip(predicted, p_d, strict=True)}
-        self.end("existence", [t.existence >= 0.01 or not seen[t.id] for t in self.tracks])
-        self.end("leaving", [track.existence >= 0.01 for track in self.tracks])
+        self.end("missed", [t.existence >= 0.01 or not seen[t.id] for t in self.tracks])
+        self.end("left", [track.existence >= 0.01 for track in self.tracks])
         self.tracks = counted(self.tracks, located, explained)
-        self.end("track_merging", [track.agreeing < 5 for track in self.tracks])
+        self.end("duplicate", [track.agreeing < 5 for track in self.tracks])
+        self.tracks = [replace(track, published=self.shown(track)) for track in self.tracks]
         return density
+
+    def shown(self, track: Track) -> bool:
+        """Whether a track is published, not withheld.
+
+        Its place is as well known as the last detection's, up to 4.5 times, or as the extent of a
+        target, and to a quarter of the range; it exists with 0.5, or with 0.9 if it was withheld.
+        """
+        error = math.sqrt(largest(track.mean[1][np.ix_([0, 2], [0, 2])]))
+        known = max(4.5 * math.sqrt(track.hit_variance), self.rule.target_extent)
+        exists = track.existence >= (0.5 if track.published else 0.9)
+        return exists and error <= known and error <= self.rule.max_range / 4.0
 
     def learn(self, learned: Sequence[tuple[float, float]]) -> None:
         """P_D from the probability of a detection and the scans since the last, of each track."""
@@ -272,7 +297,8 @@ def begun(
     turning = (1.0 / 30.0) / (1.0 / 30.0 + 0.9)
     state, covariance = np.array(state, float), np.array(covariance, float)
     modes = Mode(1.0 - turning, state, covariance), Mode(turning, state, covariance)
-    return Track(id_, stamp, modes, existence, stamp, unlisted_since=unlisted)
+    error = largest(covariance[np.ix_([0, 2], [0, 2])])
+    return Track(id_, stamp, modes, existence, stamp, unlisted_since=unlisted, hit_variance=error)
 
 
 def mixture(
