@@ -53,7 +53,7 @@ class PolarGrid:
     def __init__(self, sensor: SensorModel) -> None:
         columns = max(round(sensor.sector_width / CELL), 1)
         self.width = sensor.sector_width / columns
-        self._start = sensor.azimuth_min
+        self._start = -np.pi if sensor.all_round else sensor.azimuth_min
         inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
         rings = math.ceil(math.log(sensor.max_range / inner) / CELL)
         edges = np.geomspace(inner, sensor.max_range, rings + 1)

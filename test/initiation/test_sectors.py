@@ -1,0 +1,78 @@
+"""Azimuth is a circle: neither where a full turn begins nor where a sector points matters."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from tsepm_ros import Scan, SensorModel, make_initiator
+
+
+def scans(seed: int, turn: float = 0.0) -> list[Scan]:
+    """Two targets, one of which crosses the azimuth pi, a quay and false detections, turned."""
+    rng, made = np.random.default_rng(seed), []
+    for stamp in np.arange(0.0, 40.0, 0.5):
+        targets = np.array([[-150.0, 40.0 - 2.0 * stamp], [120.0 - 1.5 * stamp, 60.0 + stamp]])
+        along = rng.uniform(-100.0, 100.0, 6)
+        quay = np.stack([140.0 + 0.3 * along, 0.95 * along], axis=1)
+        false = rng.uniform(-290.0, 290.0, (rng.poisson(6), 2))
+        echoes = np.concatenate([targets[rng.random(2) < 0.9], quay, false])
+        range_ = np.hypot(*echoes.T) + rng.standard_normal(len(echoes))
+        azimuth = np.arctan2(echoes[:, 1], echoes[:, 0]) + 0.01 * rng.standard_normal(len(echoes))
+        made.append(Scan(stamp, range_, np.remainder(azimuth + turn + math.pi, math.tau) - math.pi))
+    return made
+
+
+@functools.cache
+def followed(low: float, high: float, seed: int, turn: float = 0.0):
+    """The initiator after these scans, with the density and the P_D learned; its current tracks."""
+    sensor = SensorModel(
+        range_std=1.0,
+        range_std_fraction=0.0,
+        azimuth_std=0.01,
+        max_range=300.0,
+        azimuth_min=low + turn,
+        azimuth_max=high + turn,
+    )
+    initiator = make_initiator("score", sensor=sensor, max_speed=10.0, min_speed=0.5)
+    current = []
+    for scan in scans(seed, turn):
+        initiator.process(scan)
+        current.append(initiator.current)
+    return initiator, current
+
+
+@pytest.mark.parametrize(("low", "high"), [(-3.1415, 3.1415), (-3.14, 3.14), (0.0, 6.283)])
+def test_a_full_turn_in_other_numbers_is_the_same_to_the_bit(low, high):
+    _, expected = followed(-math.pi, math.pi, seed=3)
+    _, found = followed(low, high, seed=3)
+    assert sum(map(len, expected)) > 50
+    for one, other in zip(found, expected, strict=True):
+        assert one.track_id.tolist() == other.track_id.tolist()
+        np.testing.assert_array_equal(one.state, other.state)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+        np.testing.assert_array_equal(one.existence_probability, other.existence_probability)
+
+
+@pytest.mark.parametrize("turn", [0.7, 2.5, -3.0])
+def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
+    first, expected = followed(-1.5, 2.6, seed=1)
+    second, found = followed(-1.5, 2.6, seed=1, turn=turn)
+    assert first.front_end.learned.persistent.found, "the quay"
+    assert second.front_end.learned.persistent.found
+    cos, sin = math.cos(turn), math.sin(turn)
+    axes = np.kron(np.array([[cos, -sin], [sin, cos]]), np.eye(2))
+    assert sum(map(len, expected)) > 50
+    for one, other in zip(found, expected, strict=True):
+        assert one.track_id.tolist() == other.track_id.tolist()
+        np.testing.assert_allclose(one.state, other.state @ axes.T, rtol=0, atol=1e-9 * 300.0)
+        turned = axes @ other.covariance @ axes.T
+        np.testing.assert_allclose(
+            one.covariance, turned, rtol=0, atol=1e-9 * np.abs(turned).max(initial=0)
+        )
+        np.testing.assert_allclose(
+            one.existence_probability, other.existence_probability, rtol=1e-9
+        )
