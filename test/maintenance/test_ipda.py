@@ -55,6 +55,17 @@ def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monk
     assert 10 < scan < 60, "independent misses would end it after 4"
 
 
+@pytest.mark.parametrize("interval", [0.1, 12.0])
+def test_after_misses_that_are_sure_to_be_seen_the_odds_are_those_of_the_module(interval):
+    hold = holding(1, existence=1.0)
+    kept = (1.0 - 1.0 / SCANS_OF_FADING) * (1.0 - 1.0 / SCANS_TO_VANISH)
+    for misses in range(1, 31):
+        step(hold, interval * misses, detectable=1.0 / GATE_PROBABILITY)
+        odds = hold.held.existence[0] / (1.0 - hold.held.existence[0])
+        said = SCANS_TO_VANISH / SCANS_TO_FADE * kept**misses
+        assert 6.0 / 7.0 < odds / said < 7.0 / 6.0
+
+
 def test_what_another_target_explains_leaves_a_track_its_own(straight):
     # Two echoes, and the track of the first may take both: the other's is the other's.
     found = detections([[2060.0, 1000.0], [2060.0, 1120.0]], 12.0)
