@@ -34,7 +34,11 @@ def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
 
 
 def step(
-    maintenance: TrackMaintenance, stamp: float, scan=NOTHING, detectable: float = UNSEEN
+    maintenance: TrackMaintenance,
+    stamp: float,
+    scan=NOTHING,
+    detectable: float = UNSEEN,
+    **options,
 ) -> np.ndarray:
     """Process a scan; with `detectable` UNSEEN misses do not count, and tracks live for hold_time.
 
@@ -47,6 +51,7 @@ def step(
         lambda positions: np.full(len(positions), detectable),
         FIXED_RANGE_ERROR,
         MAX_SPEED,
+        **options,
     )
 
 

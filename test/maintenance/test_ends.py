@@ -1,0 +1,209 @@
+"""Every end of a track has its reason; a track that is found again goes on under its id."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from support.builders import detections
+from support.held import P_D, holding, ids, published, step, tracks
+
+from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.maintenance import track_maintenance
+from tsepm_ros.maintenance.held_tracks import HeldTracks, Status
+from tsepm_ros.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_VANISH
+from tsepm_ros.maintenance.publication import statuses
+from tsepm_ros.maintenance.stationary import SpeedPrior
+from tsepm_ros.maintenance.track_maintenance import ENDS, TrackMaintenance
+from tsepm_ros.sensing.plots import PlotExtent
+
+
+def missed() -> TrackMaintenance:
+    hold = holding(1)
+    while ids(hold):
+        step(hold, hold.held.tracks.stamp[0] + 12.0, detectable=P_D)
+    return hold
+
+
+def left() -> TrackMaintenance:
+    hold = holding(1)
+    while ids(hold):
+        step(hold, hold.held.tracks.stamp[0] + 12.0, detectable=0.0)
+    return hold
+
+
+def not_detected() -> TrackMaintenance:
+    hold = holding(1, hold_time=30.0)
+    step(hold, 31.0)
+    return hold
+
+
+def duplicate() -> TrackMaintenance:
+    hold = holding(7)
+    hold.add(replace(tracks(7), track_id=np.array([1])), 0.9)
+    while len(hold.held) > 1:
+        stamp = hold.held.tracks.stamp[0] + 2.0
+        seen = detections([[2000.0 + 5.0 * stamp, 7000.0]], stamp, variance=2500.0)
+        step(hold, stamp, seen, P_D)
+    return hold
+
+
+def duplicate_by_extent() -> TrackMaintenance:
+    hold = holding(7)
+    aside = tracks(7)
+    aside.state[:, 2] += 180.0
+    hold.add(replace(aside, track_id=np.array([1])), 0.9)
+    hold.merge(PlotExtent(100.0, 100.0), np.zeros(2))
+    step(hold, 12.0)
+    return hold
+
+
+def replaced() -> TrackMaintenance:
+    hold = holding(1, 2)
+    hold.revise(tracks(), [1])
+    return hold
+
+
+def tracker() -> TrackMaintenance:
+    hold = holding(1, 2)
+    hold.follow(1.0, tracks(1, 2, stamp=1.0))
+    hold.follow(2.0, tracks(2, stamp=2.0))
+    step(hold, 3.0)
+    return hold
+
+
+def cleared() -> TrackMaintenance:
+    hold = holding(1)
+    hold.clear()
+    step(hold, 1.0)
+    return hold
+
+
+ENDED = missed, left, not_detected, duplicate, duplicate_by_extent, replaced, tracker, cleared
+
+
+@pytest.mark.parametrize("ended", ENDED, ids=lambda one: one.__name__)
+def test_a_track_ends_with_its_reason_and_once(ended):
+    hold = ended()
+    assert hold.ended == {1: ended.__name__.removesuffix("_by_extent")}
+    assert 1 not in ids(hold)
+    step(hold, hold.held.tracks.stamp.max(initial=0.0) + 100.0, detectable=P_D)
+    assert 1 not in hold.ended
+
+
+def test_every_reason_is_tested():
+    assert {one.__name__ for one in ENDED} - {"duplicate_by_extent"} | {"forgotten"} == set(ENDS)
+
+
+def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatch):
+    monkeypatch.setattr(track_maintenance, "MOST_PLACES", 2)
+    hold = TrackMaintenance(speed_prior=SpeedPrior(0.0, 10.0))
+    hold.add(tracks(1, 2, 3, 4), 0.9)  # published, before anything stands still
+    hold.speed_prior = SpeedPrior(8.0, 10.0)
+    for scan in range(1, 6):
+        seen = [[2000.0, 1000.0 * row] for row in (1, 2, 3, 4)]
+        step(hold, 12.0 * scan, detections(seen, 12.0 * scan, 400.0), P_D)
+    assert [echo.track_id for echo in hold.fixed_echoes] == [1, 2, 3, 4]
+    step(hold, 72.0, detectable=0.0)
+    assert hold.ended == {1: "forgotten", 2: "forgotten"}
+    assert [echo.track_id for echo in hold.fixed_echoes] == [3, 4]
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_look_at_a_part_of_the_coverage_says_nothing_of_targets_elsewhere(whole):
+    hold = holding(1)
+    step(hold, 12.0, detectable=0.0, whole=whole)
+    expected = 0.9 * (1.0 - 1.0 / SCANS_OF_FADING) if whole else 0.9
+    assert hold.held.existence[0] == pytest.approx(expected)
+
+
+def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> TrackArrays:
+    """A start beside the first held track, m, with these hits."""
+    state = hold.held.tracks.state[:1] + np.array([0.0, 0.0, aside, 0.0])
+    new = tracks(90, stamp=hold.held.tracks.stamp[0])
+    return replace(new, state=state, hits=[hits])
+
+
+def silent(prior: SpeedPrior | None = None) -> TrackMaintenance:
+    """A track that was detected in scans 1 to 3, and missed in 4 to 8."""
+    hold = TrackMaintenance(1e6, speed_prior=prior)
+    hold.add(tracks(1), 0.99)
+    for scan in range(1, 9):
+        seen = detections(
+            np.array([[2000.0 + 60.0 * scan, 1000.0]])[: int(scan <= 3)], 12.0 * scan, 400.0
+        )
+        seen["scan"] = scan
+        step(hold, 12.0 * scan, seen, P_D)
+    return hold
+
+
+def test_a_start_by_a_held_track_s_own_detections_is_recognised_wherever_it_is():
+    hold = silent()
+    new = start(hold, 5000.0, (2, 0), (3, 0), (7, 4))
+    assert hold.recognised(new, 1e8).tolist() == [1]
+    assert hold.recognised(start(hold, 5000.0, (3, 0), (7, 4)), 1e8).tolist() == [-1]
+
+
+@pytest.mark.parametrize(("larger", "found"), [(1.01, 1), (0.99, -1)])
+def test_a_lost_track_is_continued_while_its_density_is_above_that_of_births(larger, found):
+    hold = silent()
+    new = start(hold, 90.0, (6, 1), (7, 1), (8, 1))
+    covariance = hold.held.tracks.covariance[0] + new.covariance[0]
+    density = hold.held.existence[0] * multivariate_normal([0, 0, 90.0, 0], covariance).pdf(0.0)
+    # Targets are born as often as the two expected here vanish, for the length of fading.
+    born = 2.0 * SCANS_OF_FADING / SCANS_TO_VANISH
+    area = born / (density * math.pi * 10.0**2)
+    assert hold.recognised(new, larger * area).tolist() == [found]
+
+
+def test_fixed_echoes_and_what_a_downstream_tracker_lists_are_not_recognised():
+    hold = silent(SpeedPrior(8.0, 10.0))
+    assert hold.held.status.tolist() == [Status.FIXED]
+    assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
+    hold = silent()
+    hold.follow(96.0, hold.held.tracks)
+    assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
+
+
+def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision():
+    hold = silent()
+    assert hold.held.status.tolist() == [Status.WITHHELD]
+    again = start(hold, 30.0, (6, 1), (7, 1), (8, 1)).numbered(np.array([1]))
+    found = hold.revise(again, (), np.array([0.95]))
+    assert published(hold) == [1] == found.track_id.tolist()
+    assert (hold.held.existence[0], hold.held.visible[0]) == (0.95, 1.0)
+    assert (hold.held.last_detected[0], hold.held.covered_scans[0]) == (96.0, 0.0)
+    np.testing.assert_array_equal(hold.held.tracks.state, again.state)
+    assert found.revision.tolist() == [1]
+    assert (found.existence_probability[0], found.time_since_hit[0]) == (0.95, 0.0)
+    assert hold.ended == {}
+
+
+@pytest.mark.parametrize(
+    ("sigma", "existence", "before", "extent", "after"),
+    [
+        (44.9, 0.9, Status.PUBLISHED, 0.0, Status.PUBLISHED),
+        (45.1, 0.9, Status.PUBLISHED, 0.0, Status.WITHHELD),
+        (45.1, 0.9, Status.PUBLISHED, 50.0, Status.PUBLISHED),
+        (50.1, 0.9, Status.PUBLISHED, 50.0, Status.WITHHELD),
+        (100.1, 0.9, Status.PUBLISHED, 200.0, Status.WITHHELD),
+        (20.0, 0.51, Status.PUBLISHED, 0.0, Status.PUBLISHED),
+        (20.0, 0.49, Status.PUBLISHED, 0.0, Status.WITHHELD),
+        (20.0, 0.89, Status.WITHHELD, 0.0, Status.WITHHELD),
+        (20.0, 0.91, Status.WITHHELD, 0.0, Status.PUBLISHED),
+        (20.0, 0.51, Status.FIXED, 0.0, Status.PUBLISHED),
+    ],
+)
+def test_a_track_is_published_while_it_exists_and_is_located(
+    sigma, existence, before, extent, after
+):
+    # The last detection had an error of 10 m; the range is 400 m.
+    one = tracks(1)
+    one.covariance[0, 0, 0] = sigma**2
+    one.covariance[0, 2, 2] = 1.0
+    held = HeldTracks.of(one, existence, hit_sigma=np.array([10.0]))
+    held = replace(held, status=np.array([before]))
+    assert statuses(held, SpeedPrior(), extent, 400.0).tolist() == [after]
