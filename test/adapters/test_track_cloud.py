@@ -119,6 +119,8 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
             stationary_probability=random.uniform(),
             signal_to_clutter_db=random.uniform(),
             revision=int(random.integers(3)),
+            existence_probability=random.uniform(),
+            time_since_hit=random.uniform(0, 100),
         )
         for _ in range(20)
     ]
@@ -129,7 +131,7 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
     np.testing.assert_array_equal(records["hit_count"], [len(track.hits) for track in tracks])
     for name in (
         *("track_id", "evaluation", "score", "scan_count", "age"),
-        *("stationary_probability", "signal_to_clutter_db", "revision"),
+        *EARLIER,
     ):
         np.testing.assert_array_equal(records[name], [getattr(track, name) for track in tracks])
     np.testing.assert_array_equal(records["x"], [np.float32(track.state[0]) for track in tracks])
@@ -145,13 +147,21 @@ def test_reading_takes_the_layout_from_the_message():
         assert records[name][0] == place, name
 
 
-@pytest.mark.parametrize("field", ["stationary_probability", "signal_to_clutter_db", "revision"])
-def test_a_cloud_of_an_earlier_version_lacks_a_field(field):
+EARLIER = {
+    "stationary_probability": math.nan,
+    "signal_to_clutter_db": math.nan,
+    "revision": 0,
+    "existence_probability": math.nan,
+    "time_since_hit": 0.0,
+}
+
+
+@pytest.mark.parametrize(("field", "given"), EARLIER.items())
+def test_a_cloud_of_an_earlier_version_lacks_a_field(field, given):
     names = [(name, code) for name, _, code in LAYOUT if name != field]
     rows = [[float(value) if code in "fd" else value for _, code in names] for value in (1, 2)]
     records = read_track_cloud(raw_cloud(names, rows))
     assert records["age"].tolist() == [1.0, 2.0]
-    given = 0 if field == "revision" else np.nan
     np.testing.assert_array_equal(records[field], given)
     np.testing.assert_array_equal(getattr(track_arrays(records, 0.0), field), given)
 

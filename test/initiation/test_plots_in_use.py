@@ -153,6 +153,18 @@ def test_every_method_sees_plots(method):
             assert statistics.plots <= (ping.origin < 0).sum() + 2
 
 
+@pytest.mark.parametrize("method", available_methods())
+def test_with_an_extent_plots_are_on_from_the_first_scan(method):
+    echoes = Scan(0.0, [100.0, 101.5], [0.5, 0.5])
+    number = {}
+    for plots_option, extent in (("auto", 3.0), ("auto", 0.0), ("on", 3.0), ("off", 3.0)):
+        sensor = SensorModel(max_range=300.0)
+        initiator = make_initiator(method, sensor=sensor, plots=plots_option, target_extent=extent)
+        initiator.process(echoes)
+        number[plots_option, extent] = initiator.statistics.plots
+    assert number == {("auto", 3.0): 1, ("auto", 0.0): 2, ("on", 3.0): 1, ("off", 3.0): 2}
+
+
 def test_a_hit_is_the_plots_strongest_detection():
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
     initiator = make_initiator("score", sensor=sensor, plots="on", target_extent=3.0)
