@@ -15,8 +15,8 @@ from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.maintenance import track_maintenance
 from tsepm_ros.maintenance.held_tracks import HeldTracks, Status
 from tsepm_ros.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_VANISH
-from tsepm_ros.maintenance.publication import statuses
-from tsepm_ros.maintenance.stationary import SpeedPrior
+from tsepm_ros.maintenance.publication import stands_still, statuses
+from tsepm_ros.maintenance.stationary import SpeedPrior, StraightFits
 from tsepm_ros.maintenance.track_maintenance import ENDS, TrackMaintenance
 from tsepm_ros.sensing.plots import PlotExtent
 
@@ -207,3 +207,26 @@ def test_a_track_is_published_while_it_exists_and_is_located(
     held = HeldTracks.of(one, existence, hit_sigma=np.array([10.0]))
     held = replace(held, status=np.array([before]))
     assert statuses(held, SpeedPrior(), extent, 400.0).tolist() == [after]
+
+
+@pytest.mark.parametrize(
+    ("probability", "announced", "still"),
+    [(0.49, False, False), (0.51, False, True), (0.89, True, False), (0.91, True, True)],
+)
+def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_only_when_sure(
+    probability, announced, still
+):
+    one = replace(tracks(1), stationary_probability=np.array([probability]))
+    held = replace(HeldTracks.of(one, 0.9), announced=np.array([announced]))
+    assert stands_still(held, SpeedPrior(0.5, 10.0)).tolist() == [still]
+    assert stands_still(held, SpeedPrior()).tolist() == [False]
+    expected = Status.FIXED if still else Status.PUBLISHED
+    assert statuses(held, SpeedPrior(0.5, 10.0), 0.0, 400.0).tolist() == [expected]
+
+
+def test_of_a_velocity_that_says_nothing_a_fifth_of_the_starts_stand_still():
+    vague = np.diag([50.0, 1e4, 50.0, 1e4])[None] ** 2
+    fit = StraightFits.of(np.zeros((1, 4)), vague)
+    assert fit.share.tolist() == [0.2]
+    found = fit.stationary_probability(SpeedPrior(0.5, 10.0), np.zeros(1))
+    np.testing.assert_allclose(found, [0.2], rtol=1e-3)

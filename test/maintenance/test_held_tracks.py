@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 from support.held import MAX_SPEED, tracks
 
 from tsepm_ros.maintenance.downstream_tracker import LISTED
-from tsepm_ros.maintenance.held_tracks import HeldTracks
+from tsepm_ros.maintenance.held_tracks import HeldTracks, Status
 
-PLAIN = ("existence", "visible", "covered_scans", "last_detected", "unlisted_since")
+PLAIN = (
+    *("existence", "visible", "covered_scans", "last_detected", "unlisted_since"),
+    *("status", "announced"),
+)
 
 
 def table(*track_ids: int, existence: float = 0.9) -> HeldTracks:
@@ -48,12 +51,14 @@ def test_prediction_carries_every_column_and_changes_no_row_of_the_old_table():
 
 
 def test_what_is_listed_gets_the_reported_state_and_keeps_its_figures():
-    old = table(1, 2, existence=0.4)
+    before = {"status": np.full(2, Status.FIXED), "announced": np.zeros(2, bool)}
+    old = replace(table(1, 2, existence=0.4), **before)
     new = old.listed(tracks(2, 9, stamp=7.0, x=5000.0), 0.99)
-    assert_same(old, table(1, 2, existence=0.4))
+    assert_same(old, replace(table(1, 2, existence=0.4), **before))
     assert_same(new.where(np.array([0])), old.where(np.array([0])))
     assert new.tracks.track_id.tolist() == [1, 2]
     assert new.tracks.state[1].tolist() == [5000.0, 5.0, 2000.0, 0.0]
     np.testing.assert_array_equal(new.models.state[:, 1], new.tracks.state[[1, 1]])
-    assert [getattr(new, name)[1] for name in PLAIN] == [0.99, 1.0, 0.0, 7.0, LISTED]
+    listed = [0.99, 1.0, 0.0, 7.0, LISTED, Status.PUBLISHED, True]
+    assert [getattr(new, name)[1] for name in PLAIN] == listed
     assert (new.tracks.hits[1], new.tracks.age[1]) == (((0, 0),), 7.0)
