@@ -74,6 +74,23 @@ def test_several_echoes_are_seen_within_pings(common):
         assert spacing.extent.along <= 4.0
 
 
+@pytest.mark.parametrize("share", [0.1, 0.02])
+def test_in_a_shorter_range_every_length_is_as_much_shorter(share):
+    rng = np.random.default_rng(2)
+    sea, tank = (
+        DetectionSpacing(SensorModel(max_range=100.0 * one, azimuth_min=-1.0, azimuth_max=1.0))
+        for one in (1.0, share)
+    )
+    for _ in range(12):
+        range_ = np.append(rng.uniform(1.0, 99.0, 4), 40.0 + rng.uniform(-1.0, 1.0, 3))
+        azimuth = np.append(rng.uniform(-1.0, 1.0, 4), rng.uniform(-0.02, 0.02, 3))
+        sea.observe(range_, azimuth, reach=5.0)
+        tank.observe(share * range_, azimuth, reach=share * 5.0)
+    assert tank.log_ratio == pytest.approx(sea.log_ratio, rel=1e-9)
+    assert sea.log_ratio > LIMIT
+    assert tank.extent.along == pytest.approx(share * sea.extent.along)
+
+
 def test_what_lies_beyond_the_coverage_does_not_count():
     sensor = SensorModel(max_range=300.0)
     spacing = DetectionSpacing(sensor)

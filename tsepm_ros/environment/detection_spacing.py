@@ -44,6 +44,7 @@ from tsepm_ros.environment.seen_extent import Region
 from tsepm_ros.environment.strip_counts import StripCounts
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_nearer
+from tsepm_ros.numerics.rows import changed
 from tsepm_ros.sensing.plots import PlotExtent
 from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.sensing.sensor import SensorModel
@@ -126,7 +127,9 @@ class DetectionSpacing:
         self._along, self._across, self._beam, self._widest = np.array(fields).T
         shape = len(OUTER), len(STREAKS), len(self._extents), len(INSIDE)
         self._log, self._fit = np.full((2, *shape), -np.inf)
-        self._streaks = [CloseStreaks(extent.scaled(unit)) for extent in CLOSE]
+        self._streaks = [
+            CloseStreaks(changed(extent.scaled(unit), beam=extent.beam)) for extent in CLOSE
+        ]
         self._strips = StripCounts((len(OUTER), len(self._extents)))
         self._pings = 0
         self.log_ratio, self.last_log_ratio = -math.inf, 0.0
