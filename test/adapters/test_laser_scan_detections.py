@@ -10,6 +10,7 @@ from sensor_msgs.msg import LaserScan
 
 from msg_adapters import read_detections
 from msg_adapters.laser_scan_detections import NO_TIMES, RAYS_AT_ONCE
+from tsepm_ros import SensorModel
 
 NAN, INF = math.nan, math.inf
 
@@ -156,3 +157,10 @@ def test_neighbouring_rays_on_one_hull_are_of_one_group():
     coarse = read_detections(fan([20.0, 20.1, 20.2])).scan.group
     assert len(set(coarse.tolist())) == 3
     assert len(read_detections(fan([])).scan.group) == 0
+
+
+def test_rays_that_differ_by_the_sensor_s_noise_are_of_one_group():
+    noisy = fan([20.0, 20.6, 19.7, 20.4], angle_increment=0.0125)
+    sensor = SensorModel(range_std=0.2, range_std_fraction=0.0)
+    assert len(set(read_detections(noisy).scan.group.tolist())) == 2
+    assert len(set(read_detections(noisy, sensor=sensor).scan.group.tolist())) == 1

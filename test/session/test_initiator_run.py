@@ -36,7 +36,7 @@ def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():
     assert play(one, [36]) == []
     assert one.dropped == {"internal_error": 1}
     results = play(one, [48, 60, 72])
-    assert (held(results[0]), list(results[0].ended)) == ([], [track.track_id])
+    assert (held(results[0]), results[0].ended) == ([], {track.track_id: "cleared"})
     assert len(results[2].new) == 1
 
 
@@ -69,7 +69,7 @@ def test_changed_times_and_limits_count_at_the_next_scan():
     play(one, [0, 12, 24])
     one.configure(settings(CommonOptions(hold_time=5.0), restart_jump=10.0, max_gap=20.0))
     (result,) = play_empty(one, [36])
-    assert list(result.ended) == [0]
+    assert result.ended == {0: "not_detected"}
     assert [result.arrival for result in play(one, [57, 40, 41])] == [
         Arrival.GAP,
         Arrival.RESTART,

@@ -104,7 +104,7 @@ def test_a_restart_resets_the_state_and_is_said_once():
     after = play(one, [0, 12, 24])
     assert [result.arrival for result in after] == [Arrival.RESTART, Arrival.NEXT, Arrival.NEXT]
     assert one.heard == ["restart"]
-    assert list(after[0].ended) == [before[2].new[0].track_id]
+    assert after[0].ended == {before[2].new[0].track_id: "cleared"}
     assert len(after[0].current) == 0
     assert [len(result.new) for result in after] == [0, 0, 1]
     assert after[2].new[0].hits == ((0, 0), (1, 0), (2, 0)), "scans count from the restart"

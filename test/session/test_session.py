@@ -48,7 +48,13 @@ def test_current_has_every_held_track_at_the_scan_s_stamp():
     (track,) = results[2].new
     assert [[one.track_id for one in result.current] for result in results[2:4]] == [[0], [0]]
     assert results[3].current[0].stamp == 36.0
-    assert [list(result.ended) for result in results] == [[], [], [], [], [track.track_id]]
+    assert [result.ended for result in results] == [
+        {},
+        {},
+        {},
+        {},
+        {track.track_id: "not_detected"},
+    ]
     assert len(results[4].current) == 0
 
 
@@ -65,7 +71,7 @@ def test_reset_forgets_everything_but_ids():
     results = play(one, [0, 12, 24], now=0.0)
     assert [result.arrival for result in results] == [Arrival.NEXT] * 3
     assert results[2].new[0].track_id == 1
-    assert list(results[2].ended) == []
+    assert results[2].ended == {}
     assert "restart" not in one.heard
 
 
