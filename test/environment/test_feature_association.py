@@ -177,15 +177,14 @@ def held_through(features: bool, seed: int) -> bool:
         apart = tracks.state[:, None, 0::2] - scan.truth[None, :, 0::2]
         nearest = np.square(apart).sum(axis=2).argmin(axis=0) if len(tracks) else []
         own.append([int(tracks.track_id[row]) for row in nearest])
-    assert len(set(own[15])) == 2
-    return own[-1] == own[15]
+    return own[-1] == own[15] and len(set(own[-1])) == 2
 
 
 @pytest.mark.long
 def test_features_keep_two_tracks_apart_that_are_one_without():
-    # 12 of 12 and 0 of 12 in such runs.
-    assert [held_through(True, seed) for seed in range(3)] == [True] * 3
-    assert [held_through(False, seed) for seed in range(3)] == [False] * 3
+    assert [held_through(True, seed) for seed in range(12)] == [True] * 12
+    # 3 of 12: the tracks are exchanged, or one of the ships gets another.
+    assert sum(held_through(False, seed) for seed in range(12)) <= 4
 
 
 class Zone(ClutterMap):

@@ -243,9 +243,11 @@ def test_where_the_fixed_frame_begins_does_not_matter():
     np.testing.assert_allclose(moved(far), moved(np.zeros(2)), rtol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.long)])
-def test_no_tracks_start_on_the_piles_of_a_quay_once_they_are_learned(seed):
-    """40 piles, each seen in one ping of 4 on average; 4 and 5 starts with the map alone."""
+@pytest.mark.parametrize(
+    ("seed", "most"), [(3, 1), *(pytest.param(seed, 2, marks=pytest.mark.long) for seed in (4, 5))]
+)
+def test_hardly_a_track_starts_on_the_piles_of_a_quay_once_they_are_learned(seed, most):
+    """40 piles, each seen in one ping of 4 on average; with the map alone 5, 16 and 11 starts."""
     rng = np.random.default_rng(seed)
     piles = np.stack([np.full(40, 150.0), rng.uniform(-150.0, 150.0, 40)], axis=1)
     seen = rng.uniform(0.05, 0.45, 40)
@@ -256,25 +258,32 @@ def test_no_tracks_start_on_the_piles_of_a_quay_once_they_are_learned(seed):
         range_, azimuth = detected(echoes, (0.0, 0.0, 0.0), rng)
         tracks = initiator.process(Scan(float(ping), range_, azimuth))
         starts += len(tracks) if ping >= 40 else 0
-    assert starts <= 1
+    assert starts <= most
+    assert len(initiator.current) <= 1
 
 
 @pytest.mark.long
-def test_a_target_that_moves_to_and_fro_stays_held():
+def test_a_target_that_moves_to_and_fro_stays_held_under_its_id():
     """It has detections on both sides of every place; counted as clutter, it lost its track."""
-    rng = np.random.default_rng(3)
-    initiator = make_initiator("score", sensor=SECTOR, plots="off")
-    near = []
-    for ping in range(240):
-        away = abs(ping % 80 - 40.0)
-        place = np.array([150.0, -20.0 + away])
-        echoes = place[None][: int(rng.random() < 0.6)]
-        clutter = rng.uniform(-290.0, 290.0, (rng.poisson(8), 2))
-        range_, azimuth = detected(np.concatenate([echoes, clutter]), (0.0, 0.0, 0.0), rng)
-        initiator.process(Scan(float(ping), range_, azimuth))
-        apart = initiator.current.state[:, 0::2] - place
-        near.append(np.hypot(*apart.T).min(initial=math.inf) < 8.0)
-    assert np.mean(near[80:]) > 0.95
+    near, ids = [], []
+    for seed in range(3, 8):  # in the first, five misses in a row as it turns
+        rng = np.random.default_rng(seed)
+        initiator = make_initiator("score", sensor=SECTOR, plots="off")
+        found = set()
+        for ping in range(240):
+            away = abs(ping % 80 - 40.0)
+            place = np.array([150.0, -20.0 + away])
+            echoes = place[None][: int(rng.random() < 0.6)]
+            clutter = rng.uniform(-290.0, 290.0, (rng.poisson(8), 2))
+            range_, azimuth = detected(np.concatenate([echoes, clutter]), (0.0, 0.0, 0.0), rng)
+            initiator.process(Scan(float(ping), range_, azimuth))
+            apart = np.hypot(*(initiator.current.state[:, 0::2] - place).T)
+            if ping >= 80:
+                near.append(apart.min(initial=math.inf) < 8.0)
+                found |= set(initiator.current.track_id[apart < 8.0].tolist())
+        ids.append(len(found))
+    assert np.mean(near) > 0.95
+    assert ids == [1] * 5
 
 
 def test_a_scan_that_is_observed_again_is_not_counted_again():
