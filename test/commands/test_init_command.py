@@ -5,7 +5,9 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Iterator
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 import yaml
 
@@ -85,10 +87,12 @@ def test_what_is_given_is_not_asked_and_enter_takes_the_default():
 
     def ask(prompt: str) -> str:
         prompts.append(prompt)
+        if prompt.startswith("Own ship"):
+            return "odometry"
         return "500" if prompt.startswith("Range setting") else ""
 
     answers = asked({"sector": 90.0}, ask)
-    assert answers == completed({"sector": 90.0, "max_range": 500.0})
+    assert answers == completed({"sector": 90.0, "max_range": 500.0, "own_ship": 1.0})
     assert len(prompts) == len(QUESTIONS) - 1
     assert all(question.explanation in "".join(prompts) for question in QUESTIONS[3:])
 
@@ -116,3 +120,48 @@ def test_on_a_terminal_it_asks(tmp_path, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     assert main(["init", str(file)]) == 0
     assert "sensor.max_range: 300.0" in file.read_text()
+
+
+def written_by(path, *arguments: str) -> dict[str, object]:
+    assert main(["init", str(path), "--yes", "--max-range", "150", *arguments]) == 0
+    return yaml.safe_load(path.read_text())["/**"]["ros__parameters"]
+
+
+def test_an_extent_writes_that_plots_are_on(tmp_path):
+    assert written_by(tmp_path / "a.yaml", "--extent", "3")["plots"] == "on"
+    assert "plots" not in written_by(tmp_path / "b.yaml")
+
+
+def test_own_ship_and_mounting_are_written(capsys, tmp_path):
+    given = ["--own-ship", "odometry", "--mounting-x", "2", "--mounting-yaw", "90 degrees"]
+    values = written_by(tmp_path / "a.yaml", *given)
+    assert (values["own_ship_source"], values["mounting.x"]) == ("odometry", 2.0)
+    assert values["mounting.yaw"] == pytest.approx(1.5708, abs=1e-4)
+    assert "-r own_ship/odometry:=YOUR_ODOMETRY" in capsys.readouterr().out
+    assert main(["init", str(tmp_path / "b.yaml"), "--yes", "--mounting-x", "2"]) == 2
+    assert main(["init", str(tmp_path / "b.yaml"), "--yes", "--own-ship", "gps"]) == 2
+    assert "--own-ship must be one of none, odometry, tf; got 'gps'" in capsys.readouterr().err
+
+
+def test_false_detections_are_the_density_at_the_start(capsys, tmp_path):
+    values = written_by(tmp_path / "a.yaml", "--false-detections", "20")
+    assert values["sensor.clutter_density"] == pytest.approx(20 / (np.pi * 150**2), rel=1e-5)
+    assert values["clutter_density"] == "estimated"
+    said = capsys.readouterr().out
+    assert "\n20 " in said and "YOURS" not in said
+    assert "sensor.clutter_density" not in written_by(tmp_path / "b.yaml")
+
+
+def test_a_given_time_between_pings_is_that_of_the_diagnostics(tmp_path):
+    values = written_by(tmp_path / "a.yaml", "--interval", "0.2")
+    assert (values["diagnostics.scan_period"], values["diagnostics.stale_time"]) == (0.2, 5.0)
+    assert written_by(tmp_path / "c.yaml", "--interval", "30")["diagnostics.stale_time"] == 150.0
+    assert "diagnostics.scan_period" not in written_by(tmp_path / "b.yaml")
+
+
+def test_a_mounting_is_asked_for_with_odometry_only():
+    for source, number in (("none", 0), ("tf", 0), ("odometry", 4)):
+        given = {"own_ship": float(("none", "odometry", "tf").index(source))}
+        questions = Mock(return_value="")
+        asked(given, questions)
+        assert sum("Mounting" in str(one) for one in questions.call_args_list) == number

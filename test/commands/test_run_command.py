@@ -316,3 +316,59 @@ def test_a_bag_with_poses_in_tf_alone_is_refused_unless_the_sensor_stands_still(
     both = [moving, *bag_files.simulated()]
     path = str(bag_files.write_bag(tmp_path / "both", sorted(both, key=lambda e: e.time)))
     assert main(["run", path, *given]) == 0
+
+
+@pytest.fixture
+def parameter_file(tmp_path):
+    path = tmp_path / "sonar.yaml"
+    path.write_text("/**:\n  ros__parameters: {sensor.max_range: 1000.0, use_sim_time: true}\n")
+    return str(path)
+
+
+def starts(capsys) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+
+
+def test_a_parameter_file_of_the_node_holds_for_a_recording(capsys, recording, parameter_file):
+    """The target is 3 km away."""
+    assert main(["run", recording, "--params-file", parameter_file]) == 0
+    assert not starts(capsys)
+
+
+def test_of_files_and_assignments_the_last_value_holds(capsys, recording, parameter_file):
+    file, value = ["--params-file", parameter_file], ["-p", "sensor.max_range:=5000.0"]
+    assert main(["run", recording, *value, *file]) == 0
+    assert not starts(capsys)
+    assert main(["run", recording, *file, *value]) == 0
+    assert starts(capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "cannot be read: No such file"),
+        ("/boat/track_initiator: {ros__parameters: {max_speed: 3.0}}", "only for /boat/track_init"),
+        ("max_speed: 3.0", "is no parameter file"),
+        ("[", "is no parameter file"),
+        ("/**: {ros__parameters: {max_sped: 3.0}}", "did you mean max_speed?"),
+        ("/**: {ros__parameters: {max_speed: 3}}", "max_speed must be a number with a decimal"),
+        ("/**: {ros__parameters: {max_speed: []}}", "max_speed must be a number"),
+    ],
+)
+@pytest.mark.parametrize("command", ["run", "watch", "design"])
+def test_a_parameter_file_that_the_node_does_not_take_is_refused(
+    capsys, recording, tmp_path, content, said, command
+):
+    path = tmp_path / "own.yaml"
+    if content is not None:
+        path.write_text(content)
+    source = [] if command == "design" else [recording]
+    assert main([command, *source, "--params-file", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("refused: ") and said in error
+
+
+def test_a_recorded_own_ship_that_is_not_used_is_said(capsys, recording, tmp_path):
+    (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n0.0,0.0,0.0\n99.0,0.0,0.0\n")
+    assert main(["run", recording, "-p", "own_ship_source:=none"]) == 0
+    assert "note: own_ship_source is none: the own ship" in capsys.readouterr().err

@@ -256,14 +256,14 @@ def test_a_first_set_up_is_designed_further(capsys, tmp_path):
     file, further = tmp_path / "sonar.yaml", tmp_path / "further.yaml"
     assert main(["init", str(file), "--max-range", "3000", "--max-speed", "4"]) == 0
     given = ["design", "--params-file", str(file), "--runs", "3", "--workers", "1"]
-    given += ["--interval", "12", "--wanted", "0.1", "-p", "sensor.clutter_density:=1.0e-7"]
+    given += ["--wanted", "0.1", "-p", "sensor.clutter_density:=1.0e-7"]
     assert main([*given, "--write", str(further)]) == 0
     assert "28.27 km^2" in capsys.readouterr().out
     values = yaml.safe_load(further.read_text())["/**"]["ros__parameters"]
     assert values["sensor.max_range"] == 3000.0 and values["max_speed"] == 4.0
     assert values["sensor.clutter_density"] == 1.0e-7
     assert main(["design", "--params-file", str(tmp_path / "none.yaml")]) == 2
-    assert "none.yaml is no parameter file" in capsys.readouterr().err
+    assert "none.yaml cannot be read" in capsys.readouterr().err
 
 
 @pytest.mark.long
@@ -316,3 +316,44 @@ def test_a_design_knows_the_strength_of_its_targets():
     assert search.score_thresholds(off, ScoreOptions(), [16]) == [(threshold, share)]
     with pytest.raises(ValueError, match="ratio must be"):
         Case(sensor=SensorModel(), ratio_db=1e3)
+
+
+QUICK = ["--runs", "20", "--workers", "1", "--scans", "8", "--wanted", "0.01"]
+
+
+@pytest.mark.usefixtures("_little_clutter")
+def test_the_default_clutter_is_never_taken_in_silence(capsys):
+    assert main(["design", *QUICK]) == 0
+    said = capsys.readouterr().out
+    assert "\nthe clutter is not given; with the default, 254 false detections per ping" in said
+    assert "\nfeasible" not in said
+    assert main(["design", *QUICK, "--false-detections", "20"]) == 0
+    said = capsys.readouterr().out
+    assert "20 false detections in each" in said
+    assert "\nfeasible" in said and "not given" not in said
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--false-detections", "0"],
+        ["--false-detections", "5", "-p", "sensor.clutter_density:=1e-6"],
+    ],
+)
+def test_false_detections_that_say_nothing_are_refused(capsys, arguments):
+    assert main(["design", *arguments]) == 2
+    assert "--false-detections" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("_little_clutter")
+def test_a_fast_sonar_gets_its_times_with_digits(capsys, tmp_path):
+    """And the time between pings from the file."""
+    file = str(tmp_path / "fast.yaml")
+    given = ["--yes", "--max-range", "150", "--interval", "0.2", "--false-detections", "20"]
+    assert main(["init", file, *given, "--max-speed", "5"]) == 0
+    capsys.readouterr()
+    assert main(["design", "--params-file", file, *QUICK]) == 0
+    said = capsys.readouterr().out
+    assert "a ping every 0.2 s" in said
+    [score] = [line.split() for line in said.splitlines() if line.startswith("score ")]
+    assert 0.2 < float(score[6]) < 1.6 and not float(score[6]).is_integer()

@@ -49,9 +49,18 @@ def add_values(
     *names: str,
     help: str = "parameter of the node track_initiator; may be repeated",
 ) -> None:
-    """Add a repeatable argument NAME:=VALUE, by default `-p`."""
-    names = names or ("-p", "--parameter")
-    parser.add_argument(*names, action="append", default=[], metavar="NAME:=VALUE", help=help)
+    """Add a repeatable argument NAME:=VALUE, by default `-p` with `--params-file`."""
+    given = names or ("-p", "--parameter")
+    parser.add_argument(*given, action="append", default=[], metavar="NAME:=VALUE", help=help)
+    if not names:
+        parser.add_argument(
+            "--params-file",
+            dest="parameter",
+            action="append",
+            type=Path,
+            metavar="FILE",
+            help="parameter file of the node; may be repeated; of -p and files the last one holds",
+        )
 
 
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:

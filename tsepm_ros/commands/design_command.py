@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import sys
 from pathlib import Path
 
@@ -33,7 +34,8 @@ from tsepm_ros.parameters import Value
 from tsepm_ros.progress import named_progress
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session.angle_units import questions
-from tsepm_ros.settings.parameter_files import values_for
+from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
+from tsepm_ros.settings.parameter_files import given_values
 from tsepm_ros.settings.rendering import ANY_NODE
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 from tsepm_ros.settings.value_text import parse_values
@@ -45,7 +47,17 @@ MAX_REMEDY_RUNS = 100
 
 def add_design_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a design."""
-    parser.add_argument("--interval", type=float, default=12.0, help="time between pings, s")
+    parser.add_argument(
+        "--interval",
+        type=float,
+        help="time between pings, s; default diagnostics.scan_period of the file, else 12",
+    )
+    parser.add_argument(
+        "--false-detections",
+        type=float,
+        metavar="NUMBER",
+        help="false detections per ping, over the whole coverage",
+    )
     parser.add_argument(
         "--scans", type=positive, default=16, help="pings within which a target is to be found"
     )
@@ -65,9 +77,6 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
         "--wanted", type=float, default=0.9, help="required share of targets that are found"
     )
     add_runs(parser, 400, "simulated targets, at most")
-    parser.add_argument(
-        "--params-file", type=Path, metavar="FILE", help="parameter file, such as of tsepm init"
-    )
     parser.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
     add_values(parser)
 
@@ -85,12 +94,16 @@ def run_design(options: argparse.Namespace) -> None:
     ValueError
         If an argument is not allowed.
     """
-    values = parse_values(options.parameter)
-    _check(options, values)
-    if options.params_file is not None:
-        values = values_for(options.params_file, "/track_initiator") | values
-        values.pop("method", None)  # the design chooses it
+    _check(options)
+    values = given_values(options.parameter)
+    values.pop("method", None)  # the design chooses it
     groups = make_groups(TRACK_INITIATOR, values)
+    if options.false_detections is not None:
+        density = options.false_detections / groups[SensorModel].coverage_area
+        values["sensor.clutter_density"] = density
+        groups = make_groups(TRACK_INITIATOR, values)
+    if options.interval is None:
+        options.interval = groups[DiagnosticsOptions].scan_period or Case.interval
     for question in questions(groups[SensorModel], groups[Mounting]):
         print(f"note: {question}", file=sys.stderr)
     case = _case(options, groups[SensorModel], groups[CommonOptions])
@@ -126,7 +139,13 @@ def run_design(options: argparse.Namespace) -> None:
         "since fewer targets are found"
     )
     print(candidate_table(candidates, case.sensor.coverage_area))
-    print(f"\n{verdict(candidates, options.wanted, target_rate)}", flush=True)
+    assumed = ""
+    if "sensor.clutter_density" not in values:
+        assumed = (
+            f"the clutter is not given; with the default, {case.detections_per_scan:.3g} false "
+            "detections per ping (yours: --false-detections NUMBER), "
+        )
+    print(f"\n{assumed}{verdict(candidates, options.wanted, target_rate)}", flush=True)
     if max(candidate.targets.detection.high for candidate in candidates) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
         changes = remedied_detection(
@@ -138,8 +157,13 @@ def run_design(options: argparse.Namespace) -> None:
         _write_parameters(options, values, candidates)
 
 
-def _check(options: argparse.Namespace, values: dict[str, Value]) -> None:
+def _check(options: argparse.Namespace) -> None:
     """Refuse arguments early that would fail after the simulation."""
+    values = parse_values(one for one in options.parameter if isinstance(one, str))
+    if options.false_detections is not None and not 0.0 < options.false_detections < math.inf:
+        raise ValueError(f"--false-detections must be above 0; got {options.false_detections:g}")
+    if options.false_detections is not None and "sensor.clutter_density" in values:
+        raise ValueError("give --false-detections or sensor.clutter_density, not both")
     if "method" in values:
         raise ValueError("method follows from the design; leave it out")
     if not 0.0 < options.wanted < 1.0:

@@ -56,7 +56,10 @@ def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
         help="change of the scenario, such as sensor.clutter_density:=2.0e-6; may be repeated",
     )
     add_values(
-        parser, help="option of the methods that have it, in place of its sweep; may be repeated"
+        parser,
+        "-p",
+        "--parameter",
+        help="option of the methods that have it, in place of its sweep; may be repeated",
     )
     add_out(parser, "build/evaluation")
     add_result(parser)

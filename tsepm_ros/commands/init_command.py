@@ -20,11 +20,13 @@ from tsepm_ros.design.sonar_questions import (
 )
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.rendering import section
+from tsepm_ros.settings.session_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.value_text import yaml_text
 from tsepm_ros.whole_files import write_text
 
-LEARNED = """not asked, since the node learns it: the clutter density, the detection probability,
-the time between pings, and whether targets have several detections in a ping"""
+ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
+LEARNED = """the node learns the clutter density by place, the detection probability, and whether
+targets have several detections in a ping"""
 
 
 def add_init_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +40,8 @@ def add_init_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             question.argument,
             dest=question.name,
-            metavar=question.unit.upper().replace("%", "PERCENT").replace(" ", "_"),
+            metavar="|".join(question.choices)
+            or question.unit.upper().replace("%", "PERCENT").replace(" ", "_"),
             help=f"{question.text}, {question.unit}. {question.explanation}".replace("%", "%%"),
         )
 
@@ -72,16 +75,21 @@ def run_init(options: argparse.Namespace) -> None:
         print("The sonar's data sheet has most answers. Enter alone takes the value in [ ].\n")
         given = asked(given, input)
     answers = completed(given)
-    values = parameters(answers)
-    write_text(path, file_text(values, _line(path, answers)))
+    values = parameters(answers, known_interval="interval" in given)
+    write_text(path, file_text(values, _line(path, answers, given)))
     missing = [question for question in QUESTIONS if question.name not in given]
     if missing:
         print("not given, defaults taken:")
         for question in missing:
-            print(f"  {question.argument} {answers[question.name]:g}  ({question.text})")
+            print(
+                f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
+            )
     print(f"{LEARNED}\n\n{expectation_text(answers, path)}\n")
-    print(f"written: {path}; run it with\n  {_run_line(path)}")
-    print("on a moving vessel add: -p own_ship_source:=odometry -r own_ship/odometry:=YOUR_TOPIC")
+    source = values["own_ship_source"]
+    more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
+    print(f"written: {path}; run it with\n  {_run_line(path)}{more.get(str(source), '')}")
+    if source == "none":
+        print("on a moving vessel give --own-ship odometry, or tf")
 
 
 def asked(given: Answers, ask: Callable[[str], str]) -> dict[str, float]:
@@ -102,13 +110,16 @@ def asked(given: Answers, ask: Callable[[str], str]) -> dict[str, float]:
     for question in QUESTIONS:
         if question.name in given:
             answers[question.name] = question.checked(given[question.name])
+        elif question.name.startswith("mounting") and answers["own_ship"] != ODOMETRY:
+            answers[question.name] = question.default(answers)
         else:
             answers[question.name] = _asked_one(question, question.default(answers), ask)
     return answers
 
 
 def _asked_one(question: Question, default: float, ask: Callable[[str], str]) -> float:
-    prompt = f"{question.text} ({question.unit})\n  {question.explanation}\n  [{default:g}]: "
+    shown = question.shown(default)
+    prompt = f"{question.text} ({question.unit})\n  {question.explanation}\n  [{shown}]: "
     while True:
         try:
             text = ask(prompt).strip()
@@ -124,7 +135,7 @@ def file_text(values: dict[str, Value], line: str) -> str:
     """The parameter file, for a node of any name in any namespace."""
     lines = [
         f"# {line}",
-        "# The clutter density and the detection probability are learned.",
+        "# Clutter density and detection probability are learned; a density here is the start.",
         *section(),
         *(f"    {name}: {yaml_text(value)}" for name, value in values.items()),
     ]
@@ -154,14 +165,16 @@ def expectation_text(answers: Answers, path: Path) -> str:
         f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n{text_table(head, rows)}\n"
         "more exact, with a required P_D: "
         f"tsepm design --params-file {shlex.quote(str(path))} --interval {interval:g}"
+        + ("" if answers["false_detections"] else " --false-detections YOURS")
     )
 
 
-def _line(path: Path, answers: Answers) -> str:
-    """The command line that writes the same file again."""
+def _line(path: Path, answers: Answers, given: Answers) -> str:
+    """The command line that writes the same file again: an interval only if it was given."""
     words = ["tsepm", "init", str(path), "--yes"]
     for question in QUESTIONS:
-        words += [question.argument, f"{answers[question.name]:.12g}"]
+        if question.name != "interval" or question.name in given:
+            words += [question.argument, question.shown(answers[question.name])]
     return shlex.join(words)
 
 

@@ -34,8 +34,8 @@ from tsepm_ros.session.angle_units import questions
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.parameter_files import given_values
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.viewer.recorded_scene import RecordedScene
 
@@ -147,7 +147,7 @@ def _session(
 
     The notes begin with those that are `known` of the recording.
     """
-    groups = make_groups(TRACK_INITIATOR, {**defaults, **parse_values(options.parameter)})
+    groups = make_groups(TRACK_INITIATOR, {**defaults, **given_values(options.parameter)})
     notes = {sentence: sentence for sentence in known}
 
     def note(reason: str, sentence: str) -> None:
@@ -156,6 +156,8 @@ def _session(
     settings = settings_from(groups)
     for question in questions(settings.sensor, settings.mounting):
         note(question, question)
+    if defaults["own_ship_source"] == "odometry" and settings.session.own_ship_source == "none":
+        note("own_ship_source", "own_ship_source is none: the own ship of the source is not used")
     session = Session(settings, note)
     if session.settings.session.own_ship_source == "tf":
         raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
@@ -168,8 +170,8 @@ def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
 
 def _recording(source: Path, options: argparse.Namespace) -> Run:
     recording = read_recording(source)
-    defaults: dict[str, Value] = {"own_ship_source": "odometry"} if recording.own_ship else {}
-    session, node, notes = _session(options, defaults, recording.notes)
+    source_of_poses = "odometry" if recording.own_ship else "none"
+    session, node, notes = _session(options, {"own_ship_source": source_of_poses}, recording.notes)
     return Run(
         title=_title(options, session),
         session=session,
@@ -189,7 +191,11 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
         raise ValueError(f"{error} (topics are named by {names})") from None
     moving = moving_frames(bag.topics)
-    if moving and OWN_SHIP not in topics and "own_ship_source" not in _given_names(options):
+    if (
+        moving
+        and OWN_SHIP not in topics
+        and "own_ship_source" not in given_values(options.parameter)
+    ):
         raise ValueError(
             f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
             "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
@@ -209,11 +215,6 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         scans=bag.count(topics[DETECTIONS]),
         mounting_yaw=_mounting_yaw(session, node),
     )
-
-
-def _given_names(options: argparse.Namespace) -> set[str]:
-    """Names of the parameters on the command line."""
-    return set(parse_values(options.parameter))
 
 
 def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:

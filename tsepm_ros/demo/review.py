@@ -7,7 +7,7 @@ by the same algorithm. The review checks that both give the same tracks, bit for
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from tsepm_ros.demo.target_table import target_table
 from tsepm_ros.demo.topic_collector import TopicCollector
 from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import Value
 from tsepm_ros.pictures.run_scene import (
     RunScene,
     ScanView,
@@ -32,7 +33,6 @@ from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import Scenario, Simulator
 
 
@@ -55,7 +55,7 @@ class Review:
 
 
 def replay(
-    collector: TopicCollector, parameters: Sequence[str]
+    collector: TopicCollector, parameters: Mapping[str, Value]
 ) -> tuple[list[ScanResult], Session]:
     """Process the recorded messages offline.
 
@@ -64,8 +64,7 @@ def replay(
     ValueError
         If a parameter is unknown or its value is not allowed.
     """
-    values = {"own_ship_source": "odometry", **parse_values(parameters)}
-    groups = make_groups(TRACK_INITIATOR, values)
+    groups = make_groups(TRACK_INITIATOR, parameters)
     session = Session(settings_from(groups))
     message_input = MessageInput(session, groups[InitiatorNodeOptions])
     for message in collector.own_ship:
@@ -78,7 +77,7 @@ def replay(
 
 
 def review_simulation(
-    collector: TopicCollector, scenario: Scenario, seed: int, parameters: Sequence[str]
+    collector: TopicCollector, scenario: Scenario, seed: int, parameters: Mapping[str, Value]
 ) -> Review:
     """Evaluate a simulated run against its truth."""
     results, session = replay(collector, parameters)
@@ -106,7 +105,10 @@ def review_simulation(
 
 
 def review_recording(
-    collector: TopicCollector, recording: Recording, parameters: Sequence[str], tolerance: float
+    collector: TopicCollector,
+    recording: Recording,
+    parameters: Mapping[str, Value],
+    tolerance: float,
 ) -> Review:
     """Evaluate a recorded run by the distance of its starts from the recorded targets."""
     results, session = replay(collector, parameters)

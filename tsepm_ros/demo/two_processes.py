@@ -29,6 +29,9 @@ from tsepm_ros.pictures.plan_position import save
 from tsepm_ros.pictures.run_scene import headline
 from tsepm_ros.progress import progress_bar
 from tsepm_ros.replay.recording import Recording, read_recording
+from tsepm_ros.settings.parameter_files import given_values
+from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.value_text import yaml_text
 from tsepm_ros.simulation import Scenario, load_scenario
 
 MAX_IDLE_TIME = 20.0
@@ -59,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _demonstrate(options: argparse.Namespace) -> int:
     try:
+        options.parameter = {"own_ship_source": "odometry", **given_values(options.parameter)}
+        make_groups(TRACK_INITIATOR, options.parameter)
         scene = _scene(options)
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
@@ -85,13 +90,22 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=2, help="seed of the simulation")
     parser.add_argument("--recording", help="folder of a recording, in place of a scenario")
     parser.add_argument("--rate", type=float, default=60.0, help="speed relative to real time")
+    text = "of track_initiator; may be repeated; the last value of a name holds"
     parser.add_argument(
         "-p",
         "--parameter",
         action="append",
         default=[],
         metavar="NAME:=VALUE",
-        help="parameter of track_initiator; may be repeated",
+        help=f"parameter {text}",
+    )
+    parser.add_argument(
+        "--params-file",
+        dest="parameter",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help=f"parameter file {text}",
     )
     parser.add_argument(
         "--tolerance",
@@ -120,9 +134,9 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     if options.recording:
         source = ["scan_player", "-p", f"recording:={options.recording}"]
     source += ["-p", f"rate_factor:={options.rate}", "-p", "wait_for_subscribers:=2"]
-    initiator = ["track_initiator", "-p", "own_ship_source:=odometry"]
-    for parameter in options.parameter:
-        initiator += ["-p", parameter]
+    initiator = ["track_initiator"]
+    for name, value in options.parameter.items():  # a file's section need not fit the namespace
+        initiator += ["-p", f"{name}:={yaml_text(value)}"]
     # Without the arguments of this command, which rclpy would read as remappings, and without
     # its handlers: a signal is an exception, as in the other commands.
     rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)

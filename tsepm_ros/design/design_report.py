@@ -94,8 +94,8 @@ def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
                 f"{candidate.targets.targets}",
                 f"{candidate.targets.detection.value:.3f}",
                 _interval(candidate.targets.detection, ".3f"),
-                f"{candidate.targets.confirmation_time.value:.0f}",
-                f"{candidate.targets.slow_confirmation_time:.0f}",
+                f"{candidate.targets.confirmation_time.value:.4g}",
+                f"{candidate.targets.slow_confirmation_time:.4g}",
                 f"{candidate.false_bound:.2g}",
                 *_rate_cells(candidate.false_simulated, area),
             ]

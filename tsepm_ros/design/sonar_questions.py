@@ -17,6 +17,7 @@ from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.settings.session_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 
 Answers = Mapping[str, float]
@@ -26,8 +27,17 @@ CELL_TO_STD = 1.0 / math.sqrt(12.0)
 ALL_ROUND = 360.0
 FALSE_DETECTIONS = (10.0, 50.0, 250.0)
 """False detections per ping for which the performance is estimated: they are not known before."""
+MIN_STALE, STALE_PINGS = 5.0, 5.0
+"""Silence after which the sonar counts as silent: at least so many seconds, and so many pings."""
 ESTIMATED_SCANS = 32
 """Scans within which a target should be found, in the estimate."""
+MOUNTING = (
+    ("x", "ahead of the vessel's reference point", "m", 1e4),
+    ("y", "to port of the vessel's reference point", "m", 1e4),
+    ("yaw", "turned from the bow to port", "degrees", 180.0),
+    ("roll", "rolled about its axis ahead, 180 if it hangs upside down", "degrees", 180.0),
+)
+"""Name, wording, unit and bound of the parts of the mounting that are asked for."""
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -50,6 +60,8 @@ class Question:
         Inclusive bounds.
     positive : bool
         The answer must be above 0.
+    choices : tuple of str
+        The words to choose from, if any; the answer is the place of one.
     """
 
     name: str
@@ -60,6 +72,7 @@ class Question:
     minimum: float = 0.0
     maximum: float = math.inf
     positive: bool = False
+    choices: tuple[str, ...] = ()
 
     @property
     def argument(self) -> str:
@@ -74,11 +87,21 @@ class Question:
         ValueError
             If it is no number in the unit, or out of bounds; the message names the argument.
         """
+        if self.choices:
+            if text.strip() in self.choices:
+                return float(self.choices.index(text.strip()))
+            raise ValueError(
+                f"{self.argument} must be one of {', '.join(self.choices)}; got {text.strip()!r}"
+            )
         match = NUMBER.fullmatch(text)
         if match is None or match[2] not in ("", self.unit, *UNIT_NAMES.get(self.unit, ())):
             unit = f" of {self.unit}" if self.unit else ""
             raise ValueError(f"{self.argument} must be a number{unit}; got {text.strip()!r}")
         return self.checked(float(match[1]))
+
+    def shown(self, value: float) -> str:
+        """An answer as `read` takes it."""
+        return self.choices[int(value)] if self.choices else f"{value:.12g}"
 
     def checked(self, value: float) -> float:
         """The answer, if it is within the bounds; else ValueError."""
@@ -203,7 +226,7 @@ QUESTIONS = (
         "interval",
         "Time between pings",
         "s",
-        "For the estimate below only: the node measures it.",
+        "For diagnostics and the estimate below; the tracker measures it.",
         _ping_interval,
         positive=True,
     ),
@@ -223,6 +246,34 @@ QUESTIONS = (
         "Echoes so near to each other become one. 0: learned from the detections.",
         _constant(_COMMON.target_extent),
         maximum=1e3,
+    ),
+    Question(
+        "false_detections",
+        "False detections per ping, over the whole coverage",
+        "per ping",
+        "The start of what the node learns. 0: not known.",
+        _constant(0.0),
+        maximum=1e6,
+    ),
+    Question(
+        "own_ship",
+        "Own ship: where the pose of a moving sonar comes from",
+        "none, odometry or tf",
+        "none: the sonar does not move.",
+        _constant(0.0),
+        choices=OWN_SHIP_SOURCES,
+    ),
+    *(
+        Question(
+            f"mounting_{name}",
+            f"Mounting: the sonar {where}",
+            unit,
+            "With odometry only; tf has it.",
+            _constant(0.0),
+            minimum=-bound,
+            maximum=bound,
+        )
+        for name, where, unit, bound in MOUNTING
     ),
     Question(
         "false_tracks",
@@ -252,8 +303,10 @@ def completed(given: Answers) -> dict[str, float]:
     return answers
 
 
-def parameters(answers: Answers) -> dict[str, Value]:
+def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, Value]:
     """Parameters of the node `track_initiator` that follow from all answers.
+
+    With a `known_interval` these include the diagnostics of the time between pings.
 
     Raises
     ------
@@ -275,11 +328,23 @@ def parameters(answers: Answers) -> dict[str, Value]:
         "score.false_tracks_per_hour": answers["false_tracks"],
         "clutter_density": "estimated",
         "detection_probability": "estimated",
+        "own_ship_source": OWN_SHIP_SOURCES[int(answers["own_ship"])],
     }
     if answers["sector"] < ALL_ROUND:
         half = 0.5 * answers["sector"]
         values["sensor.azimuth_min"] = math.radians(answers["sector_centre"] - half)
         values["sensor.azimuth_max"] = math.radians(answers["sector_centre"] + half)
+    if answers["extent"]:
+        values["plots"] = "on"
+    if answers["false_detections"]:
+        sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
+        values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area
+    for name, _, unit, _ in MOUNTING:
+        if answer := answers[f"mounting_{name}"]:
+            values[f"mounting.{name}"] = math.radians(answer) if unit == "degrees" else answer
+    if known_interval:
+        values["diagnostics.scan_period"] = answers["interval"]
+        values["diagnostics.stale_time"] = max(MIN_STALE, STALE_PINGS * answers["interval"])
     values = {
         name: float(f"{value:.6g}") if isinstance(value, float) else value
         for name, value in values.items()
@@ -289,7 +354,9 @@ def parameters(answers: Answers) -> dict[str, Value]:
 
 
 def expected(answers: Answers) -> list[tuple[float, FirstEstimate]]:
-    """First estimate of the performance for each of `FALSE_DETECTIONS` per ping.
+    """First estimate of the performance for the given false detections per ping.
+
+    If they are not known, for each of `FALSE_DETECTIONS`.
 
     Targets have half the maximum speed; detection probability 0.9.
     """
@@ -297,7 +364,8 @@ def expected(answers: Answers) -> list[tuple[float, FirstEstimate]]:
     groups = make_groups(TRACK_INITIATOR, values)
     area = groups[SensorModel].coverage_area
     estimates = []
-    for number in FALSE_DETECTIONS:
+    given = answers["false_detections"]
+    for number in (given,) if given else FALSE_DETECTIONS:
         dense = make_groups(TRACK_INITIATOR, {**values, "sensor.clutter_density": number / area})
         case = Case(
             sensor=dense[SensorModel],

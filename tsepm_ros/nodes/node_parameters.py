@@ -20,12 +20,10 @@ from rclpy.parameter import Parameter as RosParameter
 
 from tsepm_ros.nodes import qos_overrides
 from tsepm_ros.parameters import Parameter, Value, meant_instead, shown, unknown_parameter
-from tsepm_ros.settings.parameter_files import unused_files, without_value
+from tsepm_ros.settings.parameter_files import OF_ROS, unused_files, without_value
 from tsepm_ros.settings.tables import Groups, full_table, make_groups
 
 _INT64 = 2**63 - 1
-_RCLPY_PARAMETERS = ("use_sim_time", "start_type_description_service", qos_overrides.PREFIX)
-"""Parameters that rclpy declares itself."""
 _TYPE_HINTS = {
     float: "a number with a decimal point (4.0, not 4)",
     int: "an integer",
@@ -152,7 +150,7 @@ class NodeParameters:
             fault = name.startswith(qos_overrides.PREFIX) and qos_overrides.fault(name, one.value)
             if fault:
                 raise ParameterError(fault)
-            if name not in self._rows and not name.startswith(_RCLPY_PARAMETERS):
+            if name not in self._rows and not name.startswith(OF_ROS):
                 raise ParameterError(unknown_parameter(name, self._rows))
 
     def _declare(self, row: Parameter) -> None:

@@ -13,7 +13,11 @@ import yaml
 from tsepm_ros import plain_yaml
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.rendering import ANY_NODE
+from tsepm_ros.settings.tables import TRACK_INITIATOR, full_table
+from tsepm_ros.settings.value_text import parse_values
 
+OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""Beginnings of the parameters that ROS declares itself."""
 _SECTION = "ros__parameters"
 
 
@@ -55,18 +59,39 @@ def without_value(arguments: Sequence[str], node: str) -> list[str]:
     ]
 
 
-def values_for(path: Path, node: str) -> dict[str, Value]:
-    """Values by full name that a parameter file has for a node.
+def given_values(given: Sequence[str | Path], node: str = "/track_initiator") -> dict[str, Value]:
+    """Values by full name of parameter files and of assignments NAME:=VALUE.
+
+    As in ROS the last value of a name holds. The parameters of ROS itself are left out.
 
     Raises
     ------
     ValueError
-        If the file cannot be read, or has nothing for the node.
+        If a file cannot be read or has nothing for the node, or an assignment is none.
     """
+    values: dict[str, Value] = {}
+    for one in given:
+        values |= _values_for(one, node) if isinstance(one, Path) else parse_values([one])
+    return {name: value for name, value in values.items() if not name.startswith(OF_ROS)}
+
+
+def _values_for(path: Path, node: str) -> dict[str, Value]:
+    """Values that a parameter file has for a node; refuses the types that ROS refuses."""
+    try:
+        path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"parameter file {path} cannot be read: {error.strerror}") from None
     sections = [values for key, values in _sections(_content(path)) if fits(key, node)]
     if not sections:
-        raise ValueError(f"{path} is no parameter file for {node}")
-    return {name: value for values in sections for name, value in _flattened(values)}
+        [*why] = unused_files(["--params-file", str(path)], node)
+        raise ValueError("; ".join(why) or f"{path} is no parameter file for {node}")
+    values = {name: value for one in sections for name, value in _flattened(one)}
+    for row in full_table(TRACK_INITIATOR):
+        if row.type is float and type(value := values.get(row.name)) is int:
+            raise ValueError(
+                f"{path}: {row.name} must be a number with a decimal point; got {value}"
+            )
+    return values
 
 
 def fits(key: str, node: str) -> bool:
