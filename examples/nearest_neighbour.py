@@ -96,7 +96,10 @@ class NearestNeighbourTracker:
         self.targets: dict[int, Target] = {}
 
     def start(self, tracks: Iterable[ConfirmedTrack]) -> None:
-        """Start a filter with the state and the full covariance of each new track."""
+        """Start a filter with the state and the full covariance of each new track.
+
+        A track with a `revision` above 0 is a correction: it replaces the filter of its id.
+        """
         for track in tracks:
             self.targets[track.track_id] = Target(track.state, track.covariance)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from support.handover_page import PAGE, run_page
 
@@ -98,3 +100,14 @@ def test_twice_the_blocks_are_safe(make_track, over_the_wire):
     _, covariance = run_page()["filter_start"](message)
     assert np.linalg.eigvalsh(2.0 * covariance - track.covariance).min() > 0.0
     assert np.linalg.eigvalsh(covariance - track.covariance).min() < 0.0
+
+
+def test_a_correction_replaces_the_filter_of_its_id(make_track, over_the_wire):
+    page, filters = run_page(), {}
+    for revision, place in ((0, 100.0), (1, 900.0)):
+        track = dataclasses.replace(
+            make_track(track_id=7), state=np.array([place, 1.0, 0.0, 0.0]), revision=revision
+        )
+        cloud = track_cloud(make_header(STAMP, "odom"), [track])
+        page["take"](filters, over_the_wire(cloud))
+        assert list(filters) == [7] and filters[7][0][0] == place

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import threading
 
 import pytest
 import yaml
 
-from tsepm_ros.commands.cli import main
+from tsepm_ros.commands.cli import COMMANDS, main
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.rendering import as_page
 from tsepm_ros.settings.tables import NODES
@@ -99,7 +100,6 @@ def test_a_command_runs_in_any_thread(capsys):
         (["evaluate", "--scene", "name:=../up"], "scenario.name must be a text"),
         (["run", "box", "-p", "max_speed:=" + "[" * 5000], "is not a value"),
         (["run", "box", "-p", "sound_speed:=3.0"], "sound_speed must be 0 or at least"),
-        (["reproduce", "--seed", "-1"], "seed must be at least 0; got -1"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_a_sentence(
@@ -118,3 +118,19 @@ def test_a_number_that_must_be_positive_is_refused(capsys):
         main(["evaluate", "--runs", "0"])
     assert ended.value.code == 2
     assert "must be at least 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["run", "watch", "design", "evaluate", "reproduce"])
+@pytest.mark.parametrize("given", ["-1", "1.5", "x"])
+def test_a_seed_that_is_none_is_refused_by_its_option(capsys, command, given):
+    with pytest.raises(SystemExit) as ended:
+        main([command, "--seed", given])
+    assert ended.value.code == 2
+    assert "argument --seed: " in capsys.readouterr().err
+
+
+def test_an_unknown_command_lists_those_of_the_help(capsys):
+    with pytest.raises(SystemExit):
+        main(["foo"])
+    said = capsys.readouterr().err
+    assert re.findall(r"'(\w+)'", said.partition("choose from")[2]) == list(COMMANDS)

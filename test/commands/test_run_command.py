@@ -8,11 +8,14 @@ import os
 import signal
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from tsepm_ros.commands.cli import main
+from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.replay.track_listing import TrackListing
 
 
 class Terminal(io.StringIO):
@@ -82,7 +85,7 @@ def test_a_terminal_gets_a_table_and_a_pipe_csv(capsys, recording, monkeypatch):
     monkeypatch.setattr(sys, "stdout", terminal)
     assert main(["run", recording]) == 0
     heading, line = terminal.getvalue().splitlines()
-    assert " ".join(heading.split()) == "time [s] id x [m] y [m] speed [m/s] course [deg] reason"
+    assert " ".join(heading.split()) == "time [s] id x [m] y [m] speed [m/s] direction [deg] reason"
     values = line.split()
     assert values[:2] == ["24.000", row["track_id"]]
     assert [float(value) for value in values[2:5]] == pytest.approx(
@@ -372,3 +375,21 @@ def test_a_recorded_own_ship_that_is_not_used_is_said(capsys, recording, tmp_pat
     (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n0.0,0.0,0.0\n99.0,0.0,0.0\n")
     assert main(["run", recording, "-p", "own_ship_source:=none"]) == 0
     assert "note: own_ship_source is none: the own ship" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("frame", "north", "heading", "angle"),
+    [
+        ("odom", True, "course [deg]", "90"),
+        ("odom_ned", True, "course [deg]", "0"),
+        ("sonar", False, "direction [deg]", "0"),
+    ],
+)
+def test_a_course_is_clockwise_from_north(frame, north, heading, angle):
+    """The track moves along x: east, north, or ahead of a sonar that knows no north."""
+    file = io.StringIO()
+    listing = TrackListing(file, lambda track: "because", north=north)
+    track = ConfirmedTrack(3, 12.0, np.array([10.0, 2.0, 20.0, 0.0]), np.eye(4), (), 0.0)
+    listing.write(Mock(new=[track], frame_id=frame))
+    head, line = file.getvalue().splitlines()
+    assert heading in head and line.split()[-2:] == [angle, "because"]

@@ -170,3 +170,11 @@ def test_every_method_has_a_page_of_all_its_parts(method):
         "Readings",
     ]
     assert f"](methods/{method}.md)" in (DOCS / "methods.md").read_text(encoding="utf-8")
+
+
+def test_the_second_command_of_the_readme_shows_the_scene_of_the_demo():
+    from tsepm_ros.demo.two_processes import _parse
+
+    given = re.search(r"tsepm watch (\w+) --seed (\d+)", (ROOT / "README.md").read_text())
+    demo = _parse([])
+    assert given and (given[1], int(given[2])) == (demo.scenario, demo.seed)

@@ -18,6 +18,14 @@ def positive(text: str) -> int:
     return value
 
 
+def seed(text: str) -> int:
+    """A seed of random numbers, from the command line."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError("must be at least 0")
+    return value
+
+
 def in_folder(text: str) -> Path:
     """A path to write to, from the command line, in a folder that exists."""
     path = Path(text)
@@ -29,7 +37,7 @@ def in_folder(text: str) -> Path:
 def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") -> None:
     """Add the number of runs, the seed and the number of processes."""
     parser.add_argument("--runs", type=positive, default=runs, help=f"{meaning}; default {runs}")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the runs; default 1")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of the runs; default 1")
     parser.add_argument(
         "--workers",
         type=positive,

@@ -27,6 +27,12 @@ Command = Callable[[argparse.Namespace], None]
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
+STUDY = (
+    "tsepm study is now tsepm evaluate with one operating point: "
+    "tsepm evaluate SCENARIO --method METHOD -p OPTION:=VALUE"
+)
+"""The sentence on a former command, until the next release."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command.
@@ -42,6 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
+    if list(arguments[:1]) == ["study"]:
+        print(f"refused: {STUDY}", file=sys.stderr)
+        return 2
     options = _parser().parse_args(arguments)
     options.line = shlex.join(["tsepm", *arguments])
     try:
@@ -77,10 +86,6 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=text)
         add_arguments(command)
         command.set_defaults(command=function)
-    # The former command `study` refers to its replacement until the next release.
-    study = commands.add_parser("study", prefix_chars="+", add_help=False)
-    study.add_argument("given", nargs="*")
-    study.set_defaults(command=_study)
     return parser
 
 
@@ -105,13 +110,6 @@ def _parameters(options: argparse.Namespace) -> None:
         print(as_page(NODES), end="")
     else:
         print(as_markdown(NODES[options.node]), end="")
-
-
-def _study(options: argparse.Namespace) -> None:
-    raise ValueError(
-        "tsepm study is now tsepm evaluate with one operating point: "
-        "tsepm evaluate SCENARIO --method METHOD -p OPTION:=VALUE"
-    )
 
 
 COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {

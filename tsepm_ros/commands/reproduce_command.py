@@ -34,14 +34,12 @@ def run_reproduction(options: argparse.Namespace) -> None:
     Raises
     ------
     ValueError
-        If a source is unknown, or the seed is below 0.
+        If a source is unknown.
     """
     names = list(dict.fromkeys(options.source or SOURCES))
     for name in names:
         if name not in SOURCES:
             raise ValueError(f"source must be one of {', '.join(SOURCES)}; got {name!r}")
-    if options.seed < 0:
-        raise ValueError(f"seed must be at least 0; got {options.seed}")
     setting = Setting(
         folder=options.out / "runs",
         runs=options.runs,

@@ -5,14 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from tsepm_ros.commands.arguments import in_folder
 from tsepm_ros.commands.failure import CommandFailed
 from tsepm_ros.commands.run_sources import Run, add_source_arguments, needs_scene, open_run
-from tsepm_ros.kinematics.track import ConfirmedTrack
 from tsepm_ros.pictures.run_scene import RunScene, ScanView
 from tsepm_ros.progress import named_progress, with_progress
 from tsepm_ros.replay.track_files import CurrentTable, TrackBag, TrackTable, TrackWriter
@@ -80,7 +78,7 @@ def _process(
     scene = RunScene(run.title, truth=run.truth)
     with_scene = needs_scene(options)
     with ExitStack() as stack:
-        writers = _writers(options.out, run.session.settings.make_initiator().reason, stack)
+        writers = _writers(options.out, run, stack)
         for result in with_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1
             for path, writer in writers.items():
@@ -96,13 +94,12 @@ def _process(
     return scene
 
 
-def _writers(
-    folder: Path | None, reason: Callable[[ConfirmedTrack], str], stack: ExitStack
-) -> dict[Path, TrackWriter]:
+def _writers(folder: Path | None, run: Run, stack: ExitStack) -> dict[Path, TrackWriter]:
     """Writers of the files in a folder, or else of the standard output, by path."""
+    reason = run.session.settings.make_initiator().reason
     if folder is None:
-        listing = TrackListing if sys.stdout.isatty() else TrackTable
-        return {Path("standard output"): listing(sys.stdout, reason)}
+        table = sys.stdout.isatty() and TrackListing(sys.stdout, reason, north=run.north)
+        return {Path("standard output"): table or TrackTable(sys.stdout, reason)}
     tracks, current = folder / "tracks.csv", folder / "current.csv"
     writers: dict[Path, TrackWriter] = {
         tracks: TrackTable(stack.enter_context(opened_whole(tracks)), reason),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tsepm_ros.analysis.simulated_run import judge_starts
 from tsepm_ros.analysis.truth import origins_of
-from tsepm_ros.commands.arguments import add_values, scenario_names
+from tsepm_ros.commands.arguments import add_values, scenario_names, seed
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
 from tsepm_ros.pictures.run_scene import RunScene, truth_paths
@@ -59,7 +59,7 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
         f"or scenario to simulate: {scenario_names()}",
     )
     parser.add_argument(
-        "--seed", type=int, default=1, help="seed of a simulated scenario; default 1"
+        "--seed", type=seed, default=1, help="seed of a simulated scenario; default 1"
     )
     for role, name in TOPIC_OPTIONS.items():
         parser.add_argument(
@@ -105,10 +105,14 @@ class Run:
     processed: int = 0
     mounting_yaw: float | None = 0.0
 
+    @property
+    def north(self) -> bool:
+        """Whether the axes of the tracks are known from north."""
+        return self.session.source != "none" or self.mounting_yaw is None
+
     def recorded_scene(self) -> RecordedScene:
         """An empty scene for a page of this run."""
-        north = self.session.source != "none" or self.mounting_yaw is None
-        return RecordedScene(self.title, north, self.truth, self.mounting_yaw)
+        return RecordedScene(self.title, self.north, self.truth, self.mounting_yaw)
 
     def page_of(self, recorded: RecordedScene) -> str:
         """The scene of the finished run, JSON."""

@@ -17,16 +17,16 @@ PERIOD = 10.0
 
 
 def announcement(track: ConfirmedTrack, frame_id: str, reason: str) -> str:
-    """One line of a confirmed track: its id, place, speed and course, and the reason.
+    """One line of a confirmed track: its id, place, speed and direction, and the reason.
 
-    The course is counter-clockwise from the x axis of the fixed frame; the reason begins with the
-    hits.
+    The direction is counter-clockwise from the x axis of the fixed frame; the reason begins with
+    the hits.
     """
     x, vx, y, vy = track.state.tolist()
-    course = math.degrees(math.atan2(vy, vx))
+    direction = math.degrees(math.atan2(vy, vx))
     return (
         f"track {track.track_id} confirmed at x {x:.1f} m, y {y:.1f} m in {frame_id}, "
-        f"{math.hypot(vx, vy):.1f} m/s towards {course:.0f} deg from x: {reason}"
+        f"{math.hypot(vx, vy):.1f} m/s towards {direction:.0f} deg from x: {reason}"
     )
 
 
