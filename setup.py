@@ -77,12 +77,12 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "track_initiator = tsepm_ros.nodes.track_initiator:main",
-            "sonar_simulator = tsepm_ros.nodes.sonar_simulator:main",
-            "scan_player = tsepm_ros.nodes.scan_player:main",
-            "track_viewer = tsepm_ros.nodes.track_viewer:main",
-            "tsepm_demo = tsepm_ros.demo.two_processes:main",
-            "tsepm = tsepm_ros.commands.cli:main",
+            "track_initiator = tsepm_ros.ending_signals:track_initiator",
+            "sonar_simulator = tsepm_ros.ending_signals:sonar_simulator",
+            "scan_player = tsepm_ros.ending_signals:scan_player",
+            "track_viewer = tsepm_ros.ending_signals:track_viewer",
+            "tsepm_demo = tsepm_ros.ending_signals:tsepm_demo",
+            "tsepm = tsepm_ros.ending_signals:tsepm",
         ],
     },
 )

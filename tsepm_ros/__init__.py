@@ -1,15 +1,31 @@
 """Track initiation for active sonar: detections in, confirmed tracks out.
 
-Importing this package never imports ROS; the nodes are in `tsepm_ros.nodes`.
+Importing this package never imports ROS; the nodes are in `tsepm_ros.nodes`. The public names are
+imported when they are first used, so that an executable can be interrupted from its first moment.
 """
 
-from tsepm_ros.environment.land import LandMask
-from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.methods.registry import available_methods, make_initiator
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.sensing.sensor import SensorModel
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tsepm_ros.environment.land import LandMask
+    from tsepm_ros.kinematics.track import ConfirmedTrack
+    from tsepm_ros.methods.registry import available_methods, make_initiator
+    from tsepm_ros.sensing.scan import Scan
+    from tsepm_ros.sensing.sensor import SensorModel
 
 __version__ = "0.2.0"
+
+_PLACES = {
+    "ConfirmedTrack": "kinematics.track",
+    "LandMask": "environment.land",
+    "Scan": "sensing.scan",
+    "SensorModel": "sensing.sensor",
+    "available_methods": "methods.registry",
+    "make_initiator": "methods.registry",
+}
 
 __all__ = [
     "ConfirmedTrack",
@@ -19,6 +35,12 @@ __all__ = [
     "available_methods",
     "make_initiator",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_PLACES[name]}"), name)
 
 
 def __dir__() -> list[str]:

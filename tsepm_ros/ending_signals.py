@@ -1,10 +1,15 @@
-"""Ends of a command by SIGINT and SIGTERM: by an exception, and not while processes start."""
+"""Ends of a command by SIGINT and SIGTERM: by an exception, and not while processes start.
+
+The executables begin here, before the imports that take their time.
+"""
 
 from __future__ import annotations
 
+import importlib
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 INTERRUPTED = 130
@@ -53,3 +58,25 @@ def signals_held() -> Iterator[None]:
             signal.signal(number, handler)
         for arrived in held:
             signal.raise_signal(arrived)
+
+
+def _executable(module: str, interrupted: int) -> Callable[[], int]:
+    """The function of an executable: the `main` of a module, imported when it is called."""
+
+    def main() -> int:
+        try:
+            code: int = importlib.import_module(module).main()
+        except KeyboardInterrupt:  # during the imports; afterwards the module has its own way
+            print("interrupted", file=sys.stderr)
+            return interrupted
+        return code
+
+    return main
+
+
+tsepm = _executable("tsepm_ros.commands.cli", INTERRUPTED)
+tsepm_demo = _executable("tsepm_ros.demo.two_processes", INTERRUPTED)
+track_initiator = _executable("tsepm_ros.nodes.track_initiator", 0)
+sonar_simulator = _executable("tsepm_ros.nodes.sonar_simulator", 0)
+scan_player = _executable("tsepm_ros.nodes.scan_player", 0)
+track_viewer = _executable("tsepm_ros.nodes.track_viewer", 0)

@@ -237,7 +237,7 @@ def test_a_drop_stands_in_the_entry_that_it_belongs_to_and_in_no_other(reason, t
     run.scan(0.0)
     run.drop(reason)
     found = run.health.report(run.figures, 0.0)
-    assert {one.task for one in found if one.level > Level.OK} == {task}
+    assert {one.task for one in found if one.level > Level.OK} == {task, "overall"}
     (entry,) = (one for one in found if f"dropped.{reason}" in one.values)
     assert (entry.task, entry.level) == (task, level)
 
@@ -312,8 +312,29 @@ def test_work_that_takes_longer_than_the_sonar_is_an_error():
     run = Run(max_latency=100.0)
     for time in (0.0, 2.0, 4.0):
         run.scan(time, core=1.5, publishing=0.6, to_all=2.1)
-    said = (Level.ERROR, "a scan took 2.1 s, longer than the scan interval of 2 s")
+    said = (Level.ERROR, "a scan takes 2.1 s, longer than the scan interval of 2 s")
     assert run.said("latency", 4.0) == said
+
+
+def test_one_long_scan_is_no_error():
+    """Of a sonar with 5 pings/s: one ping takes 0.6 s, and the others 0.01 s."""
+    run = Run()
+    for ping in range(10):
+        run.scan(0.2 * ping, core=0.6 if ping == 4 else 0.01)
+    assert run.status("latency", 1.8).level == Level.OK
+
+
+def test_the_overall_entry_has_the_worst_level_and_its_reason():
+    run = Run()
+    run.scans(0.0, 12.0)
+    first, *others = run.health.report(run.figures, 13.0)
+    assert (first.task, first.level, first.message) == ("overall", Level.OK, "every entry is OK")
+    assert first.values == {one.task: "OK" for one in others}
+    run.drop("internal_error")
+    run.drop("scan_late")
+    first = run.status("overall", 14.0)
+    assert (first.level, first.values["detections"]) == (Level.ERROR, "WARN")
+    assert first.message == "track initiation: dropped: 1 internal_error"
 
 
 @pytest.mark.parametrize(

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import re
 import signal
+import subprocess
+import sys
 import threading
+import time
 from contextlib import AbstractContextManager
+from pathlib import Path
 
 import pytest
 
+from tsepm_ros import ending_signals
 from tsepm_ros.ending_signals import (
     ENDING_SIGNALS,
+    INTERRUPTED,
     TERMINATED,
     ending_on_termination,
     signals_held,
 )
+
+ROOT = Path(__file__).parents[2]
 
 
 def handlers() -> list:
@@ -60,3 +69,42 @@ def test_another_thread_leaves_the_handlers_as_they_are(block):
     thread.start()
     thread.join()
     assert seen == [before] and handlers() == before
+
+
+def entry_points() -> dict[str, str]:
+    found = re.findall(r'"(\w+) = ([\w.]+):(\w+)"', (ROOT / "setup.py").read_text())
+    assert found and all(name == function for name, _, function in found)
+    return {name: module for name, module, _ in found}
+
+
+@pytest.mark.parametrize("name", entry_points())
+def test_an_executable_begins_without_the_imports_that_take_their_time(name):
+    """An interrupt before its first line would be a traceback of Python itself."""
+    script = (
+        f"import sys; from {entry_points()[name]} import {name}; "
+        "sys.exit(any(one in sys.modules for one in ('numpy', 'scipy', 'rclpy', 'yaml')))"
+    )
+    assert subprocess.run([sys.executable, "-c", script], timeout=60, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", entry_points())
+def test_an_interrupt_during_the_imports_ends_with_a_word(name, monkeypatch, capsys):
+    def interrupted(module: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ending_signals.importlib, "import_module", interrupted)
+    code = getattr(ending_signals, name)()
+    assert code == (INTERRUPTED if name.startswith("tsepm") else 0)
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.15, 0.3])
+def test_an_interrupted_command_has_no_traceback_at_any_time(delay):
+    script = "print(1, flush=True); from tsepm_ros.ending_signals import tsepm; tsepm()"
+    command = [sys.executable, "-c", script, "evaluate", "box", "--runs", "9"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert "Traceback" not in said

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from tsepm_ros.diagnostics.health_figures import HealthFigures, Latency
 from tsepm_ros.diagnostics.judgements import densities
 from tsepm_ros.diagnostics.rules import CLUTTER, LATENCY, QUALITY_OF_SERVICE, SENSOR, findings_of
-from tsepm_ros.diagnostics.status import Status, status_of
+from tsepm_ros.diagnostics.status import Status, overall, status_of
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
 
 
@@ -31,11 +31,12 @@ class Entry:
 
 
 def statuses(figures: HealthFigures) -> list[Status]:
-    """Return the status of every task."""
-    return [
+    """Return the overall status, and that of every task."""
+    found = [
         status_of(task, findings_of(task, figures), entry.healthy(figures), entry.values(figures))
         for task, entry in ENTRIES.items()
     ]
+    return [overall(found), *found]
 
 
 def _initiation(figures: HealthFigures) -> str:

@@ -163,9 +163,15 @@ class HealthFigures:
 
     def longest_latency(self, part: Callable[[Latency], float]) -> float:
         """Largest part of a latency in the window, s; 0 without a scan."""
+        return max(self._parts(part), default=0.0)
+
+    def median_latency(self, part: Callable[[Latency], float]) -> float:
+        """Median of a part of the latencies in the window, s; 0 without a scan."""
+        return statistics.median(self._parts(part) or [0.0])
+
+    def _parts(self, part: Callable[[Latency], float]) -> list[float]:
         window = self.options.window
-        recent = (scan.latency for scan in self.scans if self.time - scan.time <= window)
-        return max(map(part, recent), default=0.0)
+        return [part(scan.latency) for scan in self.scans if self.time - scan.time <= window]
 
     @property
     def interval(self) -> float:

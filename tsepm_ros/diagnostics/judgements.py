@@ -179,11 +179,11 @@ def own_ship_behind(figures: HealthFigures) -> str:
 
 
 def overload(figures: HealthFigures) -> str:
-    """Processing and publishing a scan took longer than the scan interval."""
-    longest = figures.longest_latency(lambda latency: latency.core + latency.publishing)
+    """Processing and publishing take longer than the scan interval, in the median of the window."""
+    median = figures.median_latency(lambda latency: latency.core + latency.publishing)
     interval = figures.interval
-    sentence = f"a scan took {longest:.3g} s, longer than the scan interval of {interval:.3g} s"
-    return sentence if longest > interval else ""
+    sentence = f"a scan takes {median:.3g} s, longer than the scan interval of {interval:.3g} s"
+    return sentence if median > interval else ""
 
 
 def long_latency(figures: HealthFigures) -> str:

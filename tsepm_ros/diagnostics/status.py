@@ -44,6 +44,19 @@ class Status:
     values: Mapping[str, object]
 
 
+OVERALL = "overall"
+"""Entry of the worst level, for scripts."""
+
+
+def overall(statuses: Sequence[Status]) -> Status:
+    """The status of all: the worst level, the entry that has it, and the level of each entry."""
+    worst = max(statuses, key=lambda status: status.level)
+    message = f"{worst.task}: {worst.message}" if worst.level else "every entry is OK"
+    return Status(
+        OVERALL, worst.level, message, {status.task: status.level.name for status in statuses}
+    )
+
+
 def status_of(
     task: str, findings: Sequence[Finding], healthy: str, values: Mapping[str, object]
 ) -> Status:

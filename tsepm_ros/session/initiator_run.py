@@ -173,7 +173,7 @@ class InitiatorRun:
         counted, self._strengths_count = self._strengths_count, self.initiator.uses_intensity
         if counted != self._strengths_count:
             remarks.append(
-                Notice("intensity", f"intensity of detections: {self.initiator.intensity}")
+                Notice("intensity", f"the intensity of detections is {self.initiator.intensity}")
             )
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
