@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -23,6 +24,7 @@ class Started(NamedTuple):
     parameters: dict[str, object]
     remaps: dict[str, str]
     arguments: str
+    process: dict[str, str]
 
 
 def started(**given: str) -> dict[str, Started]:
@@ -50,15 +52,18 @@ def started(**given: str) -> dict[str, Started]:
             executable = element.get("exec", "")
             assert executable not in nodes, "each starts once"
             nodes[executable] = Started(
-                _parameters(element, executable, resolved),
+                _parameters(element, resolved),
                 {r.get("from", ""): resolved(r.get("to", "")) for r in element.iter("remap")},
                 resolved(element.get("args", "")),
+                {a: resolved(element.get(a, "")) for a in ("namespace", "name", "respawn")},
             )
+        elif element.tag == "executable" and holds(element):
+            nodes["says"] = Started({}, {}, resolved(element.get("cmd", "")), {})
     assert set(given) <= set(values)
     return nodes
 
 
-def _parameters(element, executable, resolved):
+def _parameters(element, resolved):
     """Parameters as launch passes them: the files in their order, then those by name."""
     parameters: dict[str, object] = {}
     for one in element.iter("param"):
@@ -72,10 +77,16 @@ def _parameters(element, executable, resolved):
     return parameters
 
 
+@pytest.fixture(autouse=True)
+def _with_rviz(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: f"/opt/ros/jazzy/bin/{name}")
+
+
 @pytest.fixture
 def own_file(tmp_path):
     path = tmp_path / "mine.yaml"
     mine = {"own_ship_source": "tf", "fixed_frame": "map", "publish_potential_tracks": True}
+    mine["use_sim_time"] = True
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": mine}}))
     return str(path)
 
@@ -115,7 +126,7 @@ def test_what_is_not_given_is_as_in_the_file_of_parameters(own_file):
         "own_ship_source": "tf",
         "fixed_frame": "map",
         "publish_potential_tracks": True,
-        "use_sim_time": False,
+        "use_sim_time": True,
     }
 
 
@@ -127,12 +138,59 @@ def test_what_is_given_comes_before_the_file_of_parameters(own_file):
     )
 
 
-def test_a_frame_without_a_source_is_refused():
-    [node] = started(fixed_frame="map").values()
-    with pytest.raises(ValueError, match="own_ship_source must be one of"):
-        make_groups(
-            NODES["track_initiator"], {"own_ship_source": node.parameters["own_ship_source"]}
-        )
+@pytest.mark.parametrize(
+    ("given", "changed"),
+    [
+        ({"own_ship_source": "odometry"}, {"own_ship_source": "odometry"}),
+        ({"fixed_frame": "odom"}, {"fixed_frame": "odom"}),
+        ({"use_sim_time": "false"}, {"use_sim_time": False}),
+        (
+            {"own_ship_source": "none", "use_sim_time": "False"},
+            {"own_ship_source": "none", "use_sim_time": False},
+        ),
+        ({"own_ship_source": "none", "rviz": "true"}, {"own_ship_source": "none"}),
+    ],
+)
+def test_one_argument_leaves_the_others_as_in_the_file(own_file, given, changed):
+    before = started(params_file=own_file)["track_initiator"].parameters
+    assert started(params_file=own_file, **given)["track_initiator"].parameters == {
+        **before,
+        **changed,
+    }
+
+
+@pytest.mark.parametrize(
+    "given", [{"params_file": "/no/such.yaml"}, {"own_ship_source": "gps"}, {"use_sim_time": "on"}]
+)
+def test_a_file_or_a_value_that_does_not_exist_ends_the_launch(given):
+    with pytest.raises(FileNotFoundError):
+        started(**given)
+
+
+def test_namespace_name_and_respawn_are_arguments():
+    given = {"namespace": "boat", "name": "starter", "respawn": "true"}
+    assert started(**given)["track_initiator"].process == given
+    assert started()["track_initiator"].process == {
+        "namespace": "",
+        "name": "track_initiator",
+        "respawn": "false",
+    }
+    together = started(namespace="boat", simulate="true", rviz="true")
+    assert {node.process["namespace"] for node in together.values()} == {"boat"}
+
+
+def test_without_rviz2_the_launch_says_so_and_goes_on(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    nodes = started(rviz="true")
+    assert set(nodes) == {"track_initiator", "says"}
+    assert "rviz2 is not installed" in nodes["says"].arguments
+    assert not nodes["track_initiator"].parameters["publish_potential_tracks"]
+
+
+def test_a_display_of_rviz_is_remapped_into_the_namespace():
+    config = (ROOT / "rviz" / "track_initiator.rviz").read_text(encoding="utf-8")
+    shown = set(re.findall(r"Value: (/[a-z_/]+)$", config, re.MULTILINE))
+    assert shown <= set(started(rviz="true")["rviz2"].remaps)
 
 
 @pytest.mark.parametrize("source", [{}, {"own_ship_source": "odometry"}, {"simulate": "true"}])
