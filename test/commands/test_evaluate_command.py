@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import pytest
 
 from tsepm_ros.analysis.result_files import read_result
+from tsepm_ros.commands import evaluate_command
 from tsepm_ros.commands.cli import main
 
 
@@ -62,3 +64,17 @@ def test_the_scene_of_an_evaluation_can_be_changed(tmp_path):
     one_point = ("-p", "false_tracks_per_hour:=300.0")
     evaluated(tmp_path, "--scene", "sensor.clutter_density:=2.0e-6", *one_point)
     assert "clutter 2e-06 /m^2" in (tmp_path / "evaluation.md").read_text()
+
+
+def test_what_will_be_done_and_how_long_is_said_before_the_first_run(
+    capsys, monkeypatch, scenario, tmp_path
+):
+    def ends(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluate_command, "evaluate", ends)
+    arguments = ["evaluate", scenario, "--method", "score", "--runs", "50"]
+    assert main([*arguments, "--out", str(tmp_path), "--workers", "3"]) == 130
+    done, time, *_ = capsys.readouterr().err.splitlines()
+    assert "runs: 50 of each of " in done and "operating points of 1 methods on small" in done
+    assert re.match(r"about [\d.e-]+ minutes on 3 processes", time)

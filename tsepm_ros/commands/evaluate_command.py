@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +19,8 @@ from tsepm_ros.analysis.performance_report import (
     write_csv,
 )
 from tsepm_ros.analysis.result_files import Result, add_result, write_result
+from tsepm_ros.analysis.study import runs_of
+from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.commands.arguments import (
     add_out,
     add_runs,
@@ -30,6 +34,9 @@ from tsepm_ros.progress import with_progress
 from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import load_scenario
 from tsepm_ros.whole_files import opened_whole, write_text
+
+MIN_ESTIMATED = 100
+"""Fewest runs whose time is estimated."""
 
 
 def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,6 +98,7 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
         seed=options.seed,
         horizons=options.horizon,
     )
+    _announce(plan, workers_of(options))
     evaluated = evaluate(plan, options.out / "runs", workers_of(options), with_progress)
     for evaluation in evaluated:
         print(short_text(plan, evaluation) + "\n")
@@ -107,6 +115,29 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
             measures=measures_rows(evaluated),
         )
         write_result(options.result, result)
+
+
+def _announce(plan: Plan, workers: Workers) -> None:
+    """Say what will be done and, from a run of each method, about how long it takes."""
+    firsts = {point.method: point for point in reversed(plan.points)}
+    names = ", ".join(scenario.name for scenario in plan.scenarios)
+    total = plan.runs * len(plan.points) * len(plan.scenarios)
+    print(
+        f"{total} runs: {plan.runs} of each of {len(plan.points)} operating points of "
+        f"{len(firsts)} methods on {names}; those done before are not repeated",
+        file=sys.stderr,
+    )
+    if total < MIN_ESTIMATED:
+        return
+    trials = [(one, [plan.seed, 0], point) for one in plan.scenarios for point in firsts.values()]
+    begin = time.perf_counter()
+    for _ in with_progress(runs_of(trials, None), len(trials), "trial"):
+        pass
+    minutes = (time.perf_counter() - begin) / len(trials) * total / workers.processes / 60.0
+    print(
+        f"about {minutes:.2g} minutes on {workers.processes} processes; fewer: --runs, --method",
+        file=sys.stderr,
+    )
 
 
 def _repeated(line: str) -> str:
