@@ -48,6 +48,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.xml"))),
+        (f"share/{NAME}/examples", sorted(glob("examples/*.py"))),
         (f"share/{NAME}/rviz", sorted(glob("rviz/*"))),
         (f"share/{NAME}/foxglove", sorted(glob("foxglove/*"))),
         (f"share/{NAME}/sros2", sorted(glob("sros2/*"))),

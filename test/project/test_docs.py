@@ -178,3 +178,12 @@ def test_the_second_command_of_the_readme_shows_the_scene_of_the_demo():
     given = re.search(r"tsepm watch (\w+) --seed (\d+)", (ROOT / "README.md").read_text())
     demo = _parse([])
     assert given and (given[1], int(given[2])) == (demo.scenario, demo.seed)
+
+
+@pytest.mark.parametrize(
+    "page",
+    ["get_started", "set_up", "watch_and_operate", "use_the_tracks", "python_and_command_line"],
+)
+def test_a_page_says_at_its_top_how_commands_are_typed(page):
+    top = (DOCS / f"{page}.md").read_text(encoding="utf-8")[:800]
+    assert "`ros2 run tsepm_ros tsepm` after colcon and `.venv/bin/tsepm` after `make env`" in top
