@@ -335,6 +335,8 @@ def test_the_overall_entry_has_the_worst_level_and_its_reason():
     first = run.status("overall", 14.0)
     assert (first.level, first.values["detections"]) == (Level.ERROR, "WARN")
     assert first.message == "track initiation: dropped: 1 internal_error"
+    assert run.status("detections", 13.0 + 100.0).level == Level.STALE
+    assert run.status("overall", 13.0 + 100.0).level != Level.OK
 
 
 @pytest.mark.parametrize(

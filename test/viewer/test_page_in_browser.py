@@ -77,6 +77,8 @@ def replay(tab, tmp_path) -> Tab:
     write_page(path, EVIL, recording())
     tab.open(path.as_uri())
     tab.until("scene.frames.length > 0 && byId('clock').textContent")
+    tab.value("move(scene.frames.length)")  # pauses at the end
+    settled(tab)
     return tab
 
 
@@ -131,7 +133,36 @@ def test_text_of_a_recording_never_becomes_markup(replay):
     assert replay.value("document.querySelectorAll('img').length") == 0
 
 
-def test_the_result_is_shown_first_and_the_slider_goes_back(replay):
+def test_a_recording_opens_at_its_beginning_and_plays(tab, tmp_path):
+    path = tmp_path / "page.html"
+    write_page(path, "sea", recording())
+    tab.open(path.as_uri())
+    tab.until("page.playing && scene.frames.length > 0")
+    assert tab.value("page.index") < SCANS - 1
+    tab.until("!page.playing && page.index === scene.frames.length - 1")
+
+
+def test_why_no_own_ship_is_drawn_is_said(replay):
+    said = replay.value(
+        """(() => {
+            const says = (source, message) => {
+                const values = [["source", source]];
+                const entry = { task: "own ship", level: 0, message, values };
+                scene.health = { level: 0, entries: [entry] };
+                return noOwnShip({ own_ship: null });
+            };
+            return [says("tf", "own-ship data from tf"), says("none", "not needed"),
+                noOwnShip({ own_ship: [0, 0, 0] })];
+        })()"""
+    )
+    assert said == [
+        " No own ship is drawn: this page does not read tf.",
+        " No own ship is drawn: not needed.",
+        "",
+    ]
+
+
+def test_the_slider_goes_back(replay):
     assert text(replay, "#clock") == "144.0 s · scan 12 of 12"
     assert replay.value("byId('slider').max") == str(SCANS - 1)
     replay.value("byId('slider').value = 1; byId('slider').dispatchEvent(new Event('input'))")
@@ -311,7 +342,7 @@ def test_a_served_recording_is_the_same_page(tab):
     with served(recording=recording()) as server:
         tab.open(server.url)
         tab.until("scene.frames.length === 12 && byId('clock').textContent")
-        assert text(tab, "#clock") == "144.0 s · scan 12 of 12"
+        tab.until("byId('clock').textContent === '144.0 s · scan 12 of 12'")
         assert tab.complaints == []
         assert all(url.startswith((server.url, "data:")) for url in tab.requests)
 

@@ -44,13 +44,15 @@ class Status:
     values: Mapping[str, object]
 
 
+ORDER = (Level.OK, Level.WARN, Level.STALE, Level.ERROR)
+"""From the best to the worst: stale is the absence of news, and less than an error."""
 OVERALL = "overall"
 """Entry of the worst level, for scripts."""
 
 
 def overall(statuses: Sequence[Status]) -> Status:
     """The status of all: the worst level, the entry that has it, and the level of each entry."""
-    worst = max(statuses, key=lambda status: status.level)
+    worst = max(statuses, key=lambda status: ORDER.index(status.level))
     message = f"{worst.task}: {worst.message}" if worst.level else "every entry is OK"
     return Status(
         OVERALL, worst.level, message, {status.task: status.level.name for status in statuses}

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from tsepm_ros.diagnostics.entries import ENTRIES
-from tsepm_ros.diagnostics.status import Level
+from tsepm_ros.diagnostics.status import ORDER, Level
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
 from tsepm_ros.viewer.page_frames import Frame
 
@@ -72,7 +72,5 @@ def _entry(
 
 
 def _health(entries: list[dict[str, Any]]) -> Frame:
-    # Stale (3) is the absence of news, and less than an error.
-    order = (Level.OK, Level.WARN, Level.STALE, Level.ERROR)
-    worst = max((entry["level"] for entry in entries), key=order.index)
+    worst = max((entry["level"] for entry in entries), key=ORDER.index)
     return {"level": worst, "entries": entries}

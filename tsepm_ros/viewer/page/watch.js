@@ -91,9 +91,18 @@ function showPanels() {
   healthPanel.show(scene.health, source === "live" && late);
   trackList.show(frame, scene, plan.selected);
   selectedPanel.show(plan.selected, frame, scene);
-  byId("arrows").textContent = `Arrows show the way of ${duration(plan.arrowTime)}.`;
+  byId("arrows").textContent = `Arrows show the way of ${duration(plan.arrowTime)}.${noOwnShip(frame)}`;
   showState();
   showLayers(frame);
+}
+
+/* Why no own ship is drawn; empty if it is, or if the diagnostics have not said it yet. */
+function noOwnShip(frame) {
+  if (!frame || frame.own_ship) return "";
+  const entry = ((scene.health && scene.health.entries) || []).find(({ task }) => task === "own ship");
+  if (!entry) return "";
+  const tf = entry.values.some(([key, value]) => key === "source" && value === "tf");
+  return ` No own ship is drawn: ${tf ? "this page does not read tf" : entry.message}.`;
 }
 
 const silence = (since) => performance.now() - since;
@@ -348,8 +357,8 @@ function follow() {
 
 async function replay(text) {
   take(JSON.parse(await text));
-  show(scene.frames.length - 1); // the result first; Play begins at the beginning
-  showPanels();
+  show(0);
+  setPlaying(true);
 }
 
 /* The recording in the page itself: compressed, in base64. */
