@@ -294,7 +294,7 @@ def begun(
     id_: int, stamp: float, state: Any, covariance: Any, existence: float, unlisted: float
 ) -> Track:
     """A track of which only a state is known: it turns as often as targets do in the long run."""
-    turning = (1.0 / 30.0) / (1.0 / 30.0 + 0.9)
+    turning = (1.0 / 30.0) / (1.0 / 30.0 + 0.5)
     state, covariance = np.array(state, float), np.array(covariance, float)
     modes = Mode(1.0 - turning, state, covariance), Mode(turning, state, covariance)
     error = largest(covariance[np.ix_([0, 2], [0, 2])])
@@ -319,7 +319,7 @@ def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Tra
     in the longest time of any track.
     """
     time = stamp - track.stamp
-    change = np.array([[29.0 / 30.0, 1.0 / 30.0], [0.9, 0.1]])
+    change = np.array([[29.0 / 30.0, 1.0 / 30.0], [0.5, 0.5]])
     modes = []
     for to in (ON, TURN):
         weights = [change[of, to] * track.modes[of].probability for of in (ON, TURN)]

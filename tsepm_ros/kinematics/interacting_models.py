@@ -22,7 +22,7 @@ PROCESS_NOISE = 0.01
 """Spectral density of the acceleration between turns, m^2/s^3: 1 m/s per 100 s."""
 SCANS_TO_TURN = 30.0
 """Mean number of scans between turns or changes of speed: a choice."""
-GOES_ON = 0.1
+GOES_ON = 0.5
 """Probability that a turn goes on at the next scan: a choice."""
 TURN_TIME = 5.0
 """Least time in which a target of any speed has turned, s."""

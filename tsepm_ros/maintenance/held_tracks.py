@@ -223,6 +223,8 @@ class HeldTracks:
                 "covered_scans": _put(self.covered_scans, row, 0.0),
                 "last_detected": _put(self.last_detected, row, new.stamp),
                 "status": _put(self.status, row, Status.PUBLISHED),
+                "announced": _put(self.announced, row, True),
+                "agreeing_scans": _put(self.agreeing_scans, row, 0),
             }
         return changed(
             self,

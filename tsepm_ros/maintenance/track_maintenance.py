@@ -26,7 +26,12 @@ from tsepm_ros.maintenance import (
     stationary,
     track_merging,
 )
-from tsepm_ros.maintenance.downstream_tracker import DownstreamTracker, Tracker, declined
+from tsepm_ros.maintenance.downstream_tracker import (
+    LISTED,
+    DownstreamTracker,
+    Tracker,
+    declined,
+)
 from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY, Neighbours
 from tsepm_ros.maintenance.held_detections import (
     NO_ASSOCIATION,
@@ -127,6 +132,7 @@ class TrackMaintenance:
     def _forget(self) -> None:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
+        self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[dict[tuple[int, int], int]] = deque([{}], maxlen=REMEMBERED_SCANS)
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
@@ -289,6 +295,8 @@ class TrackMaintenance:
             self._state()
         extent = self.target_extent
         status = publication.statuses(self._held, self.speed_prior, extent, max_range)
+        listed = self._tracker.keeps(self._held.unlisted_since)
+        status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
         new = (status == Status.PUBLISHED) & ~self._held.announced
         self._held = held = changed(
             self._held,
@@ -304,6 +312,16 @@ class TrackMaintenance:
         hits = map(tuple, np.stack([detections["scan"], detections["index"]], 1)[rows].tolist())
         self._owned.append(dict(zip(hits, ids.tolist(), strict=True)))
 
+    def _remember_starts(self, tracks: TrackArrays) -> None:
+        begun = {
+            hit: i
+            for i, hits in zip(tracks.track_id.tolist(), tracks.hits, strict=True)
+            for hit in hits
+        }
+        newest = max((scan for scan, _ in begun), default=0)
+        before = {hit: i for hit, i in self._begun.items() if hit[0] > newest - REMEMBERED_SCANS}
+        self._begun = before | begun
+
     def recognised(self, starts: TrackArrays, coverage_area: float) -> IntArray:
         """Ids of the held tracks that starts (n,) are, or continue; -1 for those of new targets.
 
@@ -316,7 +334,9 @@ class TrackMaintenance:
         rows = np.flatnonzero(may)
         if not len(starts) or not len(rows):
             return np.full(len(starts), -1)
-        owned = {hit: track for scan in self._owned for hit, track in scan.items()}
+        known = set(held.tracks.track_id.tolist())
+        owned = {hit: i for scan in self._owned for hit, i in scan.items() if i in known}
+        owned |= {hit: i for hit, i in self._begun.items() if i in known}
         mine = {hit for hits in starts.hits for hit in hits}
         busy = {track for hit, track in self._owned[-1].items() if hit not in mine}
         busy |= set(held.tracks.track_id[~may].tolist())
@@ -350,6 +370,7 @@ class TrackMaintenance:
         """
         if not len(tracks):
             return tracks
+        self._remember_starts(tracks)
         new = HeldTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
         held = self._held.joined(changed(new, announced=np.zeros(len(new), bool)))
         held = publication.stated(publication.judged(held, self.speed_prior), self.speed_prior)
@@ -381,6 +402,7 @@ class TrackMaintenance:
             self._end(~np.isin(self._held.tracks.track_id, replaced), "replaced")
         if not len(corrected):
             return corrected
+        self._remember_starts(corrected)
         held = self._held.revised(corrected, existence)
         self._held = publication.judged(held, self.speed_prior)
         current = self.current
@@ -408,7 +430,7 @@ class TrackMaintenance:
         self._tracker = tracker.heard(stamp)
         ids = held.tracks.track_id
         over = declined(since, ids, tracks.track_id, stamp, self.tracked_timeout)
-        over &= held.announced
+        over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
         self._cleared |= dict.fromkeys(ids[over].tolist(), "tracker")
         self._held = changed(held, unlisted_since=since).where(~over)
         self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
@@ -429,6 +451,7 @@ class TrackMaintenance:
 
         See `extended_targets.may_repeat_older`.
         """
+        self._owned, self._begun = deque([{}], maxlen=REMEMBERED_SCANS), {}
         held = self._held
         repeats = track_merging.may_repeat_older(held.tracks, extent, sensor_position)
         kept = ~repeats | self._tracker.keeps(held.unlisted_since)
@@ -452,7 +475,7 @@ class TrackMaintenance:
         away = fixed & (detectable(self._held.tracks.state[:, 0::2]) <= 0.0)
         last = self._held.last_detected
         longest = self.hold_time or HOLD_SCANS * interval or np.inf
-        away = away[self._end(away | (last >= stamp - longest), "not_detected")]
+        away = away[self._end(fixed | (last >= stamp - longest), "not_detected")]
         if np.count_nonzero(away) > MOST_PLACES:
             kept = ~away
             kept[np.flatnonzero(away)[-MOST_PLACES:]] = True
