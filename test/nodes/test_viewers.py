@@ -110,6 +110,6 @@ def test_every_panel_of_the_layout_is_described():
 def test_the_launch_file_starts_rviz_with_a_file_that_exists():
     launch = ElementTree.parse(ROOT / "launch/tsepm.launch.xml").getroot()
     [rviz] = [node for node in launch.iter("node") if node.get("pkg") == "rviz2"]
-    assert rviz.get("if") == "$(var rviz)"
+    assert rviz.get("if") == "$(var shows)"
     [path] = re.findall(r"\$\(find-pkg-share tsepm_ros\)/(\S+)", rviz.get("args"))
     assert (ROOT / path).is_file()

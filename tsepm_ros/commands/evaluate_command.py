@@ -119,6 +119,8 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
 
 def _announce(plan: Plan, workers: Workers) -> None:
     """Say what will be done and, from a run of each method, about how long it takes."""
+    for point in plan.points:
+        point.make(plan.scenarios[0])  # refused options are refused before anything is said
     firsts = {point.method: point for point in reversed(plan.points)}
     names = ", ".join(scenario.name for scenario in plan.scenarios)
     total = plan.runs * len(plan.points) * len(plan.scenarios)
