@@ -185,8 +185,8 @@ def test_what_is_tracked_takes_detections_and_explains_them_as_what_is_held():
 
 
 def assert_equal_tracks(one: TrackMaintenance, other: TrackMaintenance) -> None:
-    np.testing.assert_array_equal(one.current.state, other.current.state)
-    np.testing.assert_array_equal(one.current.covariance, other.current.covariance)
+    np.testing.assert_array_equal(one.held.tracks.state, other.held.tracks.state)
+    np.testing.assert_array_equal(one.held.tracks.covariance, other.held.tracks.covariance)
 
 
 def test_clearing_forgets_the_tracker():

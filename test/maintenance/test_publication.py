@@ -48,8 +48,10 @@ def test_what_is_held_back_claims_its_detections_as_every_held_track_does():
 
 def test_the_end_of_what_was_never_published_is_not_told():
     hold = holding(1, 2, hold_time=30.0)
-    step(hold, 31.0)
-    assert (hold.ended, len(hold.held)) == ({}, 0)
+    for scan in range(1, 60):
+        step(hold, 12.0 * scan, detectable=P_D)
+        assert hold.ended == {}
+    assert len(hold.held) == 0
     hold = holding(1)
     hold.clear()
     step(hold, 1.0)

@@ -45,7 +45,7 @@ WITH_ROS = ("tsepm_ros.nodes", "tsepm_ros.demo")
 MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
 MAX_LINES = 900
 MAX_MODULES = 337
-MAX_STATEMENTS = 20_460
+MAX_STATEMENTS = 20_480
 """Budgets: small is a feature. Raising a number is a commit of its own, with the reason."""
 
 

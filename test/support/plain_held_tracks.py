@@ -265,6 +265,8 @@ class PlainMaintenance:
         """
         error = math.sqrt(largest(track.mean[1][np.ix_([0, 2], [0, 2])]))
         known = max(4.5 * math.sqrt(track.hit_variance), self.rule.target_extent)
+        if self.report is not None and track.unlisted_since == -math.inf:
+            return True  # the downstream tracker lists it
         exists = track.existence >= (0.5 if track.published else 0.9)
         return exists and error <= known and error <= self.rule.max_range / 4.0
 
