@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.grouped import summed
 
 if TYPE_CHECKING:
@@ -120,8 +121,7 @@ def track_markers(
     if afresh:
         markers = [_marker(header, "", 0, "DELETEALL")]
     for track in tracks:
-        semi_major, _, _ = confidence_ellipse(track.position_covariance)
-        sigma = semi_major / ELLIPSE_SCALE
+        sigma = confidence_ellipse(track.position_covariance)[0] / ELLIPSE_SCALE
         size = max(minimum_size, sigma, _THICKNESS)
         markers += (
             _position(header, track, size, color),
@@ -233,12 +233,32 @@ def confidence_ellipse(covariance: NDArray[np.float64]) -> tuple[float, float, f
     angle : float
         Of the major axis, rad, counter-clockwise from x.
     """
-    xx, xy, yy = (float(value) for value in covariance[[0, 0, 1], [0, 1, 1]])
+    semi_major, semi_minor, angle = ellipses(covariance[None])[0].tolist()
+    return semi_major, semi_minor, angle
+
+
+def ellipses(covariance: FloatArray) -> FloatArray:
+    """Return the 95 % ellipses of Gaussian positions.
+
+    Parameters
+    ----------
+    covariance : (n, 2, 2) ndarray
+        m^2.
+
+    Returns
+    -------
+    (n, 3) ndarray
+        Semi-axes, m, the major one first, and its angle from x, rad; 0 where the covariance is not
+        finite.
+    """
+    bad = ~np.isfinite(covariance).all(axis=(1, 2))
+    xx, xy, yy = (np.where(bad, 0.0, covariance[:, i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
     mean, half_difference = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    radius = math.hypot(half_difference, xy)
-    smaller = max(mean - radius, 0.0)  # rounding can make a zero eigenvalue negative
-    angle = 0.5 * math.atan2(xy, half_difference)
-    return ELLIPSE_SCALE * math.sqrt(mean + radius), ELLIPSE_SCALE * math.sqrt(smaller), angle
+    radius = np.hypot(half_difference, xy)
+    # Rounding can make a zero eigenvalue negative.
+    variances = np.maximum(np.stack([mean + radius, mean - radius], axis=1), 0.0)
+    angle = 0.5 * np.arctan2(xy, half_difference)
+    return np.column_stack([ELLIPSE_SCALE * np.sqrt(variances), angle])
 
 
 def _marker(header: Header, namespace: str, track_id: int, action: str) -> Marker:
@@ -317,7 +337,12 @@ def _label(
     marker = _shape(header, "label", track, "TEXT_VIEW_FACING", (0.0, 0.0, height), color)
     # ASCII only: RViz's font has no Greek letters.
     speed = math.hypot(*track.velocity)
-    marker.text = f"{track.track_id}: {speed:.1f} m/s, sigma {sigma:.0f} m"
+    marker.text = f"{track.track_id}: {_digits(speed, 1)} m/s, sigma {_digits(sigma, 0)} m"
     if track.revision:
         marker.text += f", revision {track.revision}"
     return _place(marker, track, ahead=height)
+
+
+def _digits(value: float, decimals: int) -> str:
+    """A length or speed with some decimals, and with more where it has not two digits."""
+    return f"{value:.{max(decimals, 1 - math.floor(math.log10(max(value, 0.01))))}f}"

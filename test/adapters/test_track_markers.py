@@ -189,6 +189,20 @@ def test_label_has_id_speed_and_sigma_in_ascii(header, make_track):
     assert text.isascii()
 
 
+@pytest.mark.parametrize(
+    ("speed", "sigma", "label"),
+    [
+        (0.052, 0.0123, "0.052 m/s, sigma 0.012 m"),
+        (12.34, 3.41, "12.3 m/s, sigma 3.4 m"),
+        (0.0, 0.0, "0.000 m/s, sigma 0.000 m"),
+    ],
+)
+def test_label_has_two_digits_in_a_tank_too(header, make_track, speed, sigma, label):
+    covariance = _covariance(np.diag([sigma**2, sigma**2]))
+    track = make_track(state=np.array([0.0, speed, 0.0, 0.0]), covariance=covariance)
+    assert _by_kind(track_markers(header, [track]))["label"].text == f"7: {label}"
+
+
 def test_label_of_a_corrected_track_has_its_revision(header, make_track):
     first, second = (
         _by_kind(track_markers(header, [make_track(revision=revision)]))["label"].text

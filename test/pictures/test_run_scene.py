@@ -206,6 +206,33 @@ def test_a_trail_has_the_positions_of_every_scan_that_held_the_track():
     assert RunScene("run", scans).trails(1) == {}
 
 
+def test_a_way_says_where_the_track_coasted_and_was_withheld():
+    coasting = replace(track_at(7, 6.0), time_since_hit=0.1)
+    held = [[track_at(7, 5.0)], [coasting], [], [track_at(7, 8.0)]]
+    scene = RunScene("run", [view(number, held=held[number]) for number in range(4)])
+    gap = [np.nan] * 3
+    expected = [[5.0, 0.0, 0.0], [6.0, 0.0, 0.1], gap, [8.0, 0.0, 0.0]]
+    np.testing.assert_array_equal(scene.ways()[7], expected)
+    np.testing.assert_array_equal(scene.ways(2)[7], expected[:2])
+    np.testing.assert_array_equal(scene.trails()[7], [[5.0, 0.0], [6.0, 0.0], [8.0, 0.0]])
+
+
+def test_a_trail_is_dashed_where_the_track_coasts_and_no_line_where_it_is_withheld():
+    pytest.importorskip("matplotlib")
+    import matplotlib.pyplot as plt
+
+    from tsepm_ros.pictures.plan_marks import draw_trail
+
+    figure, axes = plt.subplots()
+    x = [0.0, 1.0, 2.0, np.nan, 4.0]
+    draw_trail(axes, np.column_stack([x, np.zeros(5), [0.0, 0.0, 0.1, np.nan, 0.0]]))
+    dashed, solid = axes.lines
+    assert dashed.is_dashed() and not solid.is_dashed()
+    np.testing.assert_array_equal(dashed.get_xdata(), x)
+    np.testing.assert_array_equal(solid.get_xdata(), [0.0, 1.0, np.nan, np.nan, 4.0])
+    plt.close(figure)
+
+
 OUTCOMES = {
     ("true", "true"): "2 of 2 targets in 3 pings, no false track",
     ("true",): "1 of 2 targets in 1 pings, no false track",

@@ -53,6 +53,7 @@ def recording() -> str:
             hits=[[[12.0, 100.0, 5.0], [24.0, 200.0, -5.0], [48.0, 400.0, 0.0]]],
         )
     )
+    facts["5"] = {"ended": [84.0, "its target was missed too often"]}
     health = {
         "level": 1,
         "entries": [
@@ -251,6 +252,27 @@ def test_a_track_without_a_detection_is_dashed_and_says_for_how_long_it_coasts(r
     assert "5,4" in replay.value("dashes.join(' ')"), "the truth has other dashes"
 
 
+def test_a_trail_is_dashed_where_the_track_coasted_and_broken_where_it_was_withheld(replay):
+    settled(replay)
+    replay.value(
+        "scene.histories.get(3)[2].coasts = true; scene.histories.get(3).splice(4, 1);"
+        "window.parts = []; const { context } = plan;"
+        "for (const name of ['lineTo', 'moveTo', 'setLineDash']) {"
+        " const old = context[name]; context[name] = function (...given) {"
+        " parts.push(name[0]); old.apply(this, given); }; }"
+        "plan.drawTrail(scene.frames.at(-1), scene.frames.at(-1).tracks[0], new Map([[3, '#000']]))"
+    )
+    # Nine scans from the fourth on: two detected, one coasting, one detected, one withheld, four.
+    assert "".join(replay.value("parts")) == "s" + "mlmlmlll" + "s" + "mmlmmmmm" + "s"
+
+
+def test_a_tank_is_shown_to_the_centimetre(replay):
+    assert replay.value("[digits(0.034), digits(-3.21), digits(42.16), digits(-4213.7)]") == [
+        *("0.03", "-3.21", "42.2", "-4214")
+    ]
+    assert replay.value("[speed(0.03, 0.04), speed(3, 4)]") == ["0.05", "5.0"]
+
+
 def test_a_track_of_the_list_that_has_ended_says_so(replay):
     replay.value("show(2); showPanels()")
     replay.until("document.querySelectorAll('#tracks tbody tr').length === 1")
@@ -258,7 +280,13 @@ def test_a_track_of_the_list_that_has_ended_says_so(replay):
     replay.value("show(10); showPanels()")
     settled(replay)
     replay.value("showPanels()")
-    assert "Track 5ended or withheld" in text(replay, "#selected")
+    assert "Track 5ended" in text(replay, "#selected")
+    assert "Reasonits target was missed too often" in text(replay, "#selected")
+    # Before its end, or without a fact of it, it is withheld.
+    replay.value("show(5); scene.frames[5].tracks.pop(); showPanels()")
+    assert "Track 5withheld" in text(replay, "#selected")
+    replay.value("scene.frames[5].fixed[0][Row.ID] = 5; showPanels()")
+    assert "Track 5fixed echo" in text(replay, "#selected")
     assert "Last held72.0 s" in text(replay, "#selected")
 
 

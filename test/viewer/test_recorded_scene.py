@@ -7,8 +7,12 @@ import json
 
 import numpy as np
 import pytest
+from support.builders import scan_at
 from support.sessions import session
 
+from tsepm_ros import Scan
+from tsepm_ros.maintenance.track_maintenance import ENDS
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.pictures.run_scene import truth_paths
 from tsepm_ros.replay.offline import recording_results
 from tsepm_ros.replay.simulated_recording import simulated_recording
@@ -43,6 +47,20 @@ def test_every_scan_and_track_is_there():
     last = page["frames"][-1]
     assert [row[0] for row in last["tracks"]] == run.initiator.current.track_id.tolist()
     assert last["own_ship"][:2] == [0, 0]
+
+
+def test_a_track_that_ends_says_when_and_why():
+    run, scene, ended = session(own_ship_source="none", method="score"), RecordedScene("", True), {}
+    seen = [SensorScan(scan_at(12.0 * k, [(3000.0, 0.0)]), "sonar") for k in range(16)]
+    gone = [SensorScan(Scan(12.0 * k, [], []), "sonar") for k in range(16, 90)]
+    for scan in seen + gone:
+        run.add_scan(scan, 0.0)
+        for result in run.process():
+            scene.add(result, run.initiator)
+            ended |= {key: [result.stamp, ENDS[end]] for key, end in result.ended.items()}
+    facts = json.loads(scene.document(run.dropped))["facts"]
+    assert ended
+    assert {int(key): fact["ended"] for key, fact in facts.items()} == ended
 
 
 def test_a_track_s_hits_and_reason_are_its_own():

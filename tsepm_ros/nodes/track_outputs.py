@@ -184,8 +184,7 @@ class TrackOutputs:
             )
 
     def _draw_echoes(self, header: Header) -> None:
-        size = self._sizes["minimum_size"]
-        markers = fixed_echo_markers(header, self._echoes, minimum_size=size)
+        markers = fixed_echo_markers(header, self._echoes, minimum_size=self._sizes["minimum_size"])
         self._draw(self._fixed_echo_markers, markers)
 
     def _draw(self, publisher: Publisher, markers: MarkerArray) -> None:

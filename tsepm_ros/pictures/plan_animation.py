@@ -16,6 +16,7 @@ from PIL import Image
 
 from tsepm_ros.pictures.plan_layout import PlanLayout
 from tsepm_ros.pictures.plan_marks import (
+    COASTING_LINE,
     FIXED_COLOUR,
     INK_COLOUR,
     TRACK_COLOUR,
@@ -144,9 +145,10 @@ def _draw(
     draw_rings(layout.plan, path[-1, :2], layout.limits)
     draw_own_ship(layout.plan, path)
     layout.style({target: _panel_title(scene, target, index) for target in layout.panels})
-    held = f"{len(view.held)} track{'' if len(view.held) == 1 else 's'} held"
     layout.headline(
-        f"{_time(view.stamp)}, ping {index + 1} of {len(scene.scans)}: {held}", scene.title
+        f"{_time(view.stamp)}, ping {index + 1} of {len(scene.scans)}: "
+        f"{len(view.held)} track{'' if len(view.held) == 1 else 's'} held",
+        scene.title,
     )
 
 
@@ -162,13 +164,13 @@ def _draw_scan(axes: Axes, scene: RunScene, index: int, seconds: float, new_ids:
         position = position_at(path, view.stamp)
         if position is not None:
             draw_true_place(axes, position)
-    trails = scene.trails(index + 1)
+    ways = scene.ways(index + 1)
     for track in view.held:
         new = track.track_id in new_ids
         x, y = track.position.tolist()
         if new:
             axes.scatter([x], [y], s=1200, color=NEW_TRACK_COLOUR, alpha=0.3, linewidths=0)
-        draw_trail(axes, trails[track.track_id])
+        draw_trail(axes, ways[track.track_id])
         draw_track(axes, track, seconds, NEW_TRACK_COLOUR if new else TRACK_COLOUR, 1.0, 2.0)
 
 
@@ -178,8 +180,10 @@ def _panel_title(scene: RunScene, target: int, index: int) -> str:
     start = scene.true_starts.get(target)
     if start is None or scene.start_scans[start.track.track_id] > index + 1:
         return f"{name}\nno track yet"
-    scan = scene.start_scans[start.track.track_id]
-    return f"{name}: track {start.track.track_id}\nstarted in ping {scan}"
+    return (
+        f"{name}: track {start.track.track_id}\n"
+        f"started in ping {scene.start_scans[start.track.track_id]}"
+    )
 
 
 def _ids(views: Iterable[ScanView]) -> set[int]:
@@ -206,9 +210,9 @@ def _legend(scene: RunScene, seconds: float) -> list[Line2D]:
     handles.append(legend_line(TRACK_COLOUR, label, **arrow))
     handles.append(legend_line(NEW_TRACK_COLOUR, "the same, new", **arrow))
     if any(view.held.time_since_hit.any() for view in scene.scans):
-        dashes = legend_line(TRACK_COLOUR, "dashed ellipse: not detected in this ping")
-        dashes.set_linestyle((0, (4, 2)))
-        handles.append(dashes)
+        handles.append(
+            legend_line(TRACK_COLOUR, "the same, not detected in this ping", ls=COASTING_LINE)
+        )
     if any(len(view.fixed_echoes) for view in scene.scans):
         handles.append(legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0))
     return handles

@@ -34,6 +34,8 @@ BACKGROUND_COLOUR, INK_COLOUR, TRUTH_COLOUR, TRACK_COLOUR, FAINT_COLOUR, FIXED_C
     "#718096",
     "#2f855a",
 )
+COASTING_LINE: Any = (0, (3.0, 1.5))
+"""Line style of a track that coasts, dashed."""
 RINGS = 4
 """Range rings up to the edge of the picture, about."""
 
@@ -126,9 +128,16 @@ def draw_true_place(axes: Axes, position: FloatArray) -> None:
     axes.plot(*position, **_points(TRUTH_COLOUR, "D", 6.0, hollow=True))
 
 
-def draw_trail(axes: Axes, trail: FloatArray, colour: str = TRACK_COLOUR) -> None:
-    """Draw the positions of a held track, (m, 2) m."""
-    axes.plot(*trail.T, color=colour, linewidth=1.5, alpha=0.8, linestyle=(0, (3, 1.0)))
+def draw_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
+    """Draw the way of a held track, see `RunScene.ways`: dashed where it coasts."""
+    for line, left_out in ((COASTING_LINE, False), ("-", way[:, 2] > 0.0)):
+        axes.plot(
+            *np.where(left_out, np.nan, way[:, :2].T),
+            color=colour,
+            linewidth=1.5,
+            alpha=0.8,
+            linestyle=line,
+        )
 
 
 def draw_hits(axes: Axes, hits: FloatArray) -> None:
@@ -152,11 +161,12 @@ def draw_track(
 ) -> None:
     """Draw a track: position, id, velocity over some seconds as an arrow, and 95 % ellipse.
 
-    The ellipse is dashed while the track coasts, without a detection in its scan.
+    Arrow and ellipse are dashed while the track coasts, without a detection in its scan.
     """
+    line: Any = COASTING_LINE if track.time_since_hit > 0.0 else "-"
     start = track.position
     end = start + track.velocity * velocity_seconds
-    style = {"arrowstyle": "-|>", "color": colour, "alpha": alpha, "linewidth": width}
+    style = {"arrowstyle": "-|>", "color": colour, "alpha": alpha, "linewidth": width, "ls": line}
     axes.annotate(
         "",
         xy=(float(end[0]), float(end[1])),
@@ -175,7 +185,7 @@ def draw_track(
             edgecolor=colour,
             alpha=alpha,
             linewidth=width,
-            linestyle=(0, (4, 2)) if track.time_since_hit > 0.0 else "-",
+            linestyle=line,
         )
     )
     # Abeam and outside the ellipse, clear of the velocity arrow and of the target's way.

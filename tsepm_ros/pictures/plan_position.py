@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from tsepm_ros.pictures.plan_layout import PlanLayout
 from tsepm_ros.pictures.plan_marks import (
+    COASTING_LINE,
     FAINT_COLOUR,
     FIXED_COLOUR,
     INK_COLOUR,
@@ -97,7 +98,7 @@ def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> No
     draw_detections(axes, points, np.repeat(ages, numbers) if numbers else ages[:0], 6.0)
     for path in scene.truth:
         draw_truth(axes, path[:, 1:])
-    ended = scene.trails()
+    ended = scene.ways()
     for track_id in scene.scans[-1].held.track_id.tolist() if scene.scans else []:
         draw_trail(axes, ended.pop(track_id))
     for trail in ended.values():
@@ -120,10 +121,9 @@ def _panel_title(scene: RunScene, target: int) -> str:
         return f"target {target_name(target)}: no track"
     track = start.track
     scan = scene.start_scans[track.track_id]
-    seconds = track.stamp - scene.scans[0].stamp
     return (
         f"target {target_name(target)}: track {track.track_id}\n"
-        f"after {scan} pings, {seconds:.0f} s, by {len(track.hits)} hits"
+        f"after {scan} pings, {track.stamp - scene.scans[0].stamp:.3g} s, by {len(track.hits)} hits"
     )
 
 
@@ -145,28 +145,26 @@ def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
             legend_points(TRUTH_COLOUR, "o", "true way begins", 6.0, hollow=True),
             legend_points(TRUTH_COLOUR, "s", "true way ends", 6.0),
         ]
-    starts = len(scene.starts_by(true=True))
-    if panels or starts <= HITS_SHOWN:
-        numbered = ", with the number of the ping" if panels else ""
-        handles.append(
-            legend_points(INK_COLOUR, "s", f"hits of a new track in order{numbered}", 6.5, True)
-        )
+    if panels or len(scene.starts_by(true=True)) <= HITS_SHOWN:
+        label = f"hits of a new track in order{', with the number of the ping' if panels else ''}"
+        handles.append(legend_points(INK_COLOUR, "s", label, 6.5, hollow=True))
     if panels:
-        label = "true place when the track started"
-        handles.append(legend_points(TRUTH_COLOUR, "D", label, 6.0, hollow=True))
+        handles.append(
+            legend_points(TRUTH_COLOUR, "D", "true place when the track started", 6.0, hollow=True)
+        )
     kind = "track on a target" if scene.judged is not None else "new track"
     label = f"{kind} at its start: id, 95 % ellipse, arrow: {seconds:g} s of travel"
     handles.append(legend_line(TRACK_COLOUR, label, marker=">", markersize=6, linewidth=1.6))
-    others = len(scene.starts_by(true=False))
-    if others:
-        label = "false, misplaced or redundant track" if scene.judged else "track elsewhere"
-        handles.append(legend_line(FAINT_COLOUR, label, marker=">", markersize=4))
-    if any(len(view.held) for view in scene.scans):
-        trail = {"linestyle": (0, (3, 1.5)), "linewidth": 1.1}
-        handles.append(legend_line(TRACK_COLOUR, "held to the end: its trail", **trail))
+    if scene.starts_by(true=False):
+        kind = "false, misplaced or redundant track" if scene.judged else "track elsewhere"
+        handles.append(legend_line(FAINT_COLOUR, kind, marker=">", markersize=4))
+    if scene.scans and len(scene.scans[-1].held):
+        handles.append(legend_line(TRACK_COLOUR, "held to the end: its trail"))
     if scene.scans and len(set(scene.trails()) - set(scene.scans[-1].held.track_id.tolist())):
+        handles.append(legend_line(FAINT_COLOUR, "ended or withheld: its trail"))
+    if any(view.held.time_since_hit.any() for view in scene.scans):
         handles.append(
-            legend_line(FAINT_COLOUR, "ended before: its trail", linestyle=(0, (3, 1.5)))
+            legend_line(INK_COLOUR, "trail where no detection came", linestyle=COASTING_LINE)
         )
     if scene.scans and len(scene.scans[-1].fixed_echoes):
         handles.append(legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0))

@@ -151,11 +151,24 @@ class RunScene:
 
     def trails(self, scans: int | None = None) -> dict[int, FloatArray]:
         """Positions of each held track, (m, 2), by its id; of the first scans if given."""
-        trails: dict[int, list[FloatArray]] = {}
+        ways = self.ways(scans).items()
+        return {track_id: way[np.isfinite(way[:, 2]), :2] for track_id, way in ways}
+
+    def ways(self, scans: int | None = None) -> dict[int, FloatArray]:
+        """Way of each held track by its id; of the first scans if given.
+
+        Each is an (m, 3) array: x and y (m), and the time since its target was detected (s). A row
+        of nan stands for scans in which the track was withheld.
+        """
+        ways: dict[int, list[list[float]]] = {}
+        before: set[int] = set()
         for view in self.scans[:scans]:
-            for track_id, state in zip(view.held.track_id.tolist(), view.held.state, strict=True):
-                trails.setdefault(track_id, []).append(state[0::2])
-        return {track_id: np.array(trail) for track_id, trail in trails.items()}
+            points = np.column_stack([view.held.state[:, 0::2], view.held.time_since_hit])
+            for track_id, point in zip(view.held.track_id.tolist(), points.tolist(), strict=True):
+                way = ways.setdefault(track_id, [])
+                way += [point] if track_id in before or not way else [[np.nan] * 3, point]
+            before = set(view.held.track_id.tolist())
+        return {track_id: np.array(way) for track_id, way in ways.items()}
 
     @property
     def insets(self) -> list[FloatArray]:

@@ -19,7 +19,7 @@ from msg_adapters import (
     time_to_ns,
 )
 from msg_adapters.track_cloud import STATE_FIELDS, TRACK_DTYPE, track_arrays
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.kinematics.track import NO_TRACKS, TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.frame_axes import exchanged, stated_axes
 from tsepm_ros.own_ship.pose_sample import PoseSample
@@ -40,8 +40,6 @@ MAX_HEADING_VARIANCE = 10.0
 
 MIN_CELL = 1e-3
 """Smallest accuracy of potential tracks' positions, m."""
-
-_NO_TRACKS = TrackArrays.of([])
 
 
 @dataclass
@@ -69,9 +67,9 @@ class ScanMessages:
     clouds: dict[str, Any] = field(default_factory=dict)
     frame_id: str = ""
     detections: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
-    new: TrackArrays = _NO_TRACKS
-    tracks: TrackArrays = _NO_TRACKS
-    potential: TrackArrays = _NO_TRACKS
+    new: TrackArrays = NO_TRACKS
+    tracks: TrackArrays = NO_TRACKS
+    potential: TrackArrays = NO_TRACKS
 
     @property
     def stamp(self) -> float:
@@ -97,7 +95,7 @@ class LiveFrames:
         self._recent: OrderedDict[int, ScanMessages] = OrderedDict()
         self._newest: dict[str, int] = {}  # stamp by topic, ns
         self._number = 0
-        self._fixed: tuple[str, TrackArrays] = "", _NO_TRACKS
+        self._fixed: tuple[str, TrackArrays] = "", NO_TRACKS
         self._own_ship: PoseSample | None = None
         self._known: set[int] = set()
 
@@ -142,7 +140,7 @@ class LiveFrames:
         self._pending.clear()
         self._recent.clear()
         self._newest.clear()
-        self._fixed = "", _NO_TRACKS
+        self._fixed = "", NO_TRACKS
 
     def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame]]:
         for topic, cloud in scan.clouds.items():
@@ -170,7 +168,7 @@ class LiveFrames:
         scan.frame_id = cloud.header.frame_id.lstrip("/")
         if not cloud.width * cloud.height:
             if topic == FIXED:
-                self._fixed = scan.frame_id, _NO_TRACKS
+                self._fixed = scan.frame_id, NO_TRACKS
             return
         if topic == DETECTIONS:
             position = read_fields(cloud, ("position_x", "position_y"))

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.track_markers import ELLIPSE_SCALE, drawn_candidates
+from msg_adapters.track_markers import drawn_candidates, ellipses
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 
@@ -166,7 +166,7 @@ def track_facts(
     -------
     dict
         ``first``: stamp of the first hit, s, or None; ``confirmed``, ``hits``, ``reason``,
-        ``revision``.
+        ``revision``. A recording adds ``ended``: stamp, s, and reason.
     """
     arrays = TrackArrays.of(tracks)
     return {
@@ -199,29 +199,6 @@ def reason_of(track: ConfirmedTrack, hit_count: int) -> str:
 def encode(content: object) -> str:
     """Encode as JSON; a number that is not finite is a ValueError."""
     return json.dumps(content, separators=(",", ":"), allow_nan=False)
-
-
-def ellipses(covariance: FloatArray) -> FloatArray:
-    """95 % ellipses of positions.
-
-    Parameters
-    ----------
-    covariance : (n, 2, 2) ndarray
-        m^2.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        Semi-axes, m, the major one first, and its angle from x, rad; 0 where the covariance is not
-        finite.
-    """
-    bad = ~np.isfinite(covariance).all(axis=(1, 2))
-    xx, xy, yy = (np.where(bad, 0.0, covariance[:, i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
-    mean, half_difference = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    radius = np.hypot(half_difference, xy)
-    variances = np.stack([mean + radius, np.maximum(mean - radius, 0.0)], axis=1)
-    axes = ELLIPSE_SCALE * np.sqrt(np.maximum(variances, 0.0))
-    return np.column_stack([axes, 0.5 * np.arctan2(xy, half_difference)])
 
 
 def speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:

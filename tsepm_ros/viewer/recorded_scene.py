@@ -8,6 +8,7 @@ import numpy as np
 
 from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.maintenance.track_maintenance import ENDS
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.sensing.conversion import convert
 from tsepm_ros.session.result import ScanResult, vessel_pose
@@ -74,13 +75,14 @@ class RecordedScene:
             if str(key) not in self._facts
         ]
         self._facts.update(track_facts(result.current.where(np.array(fresh, int)), None))
-        new = list(result.new)
+        for track_id, end in result.ended.items():
+            self._facts.get(str(track_id), {})["ended"] = [result.stamp, ENDS[end]]
         self._facts.update(
             track_facts(
                 result.new,
                 result.stamp,
-                reasons=[initiator.reason(track) for track in new],
-                hits=[self._hits(track) for track in new],
+                reasons=[initiator.reason(track) for track in result.new],
+                hits=[self._hits(track) for track in result.new],
             )
         )
 

@@ -93,7 +93,7 @@ class TrackList {
       const row = this.rows.get(id) || this.add(id);
       const first = (scene.facts[id] || {}).first;
       const texts = [
-        Math.hypot(track[Row.VX], track[Row.VY]).toFixed(1),
+        speed(track[Row.VX], track[Row.VY]),
         direction(track[Row.VX], track[Row.VY], north),
         first === undefined || first === null ? "" : duration(frame.stamp - first),
       ];
@@ -102,6 +102,8 @@ class TrackList {
         if (cell.textContent !== words) cell.textContent = words;
       });
       row.classList.toggle("chosen", id === selected);
+      row.classList.toggle("coasting", track[Row.SINCE_HIT] > 0);
+      row.title = track[Row.SINCE_HIT] > 0 ? coasting(track) : "";
     }
     for (const [id, row] of this.rows) {
       if (!seen.has(id)) {
@@ -152,13 +154,13 @@ class SelectedPanel {
     const row = frame.tracks.find((one) => one[Row.ID] === id);
     const last = history[history.length - 1];
     this.name.textContent = `Track ${id}`;
-    const coasts = row && row[Row.SINCE_HIT] > 0;
-    this.state.textContent = coasts ? `coasting ${duration(row[Row.SINCE_HIT])}`
-      : row ? "held" : last ? "ended or withheld" : "not yet confirmed";
-    this.state.className = `chip ${coasts ? "warn" : row ? "ok" : "stale"}`;
+    const [state, kind] = this.stateOf(id, row, last, frame, scene);
+    this.state.textContent = state;
+    this.state.className = `chip ${kind}`;
     this.reason.textContent = this.why(facts, history, frame);
     const rows = row ? this.present(row, facts, frame, scene) : [];
     if (!row && last) rows.push(["Last held", clock(last.stamp)]);
+    if (state === "ended") rows.push(["Reason", facts.ended[1]]);
     this.now.replaceChildren(pairs(rows));
     this.drawGraph(history);
     const hits = facts.hits || [];
@@ -167,13 +169,24 @@ class SelectedPanel {
       this.hitsOf = id;
       const cells = hits.map(([stamp, x, y], order) => element("tr", {}, [
         element("td", { textContent: String(order + 1) }), element("td", { textContent: clock(stamp) }),
-        element("td", { textContent: x.toFixed(0) }), element("td", { textContent: y.toFixed(0) }),
+        element("td", { textContent: digits(x) }), element("td", { textContent: digits(y) }),
       ]));
       const heads = ["", "Time", "x, m", "y, m"].map((words) => element("th", { textContent: words }));
       this.hitList.replaceChildren(element("table", {}, [
         element("thead", {}, [element("tr", {}, heads)]), element("tbody", {}, cells),
       ]));
     }
+  }
+
+  /* What has become of a track, and the kind of its badge. Only a recording knows the ends. */
+  stateOf(id, row, last, frame, scene) {
+    const { ended } = scene.facts[id] || {};
+    if (row && row[Row.SINCE_HIT] > 0) return [coasting(row), "warn"];
+    if (row) return ["held", "ok"];
+    if (frame.fixed.some((one) => one[Row.ID] === id)) return ["fixed echo", "stale"];
+    if (ended && ended[0] <= frame.stamp + 1e-6) return ["ended", "stale"];
+    if (!last) return ["not yet confirmed", "stale"];
+    return [scene.info.kind === "live" ? "ended or withheld" : "withheld", "stale"];
   }
 
   why(facts, history, frame) {
@@ -189,9 +202,8 @@ class SelectedPanel {
   present(row, facts, frame, scene) {
     const north = scene.north(frame);
     const [x, y, vx, vy] = [row[Row.X], row[Row.Y], row[Row.VX], row[Row.VY]];
-    const speed = Math.hypot(vx, vy);
     const rows = [
-      ["Speed", `${speed.toFixed(1)} ± ${row[Row.SPEED_STD].toFixed(1)} m/s`],
+      ["Speed", `${speed(vx, vy)} ± ${speed(row[Row.SPEED_STD])} m/s`],
       [north ? "Course" : "Direction from x", direction(vx, vy, north)],
     ];
     const origin = frame.own_ship;
@@ -200,7 +212,7 @@ class SelectedPanel {
       rows.push(["Range", distance(Math.hypot(dx, dy))]);
       rows.push([north ? "Bearing" : "Direction of it", direction(dx, dy, north)]);
     }
-    rows.push(["Position x, y", `${x.toFixed(0)}, ${y.toFixed(0)} m`]);
+    rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
     rows.push(["95 % ellipse", `${distance(row[Row.MAJOR])} by ${distance(row[Row.MINOR])}`]);
     if (typeof facts.first === "number") {
       rows.push(["Since the first hit", duration(frame.stamp - facts.first)]);
@@ -240,6 +252,10 @@ class SelectedPanel {
     });
     context.stroke();
   }
+}
+
+function coasting(row) {
+  return `coasting ${duration(row[Row.SINCE_HIT])}`;
 }
 
 function roundUp(value) {

@@ -7,11 +7,12 @@ const ARROW_TIMES = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200
 const MAX_POTENTIAL_LINE = 24; // px
 const RING_LABELS = [0, 0.5, -0.5, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6, 2.4, -2.4, Math.PI]; // rad
 const PICK_DISTANCE = 22; // px
+const DASHES = [5, 4]; // px, of a track that coasts
 
 const LAYERS = [
   ["detections", "Detections, fading"],
   ["potential", "Potential tracks, by evidence"],
-  ["tracks", "Tracks, with velocity"],
+  ["tracks", "Tracks, with velocity; dashed: coasting"],
   ["ellipses", "95 % ellipses"],
   ["trails", "Trails"],
   ["labels", "Track ids and speeds"],
@@ -255,9 +256,19 @@ class Plan {
     context.globalAlpha = row[Row.ID] === this.selected ? 1 : 0.55;
     context.lineWidth = row[Row.ID] === this.selected ? 2.5 : 1.5;
     context.lineJoin = "round";
-    context.beginPath();
-    for (const point of points) context.lineTo(...this.screen(point.x, point.y));
-    context.stroke();
+    for (const coasts of [false, true]) {
+      context.setLineDash(coasts ? DASHES : []);
+      context.beginPath();
+      points.forEach((point, place) => {
+        const before = points[place - 1], [x, y] = this.screen(point.x, point.y);
+        // No line where the track was withheld.
+        const joined = before && before.order === point.order - 1 && point.coasts === coasts;
+        if (joined) context.lineTo(x, y);
+        else context.moveTo(x, y);
+      });
+      context.stroke();
+    }
+    context.setLineDash([]);
     context.globalAlpha = 1;
   }
 
@@ -271,7 +282,7 @@ class Plan {
       -row[Row.ANGLE], 0, 2 * Math.PI);
     context.globalAlpha = 0.14;
     context.fillStyle = context.strokeStyle = colour;
-    if (coasts) context.setLineDash([5, 4]); else context.fill();
+    if (coasts) context.setLineDash(DASHES); else context.fill();
     context.globalAlpha = 0.7;
     context.lineWidth = 1;
     context.stroke();
@@ -285,7 +296,7 @@ class Plan {
     context.fillStyle = context.strokeStyle = colour;
     context.lineWidth = 2;
     const coasts = row[Row.SINCE_HIT] > 0;
-    context.setLineDash(coasts ? [5, 4] : []);
+    context.setLineDash(coasts ? DASHES : []);
     this.arrow(x, y, ...this.screen(
       row[Row.X] + row[Row.VX] * this.arrowTime, row[Row.Y] + row[Row.VY] * this.arrowTime));
     context.setLineDash([]);
@@ -333,8 +344,7 @@ class Plan {
     for (const row of rows) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
-      const speed = Math.hypot(row[Row.VX], row[Row.VY]);
-      const label = `${row[Row.ID]}  ${speed.toFixed(1)} m/s`;
+      const label = `${row[Row.ID]}  ${speed(row[Row.VX], row[Row.VY])} m/s`;
       const width = context.measureText(label).width;
       const places = [[9, -11], [9, 11], [-9 - width, -11], [-9 - width, 11]]
         .map(([dx, dy]) => [x + dx, y + dy - 8, x + dx + width, y + dy + 8]);

@@ -18,7 +18,7 @@ class Scene {
     this.facts = {};
     this.truth = [];
     this.health = null;
-    this.histories = new Map(); // id: [{number, stamp, x, y, vx, vy}], by increasing number
+    this.histories = new Map(); // id: [{number, order, stamp, x, y, ...}], by number
     this.span = null; // [min x, min y, max x, max y] of everything seen, m
   }
 
@@ -41,8 +41,8 @@ class Scene {
       if (!history) this.histories.set(row[Row.ID], history = []);
       if (history.length && history[history.length - 1].number === frame.number) history.pop();
       history.push({
-        number: frame.number, stamp: frame.stamp,
-        x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
+        number: frame.number, order: this.removed + this.frames.length, stamp: frame.stamp,
+        coasts: row[Row.SINCE_HIT] > 0, x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
       });
     }
     if (this.info.kind === "live" && this.frames.length > MAX_FRAMES) this.forget();
@@ -146,10 +146,21 @@ function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
+/* A number of three digits or more, and at most two decimals. */
+function digits(value) {
+  const size = Math.abs(value);
+  return value.toFixed(size < 10 ? 2 : size < 100 ? 1 : 0);
+}
+
+function speed(vx, vy = 0) {
+  const size = Math.hypot(vx, vy);
+  return size.toFixed(size < 1 ? 2 : 1);
+}
+
 function distance(meters) {
   if (meters >= 10000) return `${(meters / 1000).toFixed(1)} km`;
   if (meters >= 1000) return `${(meters / 1000).toFixed(2)} km`;
-  return `${meters.toFixed(meters < 10 ? 2 : meters < 100 ? 1 : 0)} m`;
+  return `${digits(meters)} m`;
 }
 
 /* A direction: clockwise from north where y is north, else from the x axis, counter-clockwise. */
