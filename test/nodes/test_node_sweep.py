@@ -10,7 +10,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 from std_srvs.srv import Trigger
 from support.bag_files import PARAMETERS, POINTS, STORE, Entry, cloud, small_scenario, write_bag
 from support.boat import named
-from support.ros_world import RELIABLE, WARN, World
+from support.ros_world import RELIABLE, World
 from support.sonar_driver import points, stamp_ns
 from support.sweeps import BEAMS, RADAR, TURN, in_parts, played, settings, turns, whole
 
@@ -101,7 +101,7 @@ def test_auto_learns_the_sweep(world):
     radar = Radar(world, sweep="auto")
     alone = BEAMS // 6  # messages of the first turn, each a scan
     received = radar.send(in_parts(turns(6), 6), alone + 4)
-    world.until_logged("messages are parts of a sweep of 3.14 s", level=WARN)
+    world.until_logged("messages are parts of a sweep of 3.14 s")
     assert sum(one.width for one in received) == 2
 
 

@@ -129,7 +129,7 @@ def test_what_is_tracked_is_held_carried_and_ended_as_the_tracker_says(world, qo
     assert world.dropped() == {}
 
 
-@pytest.mark.parametrize("state", ["withheld", "fixed"])
+@pytest.mark.parametrize("state", ["fixed"])
 def test_the_markers_of_a_track_that_is_not_published_any_more_are_deleted(
     world, monkeypatch, state
 ):

@@ -48,4 +48,7 @@ class ThrottledWarnings:
         self._warned[reason] = now
         counted = f"{sentence} ({total} so far: {reason})" if total else sentence
         logger = self._node.get_logger()
-        (logger.info if reason in FACTS else logger.warning)(counted)
+        if reason in FACTS:  # a line of its own: rclpy refuses two severities of one line
+            logger.info(counted)
+        else:
+            logger.warning(counted)
