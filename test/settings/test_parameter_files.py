@@ -5,12 +5,10 @@ from __future__ import annotations
 import pytest
 
 from tsepm_ros.settings.parameter_files import (
-    _values_for as values_for,
-)
-from tsepm_ros.settings.parameter_files import (
     fits,
     parameter_files,
     unused_files,
+    values_for,
     without_value,
 )
 

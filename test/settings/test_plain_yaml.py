@@ -7,7 +7,7 @@ import yaml
 
 from tsepm_ros import plain_yaml
 from tsepm_ros.commands.cli import main
-from tsepm_ros.settings.parameter_files import _values_for as values_for
+from tsepm_ros.settings.parameter_files import values_for
 from tsepm_ros.settings.value_text import parse_values
 
 BOMB = "a: &a {x: 1, y: 2}\n" + "".join(

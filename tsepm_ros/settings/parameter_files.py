@@ -71,11 +71,11 @@ def given_values(given: Sequence[str | Path], node: str = "/track_initiator") ->
     """
     values: dict[str, Value] = {}
     for one in given:
-        values |= _values_for(one, node) if isinstance(one, Path) else parse_values([one])
+        values |= values_for(one, node) if isinstance(one, Path) else parse_values([one])
     return {name: value for name, value in values.items() if not name.startswith(OF_ROS)}
 
 
-def _values_for(path: Path, node: str) -> dict[str, Value]:
+def values_for(path: Path, node: str) -> dict[str, Value]:
     """Values that a parameter file has for a node; refuses the types that ROS refuses."""
     try:
         path.read_bytes()
