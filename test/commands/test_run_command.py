@@ -203,8 +203,8 @@ def test_a_full_disk_is_told_with_the_file(recording, tmp_path, unbuffered):
     page, out = tmp_path / "run.html", tmp_path / "out"
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     for size, arguments, output, path in (
-        (100, ["--html", str(page)], os.devnull, page),
-        (100, ["--out", str(out)], os.devnull, out),
+        (4096, ["--html", str(page)], os.devnull, page),
+        (4096, ["--out", str(out)], os.devnull, out),
         (10**9, [], "/dev/full", "standard output"),
     ):
         command = [sys.executable, "-c", script.format(size), "run", recording, *arguments]
