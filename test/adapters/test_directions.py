@@ -16,6 +16,7 @@ from sensor_msgs.msg import LaserScan
 from support.driver_messages import MAKERS, Echo
 from support.foreign_messages import PingInfo, SonarDetections
 from support.raw_cloud import raw_cloud
+from support.registered import places
 
 from msg_adapters import make_header, read_detections, read_own_ship
 from tsepm_ros.own_ship.mounting import Mounting
@@ -58,10 +59,7 @@ def place(message, attitude: Rotation, *, reference="bow", mounting=None) -> np.
     session.add_scan(read_detections(message, bearing_reference=reference).sensor_scan, 0.0)
     (result,) = session.process()
     assert session.dropped == {}
-    scan = result.scan
-    pose = np.broadcast_to(scan.sensor_pose, (len(scan), 3))
-    angle = scan.azimuth + pose[:, 2]
-    return pose[:, :2] + scan.range[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return places(result.scan)
 
 
 def azimuth_cloud(clockwise: float, _: float):

@@ -21,6 +21,7 @@ from support.foreign_messages import (
     RadarScan,
 )
 from support.raw_cloud import raw_cloud
+from support.registered import places
 
 from msg_adapters import MessageError, make_header, read_detections, read_land, read_own_ship
 from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
@@ -194,11 +195,7 @@ def placed(message, own_ship, *, reference="bow", mounting=None, **options):
     session.add_scan(read_detections(message, bearing_reference=reference).sensor_scan, 0.0)
     (result,) = session.process()
     assert session.dropped == {}
-    scan = result.scan
-    pose = np.broadcast_to(scan.sensor_pose, (len(scan), 3))
-    angle = scan.azimuth + pose[:, 2]
-    at = pose[:, :2] + scan.range[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return result, at, said
+    return result, places(result.scan), said
 
 
 def test_bearings_from_north_and_tracks_of_a_ned_frame_count_from_its_x_axis():

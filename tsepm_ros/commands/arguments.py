@@ -52,25 +52,6 @@ def workers_of(options: argparse.Namespace) -> Workers:
     return Workers(processes=options.workers, scheduler=scheduler)
 
 
-def add_values(
-    parser: argparse.ArgumentParser,
-    *names: str,
-    help: str = "parameter of the node track_initiator; may be repeated",
-) -> None:
-    """Add a repeatable argument NAME:=VALUE, by default `-p` with `--params-file`."""
-    given = names or ("-p", "--parameter")
-    parser.add_argument(*given, action="append", default=[], metavar="NAME:=VALUE", help=help)
-    if not names:
-        parser.add_argument(
-            "--params-file",
-            dest="parameter",
-            action="append",
-            type=Path,
-            metavar="FILE",
-            help="parameter file of the node; may be repeated; of -p and files the last one holds",
-        )
-
-
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add the folder of the results and of the runs done so far."""
     text = f"folder of the results and of the runs done so far; default {folder}"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.commands.arguments import add_runs, add_values, positive, workers_of
+from tsepm_ros.commands.arguments import add_runs, positive, workers_of
 from tsepm_ros.design import search
 from tsepm_ros.design.design_case import Case
 from tsepm_ros.design.design_report import (
@@ -35,7 +35,7 @@ from tsepm_ros.progress import named_progress
 from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.session.angle_units import questions
 from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
-from tsepm_ros.settings.parameter_files import given_values
+from tsepm_ros.settings.parameter_files import add_values, given_values
 from tsepm_ros.settings.rendering import ANY_NODE
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 from tsepm_ros.settings.value_text import parse_values

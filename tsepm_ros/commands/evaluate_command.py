@@ -24,13 +24,13 @@ from tsepm_ros.analysis.workers import Workers
 from tsepm_ros.commands.arguments import (
     add_out,
     add_runs,
-    add_values,
     positive,
     scenario_names,
     workers_of,
 )
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.progress import with_progress
+from tsepm_ros.settings.parameter_files import add_values
 from tsepm_ros.settings.value_text import parse_values
 from tsepm_ros.simulation import load_scenario
 from tsepm_ros.whole_files import opened_whole, write_text

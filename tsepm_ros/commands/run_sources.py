@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tsepm_ros.analysis.simulated_run import judge_starts
 from tsepm_ros.analysis.truth import origins_of
-from tsepm_ros.commands.arguments import add_values, scenario_names, seed
+from tsepm_ros.commands.arguments import scenario_names, seed
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
 from tsepm_ros.pictures.run_scene import RunScene, truth_paths
@@ -34,7 +34,7 @@ from tsepm_ros.session.angle_units import questions
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.parameter_files import given_values
+from tsepm_ros.settings.parameter_files import add_values, given_values
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.viewer.recorded_scene import RecordedScene

@@ -29,7 +29,7 @@ from tsepm_ros.pictures.plan_position import save
 from tsepm_ros.pictures.run_scene import headline
 from tsepm_ros.progress import progress_bar
 from tsepm_ros.replay.recording import Recording, read_recording
-from tsepm_ros.settings.parameter_files import given_values
+from tsepm_ros.settings.parameter_files import add_values, given_values
 from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
 from tsepm_ros.settings.value_text import yaml_text
 from tsepm_ros.simulation import Scenario, load_scenario
@@ -90,23 +90,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=2, help="seed of the simulation")
     parser.add_argument("--recording", help="folder of a recording, in place of a scenario")
     parser.add_argument("--rate", type=float, default=60.0, help="speed relative to real time")
-    text = "of track_initiator; may be repeated; the last value of a name holds"
-    parser.add_argument(
-        "-p",
-        "--parameter",
-        action="append",
-        default=[],
-        metavar="NAME:=VALUE",
-        help=f"parameter {text}",
-    )
-    parser.add_argument(
-        "--params-file",
-        dest="parameter",
-        action="append",
-        type=Path,
-        metavar="FILE",
-        help=f"parameter file {text}",
-    )
+    add_values(parser)
     parser.add_argument(
         "--tolerance",
         type=float,

@@ -133,7 +133,7 @@ class TrackMaintenance:
         self._held = HeldTracks.none()
         self._tracker = DownstreamTracker()
         self._begun: dict[tuple[int, int], int] = {}
-        self._owned: deque[dict[tuple[int, int], int]] = deque([{}], maxlen=REMEMBERED_SCANS)
+        self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
@@ -266,18 +266,20 @@ class TrackMaintenance:
             held, state[:-1], covariance[:-1], mode_ratios, empty, covered, limit
         )
         of_target = association.probability * held.existence[near.track]
+        probable = of_target > PROBABLE
         held = held_features.with_strengths(held, near, of_target, detections["strength"])
         held = publication.judged(changed(held, fits=fits), self.speed_prior)
         self.held_association = HeldAssociation(near.row, of_target)
         self.own_detections, self.probable_detections = (
             OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
-            for own in (of_target > ALMOST_CERTAIN, of_target > PROBABLE)
+            for own in (of_target > ALMOST_CERTAIN, probable)
         )
-        self._remember_owners(detections)
+        own = detections[self.probable_detections.row]
+        hits = np.stack([own["scan"], own["index"]], axis=1)
+        self._owned.append((hits, self.probable_detections.track_id))
         hit_sigma, sigma = held.hit_sigma.copy(), np.zeros(len(held))
         if len(detections):
             sigma = detections["major_sigma"][near.nearest]
-            probable = of_target > PROBABLE
             hit_sigma[near.track[probable]] = detections["major_sigma"][near.row[probable]]
         self._held = changed(held, hit_sigma=hit_sigma)
         # End.
@@ -307,11 +309,6 @@ class TrackMaintenance:
         )
         self.released = held.tracks.where(new) if new.any() else NO_TRACKS
 
-    def _remember_owners(self, detections: NDArray[np.void]) -> None:
-        ids, rows = self.probable_detections
-        hits = map(tuple, np.stack([detections["scan"], detections["index"]], 1)[rows].tolist())
-        self._owned.append(dict(zip(hits, ids.tolist(), strict=True)))
-
     def _remember_starts(self, tracks: TrackArrays) -> None:
         begun = {
             hit: i
@@ -335,10 +332,16 @@ class TrackMaintenance:
         if not len(starts) or not len(rows):
             return np.full(len(starts), -1)
         known = set(held.tracks.track_id.tolist())
-        owned = {hit: i for scan in self._owned for hit, i in scan.items() if i in known}
-        owned |= {hit: i for hit, i in self._begun.items() if i in known}
+        by_scan = [
+            {(scan, row): i for (scan, row), i in zip(hits.tolist(), ids.tolist(), strict=True)}
+            for hits, ids in self._owned
+        ]
+        remembered = [*by_scan, self._begun]
+        owned = {hit: i for one in remembered for hit, i in one.items() if i in known}
         mine = {hit for hits in starts.hits for hit in hits}
-        busy = {track for hit, track in self._owned[-1].items() if hit not in mine}
+        busy = (
+            {track for hit, track in by_scan[-1].items() if hit not in mine} if by_scan else set()
+        )
         busy |= set(held.tracks.track_id[~may].tolist())
         ids = track_merging.own_starts(starts, owned, frozenset(busy))
         others, lost = np.flatnonzero(ids < 0), rows[~np.isin(held.tracks.track_id[rows], ids)]
@@ -449,9 +452,10 @@ class TrackMaintenance:
     def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
 
-        See `extended_targets.may_repeat_older`.
+        See `track_merging.may_repeat_older`.
         """
-        self._owned, self._begun = deque([{}], maxlen=REMEMBERED_SCANS), {}
+        self._begun = {}
+        self._owned.clear()
         held = self._held
         repeats = track_merging.may_repeat_older(held.tracks, extent, sensor_position)
         kept = ~repeats | self._tracker.keeps(held.unlisted_since)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,6 +20,25 @@ from tsepm_ros.settings.value_text import parse_values
 OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """Beginnings of the parameters that ROS declares itself."""
 _SECTION = "ros__parameters"
+
+
+def add_values(
+    parser: argparse.ArgumentParser,
+    *names: str,
+    help: str = "parameter of the node track_initiator; may be repeated",
+) -> None:
+    """Add a repeatable argument NAME:=VALUE, by default `-p` with `--params-file`."""
+    given = names or ("-p", "--parameter")
+    parser.add_argument(*given, action="append", default=[], metavar="NAME:=VALUE", help=help)
+    if not names:
+        parser.add_argument(
+            "--params-file",
+            dest="parameter",
+            action="append",
+            type=Path,
+            metavar="FILE",
+            help="parameter file of the node; may be repeated; of -p and files the last one holds",
+        )
 
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:
