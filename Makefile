@@ -52,7 +52,7 @@ help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
 
 demo: $(MADE)-demo  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
-	$(VENV)/bin/python -m tsepm_ros.demo.two_processes $(DEMO_ARGS)
+	$(VENV)/bin/python -m tsepm_ros.tools.demo $(DEMO_ARGS)
 
 test: $(MADE)-test  ## the tests but the long ones; TEST_ARGS="test/stages -k merging" for others
 ifdef TEST_ARGS

@@ -40,7 +40,7 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={
-        NAME: ["py.typed", "simulation/scenarios/*.yaml", "viewer/page/*"],
+        NAME: ["py.typed", "tools/simulation/scenarios/*.yaml", "tools/viewer/page/*"],
         "msg_adapters": ["py.typed"],
     },
     data_files=[

@@ -32,7 +32,7 @@ def check_files(prefix: Path) -> None:
         assert (share / source).is_file(), f"not in share: {source}"
     package = Path(str(resources.files(PACKAGE)))
     assert package.is_relative_to(prefix), f"another {PACKAGE} is imported: {package}"
-    data = ("simulation/scenarios/*.yaml", "viewer/page/*")
+    data = ("tools/simulation/scenarios/*.yaml", "tools/viewer/page/*")
     for source in chain.from_iterable(Path().glob(f"{PACKAGE}/{pattern}") for pattern in data):
         assert (package.parent / source).is_file(), f"not in the package: {source}"
     for script in metadata.distribution(PACKAGE).entry_points:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tracker.tracks import TrackArrays
 
 Truth = dict[int, FloatArray]
 """State (4,) of each target at a scan; nan where it is not there."""

@@ -15,9 +15,9 @@ from peer_timing import PeerTimes
 from scenes import Scene
 from scipy.optimize import nnls
 
-from tsepm_ros.design.expected_counts import Expected, Gating, expected_counts
-from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.design.expected_counts import Expected, Gating, expected_counts
+from tsepm_ros.tracker.options import CommonOptions
 
 REFERENCE = "tsepm-5/8"
 """Contender that the ratios refer to."""

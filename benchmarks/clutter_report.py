@@ -17,7 +17,7 @@ from typing import Any
 import clutter_figures as figures
 from clutter_figures import Requirement, Summary, Timing, raw_before_cut, settled, summarise
 
-from tsepm_ros.analysis.text_tables import text_table
+from tsepm_ros.tools.terminal import text_table
 
 PACKAGES = ("numpy", "scipy", "stonesoup", "norfair")
 

@@ -59,7 +59,9 @@ def draw_options(method: str, *seed: int) -> dict[str, Any]:
     drawn = {name: values[rng.integers(len(values))] for name, values in OPTIONS[method].items()}
     if "rule" in drawn:
         drawn["min_hits"], drawn["window"] = drawn.pop("rule")
-    known = {field.name for field in dataclasses.fields(locate("METHODS")[method].Options)}
+    kind = locate("METHODS")[method]
+    kind = pkgutil.resolve_name(kind) if isinstance(kind, str) else kind
+    known = {field.name for field in dataclasses.fields(kind.Options)}
     return {RENAMED.get(name, name) if name not in known else name: drawn[name] for name in drawn}
 
 

@@ -30,15 +30,14 @@ import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
 
 from tsepm_ros import make_initiator
-from tsepm_ros.analysis.intervals import mean, mean_count, proportion
-from tsepm_ros.analysis.text_tables import text_table
-from tsepm_ros.analysis.workers import Workers
-from tsepm_ros.commands.arguments import positive, workers_of
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.progress import with_progress
-from tsepm_ros.simulation import SimulatedScan, Simulator, load_scenario
-from tsepm_ros.simulation.scenario import Scenario
+from tsepm_ros.tools.commands.arguments import positive, workers_of
+from tsepm_ros.tools.evaluation.intervals import mean, mean_count, proportion
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.simulation import SimulatedScan, Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import Scenario
+from tsepm_ros.tools.terminal import text_table, with_progress
+from tsepm_ros.tracker.tracks import TrackArrays
 
 MAX_DISTANCE = 300.0
 """Maximum distance of a track from its ship, m."""

@@ -37,8 +37,8 @@ from endings_data import DATA
 from endings_harbour import quay, sailed
 from endings_scenes import Case, watched
 
-from tsepm_ros.commands.arguments import add_runs, workers_of
-from tsepm_ros.progress import with_progress
+from tsepm_ros.tools.commands.arguments import add_runs, workers_of
+from tsepm_ros.tools.terminal import with_progress
 
 Figure = tuple[str, float, str]
 """Name, value and bound, such as "<= 12"."""

@@ -27,11 +27,10 @@ import numpy as np
 from endings_scenes import Watched, unit
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.commands.run_command import add_recording_arguments
-from tsepm_ros.commands.run_sources import Run, open_run
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.replay.bag import Bag, find_topics
-from tsepm_ros.replay.recording import read_recording
+from tsepm_ros.tools.commands.run_command import Run, add_recording_arguments, open_run
+from tsepm_ros.tools.replay.bag import Bag, find_topics
+from tsepm_ros.tools.replay.recording import read_recording
 
 Rows = Iterator[tuple[str, list[tuple[str, float, str]]]]
 LIDAR = (

@@ -9,9 +9,9 @@ from clear_mot import ClearMot
 from endings_scenes import Watched, pinged, polar, unit
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.design.sonar_questions import completed, parameters
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.commands.init_command import completed, parameters
 
 PINGS, INTERVAL = 600, 0.2
 """Of the quay: two minutes at 5 Hz."""

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracks import TrackArrays
 
 SEEN, STAYS, AFTER = 100, 400, 150
 """Pings with a target that then goes, with one that stays, and watched after it has gone."""

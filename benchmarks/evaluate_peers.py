@@ -23,11 +23,11 @@ import numpy as np
 from contenders import Contender, RawScan, Sea
 
 from tsepm_ros import ConfirmedTrack, Scan
-from tsepm_ros.analysis.code_version import code_key
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.commands.evaluate_command import add_evaluation_arguments, run_evaluation
-from tsepm_ros.simulation import Scenario
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+from tsepm_ros.tools.commands.evaluate_command import add_evaluation_arguments, run_evaluation
+from tsepm_ros.tools.evaluation.result_files import code_key
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
 RULES = ((8, 12), (6, 8), (5, 8), (4, 5), (3, 4))
 """(min_hits, window) of a peer's sweep, from few to many false tracks."""

@@ -24,13 +24,12 @@ import fixed_threads  # noqa: F401
 import numpy as np
 
 from tsepm_ros import Scan, make_initiator
-from tsepm_ros.analysis.intervals import mean, proportion
-from tsepm_ros.analysis.result_files import add_result, printed, write_table
-from tsepm_ros.analysis.simulated_run import SimulatedScene
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.commands.arguments import add_runs, workers_of
-from tsepm_ros.progress import with_progress
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.commands.arguments import add_runs, workers_of
+from tsepm_ros.tools.evaluation.intervals import mean, proportion
+from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, SimulatedScene
+from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tools.terminal import with_progress
 
 WARM_UP = 16
 """Pings of clutter alone before the target appears."""

@@ -36,8 +36,8 @@ from fixed_echoes_scenes import (
 )
 
 from tsepm_ros import make_initiator
-from tsepm_ros.progress import with_progress
-from tsepm_ros.sensing.plots import chosen
+from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tracker.clustering import chosen
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
 SURE = 0.9

@@ -38,17 +38,22 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
 from nearest_neighbour import GATE, NearestNeighbourTracker, Target
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.analysis import intervals
-from tsepm_ros.analysis.intervals import Estimate, error_bars, mean, proportion
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
-from tsepm_ros.analysis.text_tables import text_table
-from tsepm_ros.analysis.truth import SIGMAS, Outcome, measurement_sigma, nees
-from tsepm_ros.commands.arguments import add_runs, workers_of
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.progress import with_progress
-from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.commands.arguments import add_runs, workers_of
+from tsepm_ros.tools.evaluation import intervals
+from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars, mean, proportion
+from tsepm_ros.tools.evaluation.simulated_run import (
+    SIGMAS,
+    OperatingPoint,
+    Outcome,
+    SimulatedRun,
+    measurement_sigma,
+    nees,
+    simulate,
+)
+from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tools.terminal import text_table, with_progress
+from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.whole_files import written_whole
 
 METHODS = ("score", "tsepm")

@@ -34,18 +34,17 @@ import numpy as np
 from clear_mot import ClearMot, Truth
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.analysis.text_tables import text_table
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.progress import with_progress
-from tsepm_ros.replay.offline import recording_results
-from tsepm_ros.replay.recording import RecordedMotion, Recording, read_recording
-from tsepm_ros.sensing.scan import wrap
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.replay.offline import recording_results
+from tsepm_ros.tools.replay.recording import RecordedMotion, Recording, read_recording
+from tsepm_ros.tools.terminal import text_table, with_progress
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.scan import wrap
+from tsepm_ros.tracker.tracks import TrackArrays
 
 HEADER = (
     "", "delay/s", "held", "changes", "switches", "one to one", "new m/s", "held m/s", "on target",

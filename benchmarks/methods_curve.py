@@ -18,8 +18,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from tsepm_ros.analysis.intervals import Estimate, error_bars
-from tsepm_ros.analysis.text_tables import markdown_table
+from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
+from tsepm_ros.tools.terminal import markdown_table
 from tsepm_ros.whole_files import written_whole
 
 Row = Mapping[str, str]

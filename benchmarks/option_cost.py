@@ -22,12 +22,11 @@ import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.analysis.intervals import Estimate, rms_ratio
-from tsepm_ros.analysis.result_files import add_result, printed, write_table
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.scenario import TargetArea
-from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
+from tsepm_ros.tools.evaluation.intervals import Estimate, rms_ratio
+from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table
+from tsepm_ros.tools.simulation import Scenario, Simulator
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetArea, TargetStrength
 
 WARM_UP = 40
 """First scans, whose times do not count."""

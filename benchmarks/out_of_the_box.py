@@ -23,14 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import make_header, write_detections
+from msg_adapters.message_input import MessageInput
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.analysis.result_files import add_result, printed, write_table
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.progress import with_progress
-from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table
+from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tracker.options import CommonOptions
 
 MAX_RANGE, HALF_SECTOR = 300.0, math.radians(60.0)
 AREA = HALF_SECTOR * MAX_RANGE**2

@@ -28,7 +28,7 @@ import msg_adapters
 import tsepm_ros
 from msg_adapters import detections_cloud, make_header
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 FIRST = 60
 OURS = tuple(str(Path(package.__file__).parent) for package in (tsepm_ros, msg_adapters))

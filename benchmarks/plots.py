@@ -31,12 +31,12 @@ import numpy as np
 from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Pool, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.environment.detection_spacing import DetectionSpacing
-from tsepm_ros.environment.seen_extent import Extent, SeenExtent
-from tsepm_ros.initiation.plot_extraction import LIKELIHOOD_RATIO
-from tsepm_ros.progress import with_progress
-from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, grouped, plots_of
-from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tracker.clustering import EchoErrors, PlotExtent, grouped, plots_of
+from tsepm_ros.tracker.clutter.seen_extent import Extent, SeenExtent
+from tsepm_ros.tracker.multi_detection import DetectionSpacing
+from tsepm_ros.tracker.plot_extraction import LIKELIHOOD_RATIO
+from tsepm_ros.tracker.scan import Scan
 
 MAX_SPEED = 5.0
 POOL_SPEED = 3.0

@@ -28,22 +28,21 @@ import fixed_threads
 import numpy as np
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.code_version import code_key
-from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.operating_curve import Comparison
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.performance import Evaluated, Plan, evaluate
-from tsepm_ros.analysis.result_files import add_result, printed, write_table
-from tsepm_ros.analysis.workers import Workers
-from tsepm_ros.commands.arguments import add_runs, workers_of
-from tsepm_ros.design import search
-from tsepm_ros.design.design_case import Case
-from tsepm_ros.design.prediction import false_tracks_per_hour, target_statistics
-from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.progress import with_progress
-from tsepm_ros.simulation import Scenario, load_scenario
-from tsepm_ros.simulation.scenario import TargetArea
+from tsepm_ros.tools.commands.arguments import add_runs, workers_of
+from tsepm_ros.tools.design import search
+from tsepm_ros.tools.design.design_case import Case
+from tsepm_ros.tools.design.prediction import false_tracks_per_hour, target_statistics
+from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.operating_curve import Comparison
+from tsepm_ros.tools.evaluation.performance import Evaluated, Plan, evaluate
+from tsepm_ros.tools.evaluation.result_files import add_result, code_key, printed, write_table
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.simulation import Scenario, load_scenario
+from tsepm_ros.tools.simulation.scenario import TargetArea
+from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tracker.options import CommonOptions
 
 Rows = Iterator[Sequence[str]]
 """A header, then the rows of a table."""

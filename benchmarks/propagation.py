@@ -29,18 +29,17 @@ import numpy as np
 
 import msg_adapters as ros
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.intervals import mean
-from tsepm_ros.analysis.text_tables import text_table
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.registry import METHODS
+from tsepm_ros.methods.registry import method_class
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_sample import PoseSample
-from tsepm_ros.progress import with_progress
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+from tsepm_ros.tools.evaluation.intervals import mean
+from tsepm_ros.tools.simulation import Scenario, Simulator
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.terminal import text_table, with_progress
+from tsepm_ros.tracker.options import CommonOptions
 
 SOUND_SPEED = 1500.0
 ODOMETRY_RATE = 5.0
@@ -157,7 +156,7 @@ def bias(noise: str, scene: str, method: str, times: str, pairs: int, seed: int 
         SessionOptions(method=name, own_ship_source="odometry"),
         NOISES[noise],
         CommonOptions(),
-        {name: METHODS[name].Options(**options)},
+        {name: method_class(name).Options(**options)},
     )
     poses = odometry(simulated)
     speed = SOUND_SPEED if times == "sound_speed" else 0.0

@@ -26,16 +26,16 @@ import identity
 import numpy as np
 from contenders.jipda import Jipda, Parameters, Track, converted
 
-from tsepm_ros.analysis.intervals import Z_90, mean
-from tsepm_ros.analysis.result_files import add_result, write_table
-from tsepm_ros.analysis.text_tables import text_table
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.replay.offline import process_recording
-from tsepm_ros.replay.recording import Recording, read_recording
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.evaluation.intervals import Z_90, mean
+from tsepm_ros.tools.evaluation.result_files import add_result, write_table
+from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.recording import Recording, read_recording
+from tsepm_ros.tools.terminal import text_table
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 GATE = 40.0  # m, within which a track is on a target
 OWN_ERROR = 6.6  # m in each coordinate, beside those of range and bearing

@@ -9,8 +9,8 @@ import numpy as np
 from contenders import Hits, RawScan, Sea
 from numpy.typing import NDArray
 
-from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.scenario import TargetArea
+from tsepm_ros.tools.simulation import Scenario, Simulator
+from tsepm_ros.tools.simulation.scenario import TargetArea
 
 DENSITIES = (2.5e-7, 5e-7, 1e-6, 2e-6, 3e-6, 5e-6, 1e-5)
 """Clutter densities, per scan and m^2."""

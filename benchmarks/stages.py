@@ -24,7 +24,7 @@ import fixed_threads  # noqa: F401  # before numpy
 from scenes import make_scene
 
 from tsepm_ros import Scan, make_initiator
-from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.tracker.tracker import Initiator
 
 CALLERS = re.compile("tsepm_ros/(initiation|methods)/")
 MIN_SHARE = 0.005

@@ -19,18 +19,15 @@ from unittest.mock import patch
 
 import fixed_threads  # noqa: F401
 
-from tsepm_ros.analysis.measures import measures_of
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.result_files import add_result, printed, write_table
-from tsepm_ros.analysis.run_summary import RunSummary, summarise
-from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.commands.arguments import add_runs, workers_of
-from tsepm_ros.methods.score import starts
-from tsepm_ros.methods.score.credible_hits import MIN_HIT_PROBABILITY
-from tsepm_ros.progress import with_progress
-from tsepm_ros.reproduction.paired import share_difference
-from tsepm_ros.simulation import Scenario, load_scenario
+from tsepm_ros.methods.score import confirmation
+from tsepm_ros.methods.score.confirmation import MIN_HIT_PROBABILITY
+from tsepm_ros.studies.reproduction.runs import share_difference
+from tsepm_ros.tools.commands.arguments import add_runs, workers_of
+from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of, summarise
+from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
+from tsepm_ros.tools.simulation import Scenario, load_scenario
+from tsepm_ros.tools.terminal import with_progress
 
 CHOICES = {
     "MAX_HELD_SHARE": (0.0, 1.0),
@@ -75,7 +72,7 @@ def box() -> Scenario:
 def run(job: Job) -> RunSummary:
     """Simulate a run with the constant changed."""
     point = OperatingPoint("score", options={"false_tracks_per_hour": job.rate})
-    with patch.object(starts, job.choice, job.value):
+    with patch.object(confirmation, job.choice, job.value):
         return summarise(simulate(box(), job.seed, point))
 
 
@@ -102,7 +99,7 @@ def cells(runs: Sequence[RunSummary], built: Sequence[RunSummary]) -> list[str]:
 def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
     """The values, the built rule's first, at each rate."""
     yield HEADER
-    as_built = float(getattr(starts, options.choice))
+    as_built = float(getattr(confirmation, options.choice))
     values = [as_built, *(v for v in options.value if not math.isclose(v, as_built, rel_tol=1e-5))]
     for rate in options.rate or [20.0]:
         jobs = [

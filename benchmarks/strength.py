@@ -38,7 +38,9 @@ from strength_scenes import (
     with_target,
 )
 
-from tsepm_ros.analysis.intervals import (
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.commands.arguments import add_runs, workers_of
+from tsepm_ros.tools.evaluation.intervals import (
     RESAMPLES,
     TAILS_90,
     Estimate,
@@ -46,11 +48,9 @@ from tsepm_ros.analysis.intervals import (
     mean_count,
     proportion,
 )
-from tsepm_ros.analysis.result_files import add_result, printed, write_table
-from tsepm_ros.commands.arguments import add_runs, workers_of
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.progress import with_progress
-from tsepm_ros.simulation import Scenario
+from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table
+from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tools.terminal import with_progress
 
 RATES = (1.0, 10.0, 100.0)
 """Target false-track rates, per hour."""

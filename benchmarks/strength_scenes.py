@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tsepm_ros import Scan, make_initiator
-from tsepm_ros.analysis.simulated_run import judge_starts
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.simulation import Scenario, Simulator, load_scenario
-from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, judge_starts
+from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 
 BOX = load_scenario("box")
 WARM_UP = 16

@@ -19,8 +19,8 @@ import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.analysis.text_tables import markdown_table
 from tsepm_ros.methods.registry import available_methods
+from tsepm_ros.tools.terminal import markdown_table
 
 PLACES = [(number, spread) for number in (300, 1000, 2000) for spread in (0.0, 5.0, 20.0, 200.0)]
 """Numbers of detections, and their standard deviation about the place on each axis, m."""

@@ -41,10 +41,10 @@ from msg_adapters import (
     placed_detections_cloud,
     track_cloud,
 )
-from tsepm_ros.diagnostics.entries import ENTRIES
-from tsepm_ros.diagnostics.status import Level, Status
-from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.diagnostics.health import ENTRIES
+from tsepm_ros.diagnostics.health_figures import Level, Status
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 SETTLING = 5.0
 PATIENCE = 60.0
@@ -183,7 +183,14 @@ def main() -> None:
     arguments = [sys.executable, __file__, "--publish", "--domain", str(options.domain)]
     for name in ("rate", "tracks", "detections", "potential"):
         arguments += [f"--{name}", str(getattr(options, name))]
-    node = [sys.executable, "-m", "tsepm_ros.nodes.track_viewer", "--ros-args", "-p", "port:=0"]
+    node = [
+        sys.executable,
+        "-m",
+        "tsepm_ros.tools.viewer.track_viewer",
+        "--ros-args",
+        "-p",
+        "port:=0",
+    ]
     with tempfile.TemporaryDirectory() as folder:
         temporary_log = Path(folder) / "viewer.txt"
         with temporary_log.open("wb") as output:

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 from campaign import Finding
 
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
 from tsepm_ros.session.result import ScanResult
+from tsepm_ros.tracker.tracks import TrackArrays
 
 MAX_SPEED_SLACK = 1.0 + 1e-6
 MAX_ASYMMETRY = 1e-12

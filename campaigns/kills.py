@@ -73,7 +73,7 @@ def _start(call: str, folder: Path, largest: int | None = None) -> subprocess.Po
 
     words = [word.format(folder=folder, out="out") for word in CALLS[call]]
     return subprocess.Popen(
-        [sys.executable, "-m", "tsepm_ros.commands.cli", *words],
+        [sys.executable, "-m", "tsepm_ros.tools.commands.cli", *words],
         cwd=folder,
         env={
             **os.environ,

@@ -28,14 +28,13 @@ from mutation import mutate
 from streams import KINDS, Stream, good_stream
 
 from msg_adapters import MessageError, read_detections, read_land, read_own_ship, tracker_report
+from msg_adapters.message_input import MessageInput
 from tsepm_ros import available_methods
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.replay.message_input import MessageInput
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import InitiatorNodeOptions, SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.options import CommonOptions
 
 METHODS = available_methods()
 SOURCES = ("none", "odometry")

@@ -30,7 +30,7 @@ from support.ros_world import World
 from tsepm_ros import available_methods
 from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, full_table, make_groups, settings_from
+from tsepm_ros.settings.settings import TRACK_INITIATOR, full_table, make_groups, settings_from
 
 METHODS = available_methods()
 KIND = "sensor_msgs/msg/PointCloud2"

@@ -33,11 +33,11 @@ from support.ros_domains import own_domain
 from support.ros_world import RELIABLE, World
 
 from tsepm_ros import available_methods
-from tsepm_ros.commands.cli import main
-from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.replay.bag import Bag
-from tsepm_ros.settings.value_text import parse_values
+from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.replay.bag import Bag
 
 METHODS = available_methods()
 TOPICS = ("/tracks", "/tracks/current", "/fixed_echoes")

@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from support.driver_messages import MAKERS, echoes_of
 
 from msg_adapters import ns_to_time, track_cloud
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 KINDS = tuple(MAKERS)
 PINGS = 14

@@ -23,12 +23,11 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tsepm_ros.analysis.code_version import goldens_digest
-from tsepm_ros.analysis.result_files import Result, Row, read_result
-from tsepm_ros.analysis.text_tables import markdown_table
-from tsepm_ros.diagnostics import diagnostics_page
-from tsepm_ros.settings.rendering import as_page
-from tsepm_ros.settings.tables import NODES
+from tsepm_ros.settings.parameter_files import as_page
+from tsepm_ros.settings.settings import NODES
+from tsepm_ros.tools import diagnostics_page
+from tsepm_ros.tools.evaluation.result_files import Result, Row, goldens_digest, read_result
+from tsepm_ros.tools.terminal import markdown_table
 from tsepm_ros.whole_files import write_text
 
 DOCS = Path(__file__).resolve().parent
@@ -225,7 +224,7 @@ def renew(names: Sequence[str]) -> None:
         command = read_result(path).command
         print(f"{path.stem}: {command}", flush=True)
         arguments = shlex.split(command)
-        module = {"tsepm": ["-m", "tsepm_ros.commands.cli"], "python": []}[arguments[0]]
+        module = {"tsepm": ["-m", "tsepm_ros.tools.commands.cli"], "python": []}[arguments[0]]
         line = [sys.executable, *module, *arguments[1:], "--result", str(path)]
         if path.stem in PICTURES:
             line += ["--out", str(BUILD)]

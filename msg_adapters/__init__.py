@@ -18,17 +18,16 @@ from msg_adapters.detection_types import (
 )
 from msg_adapters.diagnostics import diagnostics
 from msg_adapters.errors import MessageError
-from msg_adapters.fixed_echo_markers import fixed_echo_markers
-from msg_adapters.ground_truth import truth_markers, truth_tracks
 from msg_adapters.land_grid import read_land
-from msg_adapters.own_ship_odometry import odometry_message, read_own_ship
+from msg_adapters.odometry import odometry_message, read_own_ship, track_odometry
 from msg_adapters.ping import Ping
-from msg_adapters.placed_detections import (
+from msg_adapters.point_cloud import (
     PlacedDetections,
     placed_detections_cloud,
+    read_fields,
     read_placed_detections,
+    write_cloud,
 )
-from msg_adapters.point_cloud import read_fields, write_cloud
 from msg_adapters.point_cloud_detections import detections_cloud
 from msg_adapters.stamps import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
 from msg_adapters.track_cloud import (
@@ -39,8 +38,14 @@ from msg_adapters.track_cloud import (
     track_states,
     tracker_report,
 )
-from msg_adapters.track_markers import clear_markers, potential_track_markers, track_markers
-from msg_adapters.track_odometry import track_odometry
+from msg_adapters.track_markers import (
+    clear_markers,
+    fixed_echo_markers,
+    potential_track_markers,
+    track_markers,
+    truth_markers,
+    truth_tracks,
+)
 
 __all__ = [
     "TRACK_DTYPE",

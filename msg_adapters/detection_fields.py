@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.errors import MessageError
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import AXES
-from tsepm_ros.own_ship.frame_axes import stated_axes, without_suffix
+from tsepm_ros.own_ship.attitude import AXES, stated_axes, without_suffix
 
 
 def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:

@@ -18,13 +18,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from msg_adapters.errors import MessageError
-from msg_adapters.ping import Ping
-from msg_adapters.reading_options import ReadingOptions
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.sensing.sensor import SensorModel
+from msg_adapters.ping import Ping, ReadingOptions
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import SensorModel
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
+
 
 Adapter = Callable[[Any, ReadingOptions], Ping]
 Writer = Callable[["Header", Scan, float], Any]

@@ -10,7 +10,7 @@ from msg_adapters.stamps import make_header
 if TYPE_CHECKING:
     from diagnostic_msgs.msg import DiagnosticArray
 
-    from tsepm_ros.diagnostics.status import Status
+    from tsepm_ros.diagnostics.health_figures import Status
 
 
 def diagnostics(stamp_ns: int, node_name: str, statuses: Iterable[Status]) -> DiagnosticArray:

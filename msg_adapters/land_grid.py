@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msg_adapters.errors import MessageError
-from tsepm_ros.environment.land import LandMask
-from tsepm_ros.own_ship.attitude import angles_of, rotation_of
-from tsepm_ros.own_ship.frame_axes import stated_axes
+from tsepm_ros.own_ship.attitude import angles_of, rotation_of, stated_axes
+from tsepm_ros.tracker.clutter.land import LandMask
 
 if TYPE_CHECKING:
     from nav_msgs.msg import OccupancyGrid
+
 
 OCCUPIED = 50
 """Least occupancy of land, from 0 to 100; -1 is unknown, and not land."""

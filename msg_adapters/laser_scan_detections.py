@@ -15,14 +15,12 @@ import numpy as np
 
 from msg_adapters.detection_fields import intensity_feature, turn_about_z
 from msg_adapters.detection_types import register, register_writer
-from msg_adapters.ping import Ping, good_detections
-from msg_adapters.reading_options import ReadingOptions
+from msg_adapters.ping import Ping, ReadingOptions, good_detections
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.sensing.arcs import Arc
-from tsepm_ros.sensing.ray_runs import goes_on
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.tracker.clustering import goes_on
+from tsepm_ros.tracker.scan import Arc, Scan
+from tsepm_ros.tracker.sensor import SensorModel
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import LaserScan

@@ -14,11 +14,10 @@ import numpy as np
 from msg_adapters.detection_fields import fitted, intensity_feature
 from msg_adapters.detection_types import register, register_writer
 from msg_adapters.errors import MessageError
-from msg_adapters.ping import Ping, good_detections
-from msg_adapters.reading_options import SOUND_SPEED, ReadingOptions
+from msg_adapters.ping import SOUND_SPEED, Ping, ReadingOptions, good_detections
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.tracker.scan import Scan
 
 if TYPE_CHECKING:
     from marine_acoustic_msgs.msg import SonarDetections, SonarRanges

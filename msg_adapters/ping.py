@@ -1,7 +1,13 @@
-"""The good detections of a message, with its drops and assumptions."""
+"""What adapters read from a detection message, and the options for it.
+
+Options for reading detection messages: properties that a message does not contain.
+
+The good detections of a message, with its drops and assumptions.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
@@ -9,13 +15,52 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import ns_to_seconds
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.own_ship.frame_axes import stated_axes
+from tsepm_ros.own_ship.attitude import stated_axes
 from tsepm_ros.own_ship.registration import MessageFacts, SensorScan
-from tsepm_ros.sensing.arcs import Arc, arc_of
-from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, arc_of, wrap
+from tsepm_ros.tracker.sensor import SensorModel
+
+BEARING_REFERENCES = ("bow", "north")
+"""Reference directions of a `bearing`, which is positive clockwise."""
+
+SOUND_SPEED = 1500.0
+"""Default speed of sound, m/s."""
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """Properties that a message does not contain.
+
+    Parameters
+    ----------
+    bearing_reference : {"bow", "north"}
+        Reference direction of a field `bearing`, which is positive clockwise.
+    sound_speed : float
+        m/s, for messages without times, or with an unset field for the sound speed; 0: unknown.
+    sensor : SensorModel, optional
+        Its range errors, by which rays of one object differ.
+
+    Raises
+    ------
+    ValueError
+        If a value is not allowed.
+    """
+
+    bearing_reference: str = "bow"
+    sound_speed: float = 0.0
+    sensor: SensorModel | None = None
+
+    def __post_init__(self) -> None:
+        if self.bearing_reference not in BEARING_REFERENCES:
+            raise ValueError(
+                f"bearing_reference must be one of {', '.join(BEARING_REFERENCES)}; "
+                f"got {self.bearing_reference!r}"
+            )
+        if not 0.0 <= self.sound_speed < math.inf:
+            raise ValueError(f"sound_speed must be finite and not negative; got {self.sound_speed}")
+
 
 MAX_TURN = 2.5 * np.pi
 """Largest angle of a driver that counts from any axis and does not wrap, rad: a turn from there."""
@@ -80,8 +125,8 @@ def good_detections(
     The reasons are ``range_not_finite``, ``range_not_positive``, ``azimuth_not_finite``,
     ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
     ``time_offset_not_finite`` and ``transmit_offset_not_finite``, and ``<field>_too_large`` and
-    ``<field>_too_small`` for values above `tsepm_ros.sensing.scan.MAX_MAGNITUDE` or below
-    `tsepm_ros.sensing.scan.MIN_MAGNITUDE`. A detection counts once, under the first reason that
+    ``<field>_too_small`` for values above `tsepm_ros.tracker.scan.MAX_MAGNITUDE` or below
+    `tsepm_ros.tracker.scan.MIN_MAGNITUDE`. A detection counts once, under the first reason that
     applies.
 
     Parameters

@@ -23,13 +23,12 @@ from numpy.typing import ArrayLike, NDArray
 from msg_adapters.detection_fields import along_axes, azimuth_of_bearing, in_plane
 from msg_adapters.detection_types import register, register_writer
 from msg_adapters.errors import MessageError
-from msg_adapters.ping import Ping, good_detections
+from msg_adapters.ping import Ping, ReadingOptions, good_detections
 from msg_adapters.point_cloud import read_fields, write_cloud
-from msg_adapters.reading_options import ReadingOptions
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.frame_axes import stated_axes
-from tsepm_ros.sensing.scan import FEATURES, Scan
+from tsepm_ros.own_ship.attitude import stated_axes
+from tsepm_ros.tracker.scan import FEATURES, Scan
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2

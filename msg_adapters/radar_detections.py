@@ -14,10 +14,9 @@ import numpy as np
 
 from msg_adapters.detection_fields import in_plane, turn_about_z
 from msg_adapters.detection_types import register, register_writer
-from msg_adapters.ping import Ping, good_detections
-from msg_adapters.reading_options import ReadingOptions
+from msg_adapters.ping import Ping, ReadingOptions, good_detections
 from msg_adapters.stamps import time_to_ns
-from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.tracker.scan import Scan
 
 if TYPE_CHECKING:
     from radar_msgs.msg import RadarScan

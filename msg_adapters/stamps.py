@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
     from std_msgs.msg import Header
 
+
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
 

@@ -31,13 +31,14 @@ from numpy.typing import NDArray
 from msg_adapters.errors import MessageError
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.maintenance.downstream_tracker import TrackerReport
-from tsepm_ros.own_ship.frame_axes import exchanged
+from tsepm_ros.own_ship.attitude import exchanged
+from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
     from std_msgs.msg import Header
+
 
 STATE_FIELDS = ("state_x", "state_vx", "state_y", "state_vy")
 COVARIANCE_FIELDS = tuple(f"cov_{row}{column}" for row in range(4) for column in range(4))

@@ -1,23 +1,32 @@
-"""Tracks as visualization_msgs/MarkerArray, for RViz and Foxglove."""
+"""Tracks, ground truth and fixed echoes as visualization_msgs/MarkerArray.
+
+Tracks as visualization_msgs/MarkerArray, for RViz and Foxglove.
+
+The ground truth of the simulator and the player, in the layout and appearance of tracks.
+
+Fixed echoes as visualization_msgs/MarkerArray, for RViz and Foxglove.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.kinematics.track import TrackArrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.grouped import summed
+from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
     from visualization_msgs.msg import Marker, MarkerArray
 
-    from tsepm_ros.kinematics.track import ConfirmedTrack
+    from tsepm_ros.tracker.tracks import ConfirmedTrack
+
 
 Color = tuple[float, float, float]
 
@@ -346,3 +355,96 @@ def _label(
 def _digits(value: float, decimals: int) -> str:
     """A length or speed with some decimals, and with more where it has not two digits."""
     return f"{value:.{max(decimals, 1 - math.floor(math.log10(max(value, 0.01))))}f}"
+
+
+TRUTH_COLOR = (0.17, 0.42, 0.69)
+
+
+def truth_tracks(stamp: float, states: NDArray[np.float64]) -> list[ConfirmedTrack]:
+    """True states as tracks without error.
+
+    Parameters
+    ----------
+    stamp : float
+        s.
+    states : (k, 4) ndarray
+        ``[x, vx, y, vy]`` of each target, m and m/s.
+
+    Returns
+    -------
+    list of ConfirmedTrack
+        `track_id` is the target's index, the covariance 0, the evaluation nan.
+    """
+    return [
+        ConfirmedTrack(index, stamp, state, np.zeros((4, 4)), (), math.nan)
+        for index, state in enumerate(np.reshape(states, (-1, 4)))
+    ]
+
+
+def truth_markers(header: Header, truth: list[ConfirmedTrack], reach: float = 0.0) -> MarkerArray:
+    """Markers of the truth: position, velocity and label in `TRUTH_COLOR`.
+
+    Their sizes are those of targets up to a distance `reach` (m), and of the fastest of these.
+    """
+    fastest = max((math.hypot(*track.velocity) for track in truth), default=0.0)
+    return track_markers(header, truth, color=TRUTH_COLOR, **marker_sizes(reach, fastest or 1.0))
+
+
+FIXED_ECHO_COLOR = 0.95, 0.75, 0.2
+"""Red, green and blue: unlike tracks, potential tracks and truth."""
+_FIXED_ECHO_THICKNESS = 0.01  # m; RViz refuses a scale of 0
+MAX_LABELS = 500
+"""Labels shown, of the echoes seen for the longest; nested messages are slow to build."""
+
+
+def fixed_echo_markers(
+    header: Header, echoes: Sequence[ConfirmedTrack], *, minimum_size: float = 0.0
+) -> MarkerArray:
+    """Build the markers of fixed echoes, which replace those of the last message.
+
+    A cube at each place, and a label with the id and the minutes since the first hit.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+        The fixed frame, and the stamp of the states.
+    echoes : sequence of ConfirmedTrack
+    minimum_size : float, optional
+        Length of the edges and height of the labels, m; see `track_markers.marker_sizes`. At least
+        the median standard deviation of the places.
+
+    Returns
+    -------
+    visualization_msgs.msg.MarkerArray
+    """
+    from geometry_msgs.msg import Point
+    from visualization_msgs.msg import Marker, MarkerArray
+
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    arrays = TrackArrays.of(echoes)
+    if not len(arrays):
+        return MarkerArray(markers=markers)  # RViz rejects a marker without points
+    cubes = _fixed_echo_marker(header, "position", Marker.CUBE_LIST)
+    sigma = major_sigma(arrays.covariance[:, 0::2, 0::2])
+    size = max(minimum_size, float(np.median(sigma)), _FIXED_ECHO_THICKNESS)
+    cubes.scale.x = cubes.scale.y = cubes.scale.z = size
+    cubes.points = [Point(x=x, y=y) for x, y in arrays.state[:, 0::2].tolist()]
+    markers.append(cubes)
+    for number, row in enumerate(np.argsort(-arrays.age, kind="stable")[:MAX_LABELS].tolist()):
+        echo = arrays[row]
+        label = _fixed_echo_marker(header, "label", Marker.TEXT_VIEW_FACING, number)
+        label.scale.z = size
+        label.pose.position.x, label.pose.position.y = echo.position.tolist()
+        label.pose.position.y += size
+        label.text = f"{echo.track_id}: {echo.age / 60.0:.1f} min"
+        markers.append(label)
+    return MarkerArray(markers=markers)
+
+
+def _fixed_echo_marker(header: Header, namespace: str, kind: int, number: int = 0) -> Any:
+    from visualization_msgs.msg import Marker
+
+    marker = Marker(header=header, ns=namespace, id=number, type=kind, action=Marker.ADD)
+    marker.color.r, marker.color.g, marker.color.b = FIXED_ECHO_COLOR
+    marker.color.a = 1.0
+    return marker

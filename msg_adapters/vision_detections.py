@@ -2,7 +2,7 @@
 
 The position of a detection is the centre of its bounding box or, if the box is not set (centre and
 size are zero), the pose of its result with the highest score. The frame has x ahead and y to port,
-or the axes that its name states: see `tsepm_ros.own_ship.frame_axes`.
+or the axes that its name states: see `tsepm_ros.own_ship.attitude`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,11 @@ import numpy as np
 from msg_adapters.detection_fields import along_axes
 from msg_adapters.detection_types import register, register_writer
 from msg_adapters.errors import MessageError
-from msg_adapters.ping import Ping, good_detections
-from msg_adapters.reading_options import ReadingOptions
+from msg_adapters.ping import Ping, ReadingOptions, good_detections
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.own_ship.attitude import AXES
-from tsepm_ros.own_ship.frame_axes import stated_axes
-from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.own_ship.attitude import AXES, stated_axes
+from tsepm_ros.tracker.scan import Scan
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header

@@ -10,19 +10,19 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tsepm_ros.environment.land import LandMask
-    from tsepm_ros.kinematics.track import ConfirmedTrack
     from tsepm_ros.methods.registry import available_methods, make_initiator
-    from tsepm_ros.sensing.scan import Scan
-    from tsepm_ros.sensing.sensor import SensorModel
+    from tsepm_ros.tracker.clutter.land import LandMask
+    from tsepm_ros.tracker.scan import Scan
+    from tsepm_ros.tracker.sensor import SensorModel
+    from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 __version__ = "0.2.0"
 
 _PLACES = {
-    "ConfirmedTrack": "kinematics.track",
-    "LandMask": "environment.land",
-    "Scan": "sensing.scan",
-    "SensorModel": "sensing.sensor",
+    "ConfirmedTrack": "tracker.tracks",
+    "LandMask": "tracker.clutter.land",
+    "Scan": "tracker.scan",
+    "SensorModel": "tracker.sensor",
     "available_methods": "methods.registry",
     "make_initiator": "methods.registry",
 }

@@ -74,9 +74,9 @@ def _executable(module: str, interrupted: int) -> Callable[[], int]:
     return main
 
 
-tsepm = _executable("tsepm_ros.commands.cli", INTERRUPTED)
-tsepm_demo = _executable("tsepm_ros.demo.two_processes", INTERRUPTED)
+tsepm = _executable("tsepm_ros.tools.commands.cli", INTERRUPTED)
+tsepm_demo = _executable("tsepm_ros.tools.demo", INTERRUPTED)
 track_initiator = _executable("tsepm_ros.nodes.track_initiator", 0)
-sonar_simulator = _executable("tsepm_ros.nodes.sonar_simulator", 0)
-scan_player = _executable("tsepm_ros.nodes.scan_player", 0)
-track_viewer = _executable("tsepm_ros.nodes.track_viewer", 0)
+sonar_simulator = _executable("tsepm_ros.tools.players.sonar_simulator", 0)
+scan_player = _executable("tsepm_ros.tools.players.scan_player", 0)
+track_viewer = _executable("tsepm_ros.tools.viewer.track_viewer", 0)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from contenders import Contender, FloatArray, Hits, RawScan, Sea
 from tsepm_ros import Scan, make_initiator
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 class TsepmContender(Contender):

@@ -9,13 +9,12 @@ import argparse
 from contextlib import ExitStack
 from pathlib import Path
 
-from tsepm_ros.analysis.result_files import add_result, write_table
-from tsepm_ros.commands.run_sources import add_source_arguments, open_run
-from tsepm_ros.demo.target_table import target_rows
-from tsepm_ros.pictures.plan_animation import animate
-from tsepm_ros.pictures.plan_position import save
-from tsepm_ros.pictures.run_scene import RunScene, ScanView
-from tsepm_ros.progress import named_progress, with_progress
+from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
+from tsepm_ros.tools.demo import target_rows
+from tsepm_ros.tools.evaluation.result_files import add_result, write_table
+from tsepm_ros.tools.pictures.plan_position import animate, save
+from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
+from tsepm_ros.tools.terminal import named_progress, with_progress
 
 IMAGES = Path(__file__).parent
 SEED = 2

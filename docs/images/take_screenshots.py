@@ -67,7 +67,7 @@ def recorded(browser: Browser) -> None:
     """The self-contained file, on a desk and on a telephone."""
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "run.html"
-        command = [sys.executable, "-m", "tsepm_ros.commands.cli", "run", SCENARIO]
+        command = [sys.executable, "-m", "tsepm_ros.tools.commands.cli", "run", SCENARIO]
         command += ["--seed", str(SEED), "--html", str(page)]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         desk = browser.tab(theme="light")

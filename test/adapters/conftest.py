@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from msg_adapters import make_header
-from tsepm_ros.kinematics.track import ConfirmedTrack
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 STATE = (3000.25, -4.5, 4000.5, 2.25)
 COVARIANCE = np.array(

@@ -24,7 +24,7 @@ from msg_adapters import (
 from msg_adapters.point_cloud_detections import NO_TIMES
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 
 START = 1_700_000_000

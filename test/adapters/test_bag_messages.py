@@ -22,8 +22,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.bag_files import Entry, write_bag
 from support.driver_messages import MAKERS, echoes_of
 
-from tsepm_ros.own_ship.pose_sample import PoseSample
-from tsepm_ros.replay.bag import Bag
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tools.replay.bag import Bag
 
 DEFINITIONS = {
     "marine_acoustic_msgs/msg/PingInfo": """float64 frequency

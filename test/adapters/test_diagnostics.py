@@ -6,7 +6,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
-from tsepm_ros.diagnostics.status import Level, Status
+from tsepm_ros.diagnostics.health_figures import Level, Status
 
 LEVELS = {
     Level.OK: DiagnosticStatus.OK,

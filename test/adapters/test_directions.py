@@ -21,7 +21,7 @@ from support.registered import places
 from msg_adapters import make_header, read_detections, read_own_ship
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 
 STAMP_NS = 1_700_000_000_123_456_789

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters.ping import good_detections
-from msg_adapters.reading_options import ReadingOptions
+from msg_adapters.ping import ReadingOptions, good_detections
 from tsepm_ros.session.drop_reasons import DROP_REASONS, as_markdown, reason_of
 
 ROOT = Path(__file__).parents[2]
@@ -35,7 +34,7 @@ def literals(path: Path) -> Iterator[str]:
         elif isinstance(node, ast.Assign) and isinstance(node.value, ast.IfExp):
             if getattr(node.targets[0], "id", "") == "reason":
                 yield from (one.value for one in ast.walk(node.value) if is_text(one))
-        elif isinstance(node, ast.Dict) and path.name == "downstream_tracker.py":
+        elif isinstance(node, ast.Dict) and path.name == "external_tracker.py":
             yield from (key.value for key in node.keys if is_text(key))
 
 

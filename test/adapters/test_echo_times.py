@@ -9,7 +9,7 @@ import pytest
 from support.raw_cloud import raw_cloud
 
 from msg_adapters import read_detections
-from tsepm_ros.sensing.scan import MAX_MAGNITUDE
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 
 NAN, INF = math.nan, math.inf
 

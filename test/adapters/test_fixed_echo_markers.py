@@ -6,7 +6,7 @@ import numpy as np
 from visualization_msgs.msg import Marker
 
 from msg_adapters import fixed_echo_markers
-from msg_adapters.fixed_echo_markers import MAX_LABELS
+from msg_adapters.track_markers import MAX_LABELS
 
 
 def test_a_message_replaces_the_last(header, over_the_wire):

@@ -15,9 +15,9 @@ from msg_adapters import (
     track_odometry,
     tracker_report,
 )
-from tsepm_ros.kinematics import kalman
-from tsepm_ros.maintenance.downstream_tracker import usable
-from tsepm_ros.sensing.scan import FEATURES
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.maintenance.external_tracker import usable
+from tsepm_ros.tracker.scan import FEATURES
 
 STAMP = 1_700_000_000_123_456_789
 
@@ -47,8 +47,8 @@ def test_a_detection_updates_as_the_package_s_own_filter_does(make_track, over_t
     state, covariance = run_page()["update"](track.state, track.covariance, cloud, 1)
     step, before = placed.time_offset[1:], track.covariance[None]
     innovation = placed.position[1:] - track.position - step * track.velocity
-    S = kalman.position_covariance_after(before, step) + placed.covariance[1:]
-    [after], [spread] = kalman.update(track.state[None], before, step, innovation, S)
+    S = motion.position_covariance_after(before, step) + placed.covariance[1:]
+    [after], [spread] = motion.update(track.state[None], before, step, innovation, S)
     np.testing.assert_allclose(state, after, rtol=1e-9)
     np.testing.assert_allclose(covariance, spread, rtol=1e-9, atol=1e-9)
 

@@ -24,12 +24,12 @@ from support.raw_cloud import raw_cloud
 from support.registered import places
 
 from msg_adapters import MessageError, make_header, read_detections, read_land, read_own_ship
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.own_ship.frame_axes import exchanged, stated_axes, without_suffix
+from tsepm_ros.own_ship.attitude import exchanged, stated_axes, without_suffix
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 STAMP_NS = 1_700_000_000_123_456_789
 AHEAD, PORT, UP = 900.0, 300.0, 40.0

@@ -10,10 +10,9 @@ from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 
 from msg_adapters import MessageError, odometry_message, read_own_ship
-from tsepm_ros.own_ship.pose_history import PoseHistory
-from tsepm_ros.own_ship.pose_sample import PoseSample
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.session.scan_registration import MAX_YAW_VARIANCE
+from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.session.frames import MAX_YAW_VARIANCE
+from tsepm_ros.tracker.scan import Scan
 
 
 def _message(rotation=None, *, linear=(0.0, 0.0, 0.0), angular=(0.0, 0.0, 0.0)):

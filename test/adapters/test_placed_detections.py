@@ -14,7 +14,7 @@ from msg_adapters import (
     placed_detections_cloud,
     read_placed_detections,
 )
-from tsepm_ros.sensing.scan import FEATURES
+from tsepm_ros.tracker.scan import FEATURES
 
 LAYOUT = [
     ("x", 0, "f"),

@@ -9,7 +9,7 @@ import pytest
 from support.raw_cloud import raw_cloud
 
 from msg_adapters import MessageError, detections_cloud, read_detections
-from tsepm_ros.sensing.scan import MAX_MAGNITUDE, wrap
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, wrap
 
 RANGE = [1000.5, 2500.25, 7071.0]
 ANGLE = [0.25, -2.5, 4.75]

@@ -10,13 +10,13 @@ from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 
 from msg_adapters import detections_cloud, make_header
-from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.replay.offline import process_recording
-from tsepm_ros.replay.recording import read_recording
-from tsepm_ros.sensing.scan import Scan
+from msg_adapters.message_input import MessageInput
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.recording import read_recording
+from tsepm_ros.tracker.scan import Scan
 
 SCANS, DETECTIONS = 3, 40
 UNITS = {"range": "m", "azimuth": "rad", "elevation": "rad", "range_rate": "mps"}

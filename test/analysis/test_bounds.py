@@ -9,7 +9,7 @@ import pytest
 from support.builders import fit_matrix
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.bounds import cramer_rao
+from tsepm_ros.tools.evaluation.measures import cramer_rao
 
 GROWING = SensorModel(range_std=20.0, range_std_fraction=0.1, azimuth_std=math.radians(3.0))
 TIMES = np.array([0.0, 12.0, 24.0, 48.0, 60.0])

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.analysis.gospa import gospa
+from tsepm_ros.tools.evaluation.measures import gospa
 
 NOBODY = np.zeros((0, 2))
 

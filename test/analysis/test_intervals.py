@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tsepm_ros.analysis.intervals import (
+from tsepm_ros.tools.evaluation.intervals import (
     Z_95,
     Estimate,
     mean,

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from support.run_summaries import NOTHING, run_of, start
 
-from tsepm_ros.analysis.intervals import mean_count, proportion
-from tsepm_ros.analysis.measures import HEADINGS, measures_of
-from tsepm_ros.analysis.run_summary import RunSummary
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.simulation import Scenario
+from tsepm_ros.tools.evaluation.intervals import mean_count, proportion
+from tsepm_ros.tools.evaluation.measures import HEADINGS, RunSummary, measures_of
+from tsepm_ros.tools.evaluation.simulated_run import Outcome
+from tsepm_ros.tools.simulation import Scenario
 
 TRUE, REDUNDANT, MISPLACED = Outcome.TRUE, Outcome.REDUNDANT, Outcome.MISPLACED
 SCENE = Scenario("hand", scans=4, period=12.0, clutter_box=(0.0, 1000.0, 0.0, 2000.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.run_summaries import run_of, start
 
-from tsepm_ros.analysis.operating_curve import Curve, compare
+from tsepm_ros.tools.evaluation.operating_curve import Curve, compare
 
 CURVE = Curve.of(np.array([10.0, 1.0, 5.0, 0.1]), np.array([0.9, 0.7, 0.6, 0.3]))
 

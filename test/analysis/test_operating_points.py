@@ -6,10 +6,10 @@ import pickle
 
 import pytest
 
-from tsepm_ros.analysis.code_version import code_key
-from tsepm_ros.analysis.operating_points import operating_points
-from tsepm_ros.methods.registry import METHODS, available_methods
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.methods.registry import available_methods, method_class
+from tsepm_ros.tools.evaluation.result_files import code_key
+from tsepm_ros.tools.evaluation.simulated_run import operating_points
+from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box")
 
@@ -17,10 +17,10 @@ BOX = load_scenario("box")
 @pytest.mark.parametrize("method", available_methods())
 def test_every_method_takes_the_options_of_its_points(method):
     points = operating_points([method])
-    assert len(points) == len(METHODS[method].operating_points) > 0
+    assert len(points) == len(method_class(method).operating_points) > 0
     for point in points:
         made = point.make(BOX).method
-        assert type(made) is METHODS[method]
+        assert type(made) is method_class(method)
         for name, value in point.options.items():
             assert getattr(made.options, name) == value
 
@@ -42,7 +42,7 @@ def test_an_option_that_a_sweep_varies_replaces_it():
     points = operating_points(["tsepm", "score"], {"min_hits": 4})
     given = [point for point in points if point.method == "tsepm"]
     assert [dict(point.options) for point in given] == [{"min_hits": 4}]
-    assert len(points) == 1 + len(METHODS["score"].operating_points)
+    assert len(points) == 1 + len(method_class("score").operating_points)
 
 
 def test_an_option_that_no_method_has_is_refused():

@@ -12,13 +12,18 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.analysis.measures import HEADINGS, measures_of
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.performance import Plan, evaluate
-from tsepm_ros.analysis.performance_report import TABLES, markdown, write_csv
-from tsepm_ros.analysis.study import study
-from tsepm_ros.analysis.workers import Workers
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.evaluation.measures import HEADINGS, measures_of
+from tsepm_ros.tools.evaluation.performance import (
+    TABLES,
+    Plan,
+    evaluate,
+    markdown,
+    study,
+    write_csv,
+)
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box", {"scans": 7})
 SCORE = OperatingPoint("score", "300/h", {"false_tracks_per_hour": 300.0})

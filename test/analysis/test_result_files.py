@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tsepm_ros.analysis.result_files import (
+from tsepm_ros.tools.evaluation.result_files import (
     Result,
     printed,
     read_result,

@@ -8,11 +8,11 @@ import json
 import pytest
 from support.run_summaries import run_of, start
 
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.performance import run_file
-from tsepm_ros.analysis.run_files import RunFile
-from tsepm_ros.analysis.run_summary import RunSummary
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.evaluation.measures import RunSummary
+from tsepm_ros.tools.evaluation.performance import run_file
+from tsepm_ros.tools.evaluation.result_files import RunFile
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box")
 POINT = OperatingPoint("score", "1/h", {"false_tracks_per_hour": 1.0}, version="1")

@@ -9,15 +9,17 @@ import pytest
 from support.run_summaries import run_of, start
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.analysis.bounds import cramer_rao
-from tsepm_ros.analysis.measures import measures_of
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import RunSummary, start_bound, summarise
-from tsepm_ros.analysis.simulated_run import SimulatedRun, simulate
-from tsepm_ros.analysis.study import run
-from tsepm_ros.analysis.truth import Outcome
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.simulation import Scenario, load_scenario
+from tsepm_ros.tools.evaluation.measures import (
+    RunSummary,
+    cramer_rao,
+    measures_of,
+    start_bound,
+    summarise,
+)
+from tsepm_ros.tools.evaluation.performance import run
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, SimulatedRun, simulate
+from tsepm_ros.tools.simulation import Scenario, load_scenario
 
 MANY = {
     "tsepm": {"min_hits": 3, "window": 4},

@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 from support.run_summaries import as_json
 
-from tsepm_ros.analysis.measures import measures_of
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import RunSummary
-from tsepm_ros.analysis.simulated_run import with_poses
-from tsepm_ros.analysis.study import run, study
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.analysis.workers import Workers
-from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of
+from tsepm_ros.tools.evaluation.performance import run, study
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, with_poses
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
 BOX = load_scenario("box", {"scans": 8})
 RUNS = 150

@@ -11,10 +11,10 @@ import sys
 import pytest
 from support.run_summaries import as_json
 
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.study import study
-from tsepm_ros.analysis.workers import Workers
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.evaluation.performance import study
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.simulation import load_scenario
 
 RUNS = range(24)
 SEED = 7

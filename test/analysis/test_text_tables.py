@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tsepm_ros.analysis.text_tables import text_table
+from tsepm_ros.tools.terminal import text_table
 
 
 def test_columns_of_a_table_line_up():

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.analysis.truth import NO_TARGET, Outcome, judge, measurement_sigma, nees, origins_of
+from tsepm_ros.tools.evaluation.simulated_run import (
+    NO_TARGET,
+    Outcome,
+    judge,
+    measurement_sigma,
+    nees,
+    origins_of,
+)
 
 TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
 MISPLACED, FALSE = Outcome.MISPLACED, Outcome.FALSE

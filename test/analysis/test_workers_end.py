@@ -13,7 +13,7 @@ from support.patience import WAIT
 
 SCRIPT = """
 import os, sys, time
-from tsepm_ros.analysis.workers import Workers
+from tsepm_ros.tools.evaluation.workers import Workers
 
 def busy(job):
     os.write(1, b"%d\\n" % os.getpid())  # in one piece
@@ -56,7 +56,7 @@ def test_workers_of_a_killed_parent_end(tmp_path):
 
 WHILE_THEY_START = """
 import os, signal, time
-from tsepm_ros.analysis.workers import Workers
+from tsepm_ros.tools.evaluation.workers import Workers
 
 def wait(job):
     time.sleep(0.001)

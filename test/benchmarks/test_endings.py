@@ -10,7 +10,7 @@ import pytest
 from endings_scenes import Case, Watched, pinged, watched
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays
 
 SENSOR = SensorModel(max_range=100.0)
 EMPTY = Scan(0.0, [], [])

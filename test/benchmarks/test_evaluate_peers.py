@@ -10,7 +10,7 @@ import pytest
 from contenders import Contender
 
 from tsepm_ros import Scan
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box")
 

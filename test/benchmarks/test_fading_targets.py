@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from fading_targets import EVERY, FADED, WARM_UP, compared, faded
 
-from tsepm_ros.analysis.simulated_run import SimulatedScene
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
+from tsepm_ros.tools.simulation import load_scenario
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from handover import AHEAD, NEES_OF_STATE, POSITION, VARIANTS, VELOCITY, Followed, Scene
 
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
+from tsepm_ros.tools.simulation import load_scenario
 
 FULL, BLOCKS, DOUBLED, DIAGONAL = range(len(VARIANTS))
 A = np.random.default_rng(5).standard_normal((4, 4))

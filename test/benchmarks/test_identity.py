@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays
 
 AUTOFERRY = Path(__file__).parents[2].parent / "shared" / "data" / "autoferry"
 NOTHING = TrackArrays.of([])

@@ -13,13 +13,13 @@ import pytest
 from promises import CHANGED, closeness, difference, equal_rate_row
 from support.run_summaries import run_of, start
 
-from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.measures import measures_of
-from tsepm_ros.analysis.operating_curve import compare
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.performance import Evaluated
-from tsepm_ros.analysis.workers import Workers
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.measures import measures_of
+from tsepm_ros.tools.evaluation.operating_curve import compare
+from tsepm_ros.tools.evaluation.performance import Evaluated
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.simulation import load_scenario
 
 SCENE = replace(load_scenario("box"), scans=4)
 SWEEP = {"1/h": (2, 1), "10/h": (4, 4)}

@@ -9,11 +9,10 @@ import pytest
 import start_choices
 from start_choices import HEADER, Job, cells, run
 
-from tsepm_ros.analysis.run_summary import StartSummary
-from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.methods.score import starts
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.methods.score import confirmation
+from tsepm_ros.tools.evaluation.measures import StartSummary
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, simulate
+from tsepm_ros.tools.simulation import load_scenario
 
 
 @pytest.fixture
@@ -29,14 +28,14 @@ def test_a_run_has_the_value_and_leaves_the_rule_as_built(monkeypatch, short_box
     seen = []
 
     def seeing(*arguments):
-        seen.append(getattr(starts, choice))
+        seen.append(getattr(confirmation, choice))
         return simulate(*arguments)
 
     monkeypatch.setattr(start_choices, "simulate", seeing)
-    built = getattr(starts, choice)
+    built = getattr(confirmation, choice)
     run(Job(choice, 0.75, 20.0, [1, 0]))
     assert seen == [0.75]
-    assert getattr(starts, choice) == built
+    assert getattr(confirmation, choice) == built
 
 
 @pytest.mark.long
@@ -47,7 +46,7 @@ def test_a_run_has_the_value_and_leaves_the_rule_as_built(monkeypatch, short_box
 def test_a_value_takes_effect(monkeypatch, choice, value):
     box = replace(load_scenario("box", {}), scans=12, warm_up=4)
     monkeypatch.setattr(start_choices, "box", lambda: box)
-    built = float(getattr(starts, choice))
+    built = float(getattr(confirmation, choice))
     seeds = [[1, index] for index in range(3)]
     one, other = ([run(Job(choice, v, 300.0, seed)) for seed in seeds] for v in (built, value))
     assert one != other

@@ -7,7 +7,7 @@ import pytest
 import strength
 import strength_scenes as scenes
 
-from tsepm_ros.analysis.intervals import Estimate
+from tsepm_ros.tools.evaluation.intervals import Estimate
 
 
 def drawn(rng, share: float, wrong: float, runs: int = 4000) -> np.ndarray:

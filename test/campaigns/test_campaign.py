@@ -10,7 +10,7 @@ import pytest
 from support.builders import scan_at
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays
 
 campaign = pytest.importorskip("campaign", reason="only in the source tree")
 invariants = pytest.importorskip("invariants")

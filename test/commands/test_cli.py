@@ -10,10 +10,10 @@ import threading
 import pytest
 import yaml
 
-from tsepm_ros.commands.cli import COMMANDS, main
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.settings.rendering import as_page
-from tsepm_ros.settings.tables import NODES
+from tsepm_ros.settings.parameter_files import as_page
+from tsepm_ros.settings.settings import NODES
+from tsepm_ros.tools.commands.cli import COMMANDS, main
 
 
 def test_methods_are_listed_with_what_they_are(capsys):

@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from tsepm_ros.analysis.result_files import read_result
-from tsepm_ros.commands import evaluate_command
-from tsepm_ros.commands.cli import main
+from tsepm_ros.tools.commands import evaluate_command
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.evaluation.result_files import read_result
 
 
 def evaluated(tmp_path, *arguments):
@@ -52,7 +52,7 @@ def test_an_evaluation_draws_three_pictures_of_each_scene(tmp_path):
 
 
 def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "tsepm_ros.pictures.operating_curve_picture", None)
+    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.operating_curve_picture", None)
     evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
     assert "no pictures: they need matplotlib" in capsys.readouterr().out
     assert (tmp_path / "evaluation.csv").exists()

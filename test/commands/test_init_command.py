@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 import yaml
 
-from tsepm_ros.commands import init_command
-from tsepm_ros.commands.cli import main
-from tsepm_ros.commands.init_command import asked
-from tsepm_ros.design.sonar_questions import QUESTIONS, completed
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
+from tsepm_ros.tools.commands import init_command
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.commands.init_command import QUESTIONS, asked, completed
 
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
 

@@ -11,7 +11,7 @@ pytest.importorskip("rosbags")
 
 from support.bag_files import ODOMETRY, PARAMETERS, POINTS, Entry, cloud, odometry, write_bag
 
-from tsepm_ros.commands.cli import main
+from tsepm_ros.tools.commands.cli import main
 
 START, PERIOD, TARGET = 1000.0, 2.0, (900.0, -1.5, 300.0, 2.0)
 SOUND = 1500.0

@@ -13,9 +13,9 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from tsepm_ros.commands.cli import main
-from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.replay.track_listing import TrackListing
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.replay.track_files import TrackListing
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 
 class Terminal(io.StringIO):
@@ -134,7 +134,7 @@ def test_a_run_that_is_killed_leaves_no_half_file_and_the_next_cleans_up(scenari
     out = tmp_path / "out"
     script = (
         "import os, signal, sys\n"
-        "from tsepm_ros.commands.cli import main\n"
+        "from tsepm_ros.tools.commands.cli import main\n"
         "from tsepm_ros.session.session import Session\n"
         "before = Session.process\n"
         "def process(self, *args, **options):\n"
@@ -195,7 +195,7 @@ def test_a_full_disk_is_told_with_the_file(recording, tmp_path, unbuffered):
     """A limit on the size of files stands for the disk, as /dev/full does for an output."""
     script = (
         "import resource, signal, sys\n"
-        "from tsepm_ros.commands.cli import main\n"
+        "from tsepm_ros.tools.commands.cli import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0}))\n"
         "sys.exit(main(sys.argv[1:]))\n"
@@ -247,7 +247,7 @@ def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, 
 def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
     pytest.importorskip("rosbags")
     from msg_adapters import read_track_cloud, time_to_ns
-    from tsepm_ros.replay.bag import Bag
+    from tsepm_ros.tools.replay.bag import Bag
 
     assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
     with Bag(tmp_path / "out" / "tracks.mcap") as bag:

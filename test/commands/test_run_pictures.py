@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from tsepm_ros.commands.cli import main
+from tsepm_ros.tools.commands.cli import main
 
 
 @pytest.mark.long
@@ -15,7 +15,7 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
     pytest.importorskip("matplotlib")
     from PIL import Image
 
-    from tsepm_ros.pictures.plan_animation import FRAME_TIME, LAST_FRAME_TIME
+    from tsepm_ros.tools.pictures.plan_position import FRAME_TIME, LAST_FRAME_TIME
 
     picture, animation = tmp_path / "run.png", tmp_path / "run.gif"
     assert main(["run", scenario, "--picture", str(picture), "--animation", str(animation)]) == 0
@@ -40,14 +40,14 @@ def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
     pytest.importorskip("matplotlib")
     from PIL import Image
 
-    from tsepm_ros.kinematics.track import TrackArrays
-    from tsepm_ros.pictures.plan_animation import (
+    from tsepm_ros.tools.pictures.plan_position import (
         FRAME_TIME,
         LAST_FRAME_TIME,
         animate,
         shown_scans,
     )
-    from tsepm_ros.pictures.run_scene import RunScene, ScanView
+    from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
+    from tsepm_ros.tracker.tracks import TrackArrays
 
     assert list(shown_scans(8, 3)) == [1, 4, 7]
     assert list(shown_scans(8, 8)) == list(range(8))
@@ -75,7 +75,7 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
 def test_without_matplotlib_a_folder_has_no_picture_and_a_sentence(
     capsys, recording, tmp_path, monkeypatch
 ):
-    monkeypatch.setitem(sys.modules, "tsepm_ros.pictures.plan_animation", None)
+    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.plan_position", None)
     assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
     assert "no picture: it needs matplotlib" in capsys.readouterr().err
     assert (tmp_path / "out" / "tracks.csv").exists()
@@ -86,8 +86,8 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")
     bag_files = pytest.importorskip("support.bag_files")
     from msg_adapters.track_cloud import TRACK_DTYPE
-    from tsepm_ros.replay.bag import Bag, find_topics
-    from tsepm_ros.replay.offline import bag_truth
+    from tsepm_ros.tools.replay.bag import Bag, find_topics
+    from tsepm_ros.tools.replay.offline import bag_truth
 
     entries = bag_files.simulated()
     for stamp in (1000.0, 1010.0):

@@ -16,7 +16,7 @@ import urllib.request
 import pytest
 from support.patience import WAIT
 
-from tsepm_ros.commands.cli import main
+from tsepm_ros.tools.commands.cli import main
 
 
 @pytest.fixture
@@ -70,7 +70,15 @@ def test_the_page_says_what_was_dropped(capsys, recording, tmp_path):
 
 @pytest.mark.long
 def test_watch_serves_a_recording_until_interrupted(recording):
-    command = [sys.executable, "-m", "tsepm_ros.commands.cli", "watch", recording, "--port", "0"]
+    command = [
+        sys.executable,
+        "-m",
+        "tsepm_ros.tools.commands.cli",
+        "watch",
+        recording,
+        "--port",
+        "0",
+    ]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -118,13 +126,13 @@ def test_arguments_that_do_not_fit_are_refused(capsys, arguments, sentence):
 
 
 def test_without_the_server_s_library_the_remedy_is_said(capsys, recording, monkeypatch):
-    monkeypatch.delitem(sys.modules, "tsepm_ros.viewer.page_server", raising=False)
+    monkeypatch.delitem(sys.modules, "tsepm_ros.tools.viewer.page_server", raising=False)
     monkeypatch.setitem(sys.modules, "tornado.web", None)
     assert "pip install tornado" in refused(capsys, recording)
 
 
 def test_without_ros_live_topics_are_refused(capsys, monkeypatch):
-    monkeypatch.delitem(sys.modules, "tsepm_ros.nodes.track_viewer", raising=False)
+    monkeypatch.delitem(sys.modules, "tsepm_ros.tools.viewer.track_viewer", raising=False)
     monkeypatch.setitem(sys.modules, "rclpy.node", None)
     monkeypatch.setitem(sys.modules, "diagnostic_msgs.msg", None)
     assert "live topics need ROS 2" in refused(capsys)
@@ -133,10 +141,10 @@ def test_without_ros_live_topics_are_refused(capsys, monkeypatch):
 def test_no_module_of_ros_is_imported(recording):
     check = (
         "import sys\n"
-        "from tsepm_ros.commands.cli import main\n"
+        "from tsepm_ros.tools.commands.cli import main\n"
         f"code = main(['run', {recording!r}, '--html', {recording + '/page.html'!r}])\n"
         "assert code == 0\n"
-        "import tsepm_ros.viewer.page_server\n"
+        "import tsepm_ros.tools.viewer.page_server\n"
         "assert not [name for name in sys.modules if name.split('.')[0] == 'rclpy']\n"
     )
     subprocess.run([sys.executable, "-c", check], check=True, stdout=subprocess.DEVNULL)

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.design import design_report
-from tsepm_ros.design.design_case import Case
-from tsepm_ros.design.first_estimate import FirstEstimate
-from tsepm_ros.design.prediction import TargetStatistics
-from tsepm_ros.design.remedies import remedies
-from tsepm_ros.design.search import WINDOWS, Candidate, PingIncrements
+from tsepm_ros.tools.design import design_report
+from tsepm_ros.tools.design.design_case import Case
+from tsepm_ros.tools.design.design_report import remedies
+from tsepm_ros.tools.design.prediction import TargetStatistics
+from tsepm_ros.tools.design.search import WINDOWS, Candidate, FirstEstimate, PingIncrements
+from tsepm_ros.tools.evaluation.intervals import Estimate
 
 UNKNOWN = Estimate.unknown()
 

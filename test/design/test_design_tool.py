@@ -10,23 +10,27 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.measures import measures_of
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.study import study
-from tsepm_ros.commands.cli import main
-from tsepm_ros.design import search
-from tsepm_ros.design.design_case import Case
-from tsepm_ros.design.expected_counts import Gating, expected_counts
-from tsepm_ros.design.pass_shares import clutter_pass_share, target_pass_share
-from tsepm_ros.design.prediction import ONE_PROCESS, false_tracks_per_hour, target_statistics
-from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.progress import named_progress
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.simulation import Scenario
-from tsepm_ros.simulation.scenario import TargetArea
-from tsepm_ros.stages.pruning import clutter_threshold
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.design import search
+from tsepm_ros.tools.design.design_case import Case
+from tsepm_ros.tools.design.expected_counts import (
+    Gating,
+    clutter_pass_share,
+    expected_counts,
+    target_pass_share,
+)
+from tsepm_ros.tools.design.prediction import ONE_PROCESS, false_tracks_per_hour, target_statistics
+from tsepm_ros.tools.evaluation.measures import measures_of
+from tsepm_ros.tools.evaluation.performance import study
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tools.simulation.scenario import TargetArea
+from tsepm_ros.tools.terminal import named_progress
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.pruning import clutter_threshold
 
 SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)
 

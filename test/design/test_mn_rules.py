@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros.design.mn_rules import (
+from tsepm_ros.studies.reproduction import published as published
+from tsepm_ros.tools.design.expected_counts import (
     confirmed_by,
     false_start_probability,
-    gate_areas,
     rule_detection_probability,
+    unbounded_gate_areas,
 )
-from tsepm_ros.reproduction import published_tsepm_2018 as published
 
 TABLE_1 = {row.rule: (row.false_before, *row.detection) for row in published.TABLE_1}
 """P_F(1), and P_D at p_d = 1.0, 0.9 and 0.8."""
@@ -34,7 +34,9 @@ def test_p_d_is_that_of_the_published_table(rule):
 def test_false_starts_are_those_of_the_published_table(rule, margin, within):
     if rule == (5, 8):
         within = max(within, 1e-3)
-    computed = false_start_probability(*rule, 1e-6, gate_areas(10.0, 12.0, margin, rule[1]))
+    computed = false_start_probability(
+        *rule, 1e-6, unbounded_gate_areas(10.0, 12.0, margin, rule[1])
+    )
     assert computed == pytest.approx(TABLE_1[rule][0], abs=within)
 
 

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from tsepm_ros.design.sonar_questions import QUESTIONS, completed, expected, parameters
-from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
+from tsepm_ros.tools.commands.init_command import QUESTIONS, completed, expected, parameters
+from tsepm_ros.tracker.sensor import SensorModel
 
 BY_NAME = {question.name: question for question in QUESTIONS}
 

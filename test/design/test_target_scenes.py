@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.analysis.workers import Workers
-from tsepm_ros.design import target_scenes as scenes_module
-from tsepm_ros.design.design_case import Case
-from tsepm_ros.design.prediction import MIN_TARGETS, target_statistics
-from tsepm_ros.design.search import known_within
-from tsepm_ros.design.target_scenes import DETECTIONS_PER_TARGET, target_scenes
+from tsepm_ros.tools.design import design_case as scenes_module
+from tsepm_ros.tools.design.design_case import DETECTIONS_PER_TARGET, Case, target_scenes
+from tsepm_ros.tools.design.prediction import MIN_TARGETS, target_statistics
+from tsepm_ros.tools.design.search import known_within
+from tsepm_ros.tools.evaluation.workers import Workers
 
 CASE = Case(sensor=SensorModel())
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros.diagnostics.diagnostics_page import as_page
-from tsepm_ros.diagnostics.entries import ENTRIES
-from tsepm_ros.diagnostics.rules import RULES
+from tsepm_ros.diagnostics.health import ENTRIES
+from tsepm_ros.diagnostics.judgements import RULES
 from tsepm_ros.parameters import table
-from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
+from tsepm_ros.settings.node_options import DiagnosticsOptions
+from tsepm_ros.tools.diagnostics_page import as_page
 
 PAGE = (Path(__file__).parents[2] / "docs/diagnostics.md").read_text(encoding="utf-8")
 THRESHOLDS = {row.name for row in table(DiagnosticsOptions)}

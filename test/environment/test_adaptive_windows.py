@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, bounded_root, poisson_bound
-from tsepm_ros.environment.polar_grid import BlockSums, PolarGrid
-from tsepm_ros.environment.window_areas import CountedArea, CountedWindows, Windows, sides
+from tsepm_ros.tracker.clutter.polar_grid import BlockSums, PolarGrid
+from tsepm_ros.tracker.clutter.windows import (
+    MAX_DEVIATIONS,
+    CountedArea,
+    CountedWindows,
+    Windows,
+    bounded_root,
+    poisson_bound,
+    sides,
+)
 
 SECTOR = SensorModel(max_range=300.0, azimuth_min=-0.4, azimuth_max=0.6)
 ROUND = SensorModel(max_range=80.0, min_range=60.0)

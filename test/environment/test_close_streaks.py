@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsepm_ros.environment import close_streaks
-from tsepm_ros.environment.close_streaks import CloseStreaks
-from tsepm_ros.sensing.plots import PlotExtent
+from tsepm_ros.tracker import multi_detection
+from tsepm_ros.tracker.clustering import PlotExtent
+from tsepm_ros.tracker.multi_detection import CloseStreaks
 
 EXTENT = PlotExtent(4.0, 4.0)
 
@@ -54,7 +54,7 @@ def test_a_sensor_that_moves_takes_no_streak_along():
 def test_a_ping_of_very_many_detections_ends_every_streak():
     streaks = CloseStreaks(EXTENT)
     step(streaks, [100.0, 102.0], [0.0, 0.0])
-    many = close_streaks.MAX_DETECTIONS + 1
+    many = multi_detection.MAX_CLOSE_DETECTIONS + 1
     assert not any(step(streaks, np.full(many, 100.0), np.zeros(many)))
     assert step(streaks, [100.0, 102.0], [0.0, 0.0]) == [0, 0]
 
@@ -62,7 +62,7 @@ def test_a_ping_of_very_many_detections_ends_every_streak():
 def test_a_ping_of_very_many_pairs_ends_every_streak(monkeypatch):
     lengths = []
     for most in (2, 30):
-        monkeypatch.setattr(close_streaks, "MAX_PAIRS", most)
+        monkeypatch.setattr(multi_detection, "MAX_PAIRS", most)
         streaks = CloseStreaks(EXTENT)
         crowd = np.linspace(100.0, 101.0, 5)  # 10 pairs
         step(streaks, crowd, np.zeros(5))

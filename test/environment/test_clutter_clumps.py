@@ -12,15 +12,15 @@ from support.builders import AS_GIVEN, scan_at
 from support.lumpy_seas import LumpySea
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.environment.clutter_clumps import (
+from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.clutter.overdispersion import (
     MAX_VARIANCE,
     RECENT,
     ClutterClumps,
     PredictiveDensity,
 )
-from tsepm_ros.environment.clutter_map import ClutterMap
-from tsepm_ros.environment.polar_grid import Cells
-from tsepm_ros.numerics.limits import TimeLimit
+from tsepm_ros.tracker.clutter.polar_grid import Cells
 
 SONAR = SensorModel()
 

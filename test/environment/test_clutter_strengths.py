@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.environment.clutter_map import ClutterMap
-from tsepm_ros.environment.clutter_strengths import ClutterStrengths, Judged
-from tsepm_ros.environment.polar_grid import Cells
-from tsepm_ros.environment.strength_levels import RINGS
-from tsepm_ros.environment.strength_texture import LAGS
-from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.strengths import ClutterStrength
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import ClutterStrength
+from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterStrengths, Judged
+from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.clutter.polar_grid import Cells
 
 BOX = load_scenario("box")
 MAP = ClutterMap(BOX.sensor)

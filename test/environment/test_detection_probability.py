@@ -10,10 +10,10 @@ import pytest
 from support.builders import reconfigured
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.environment.detection_probability import DATA_SHEET_SCANS, DetectionProbability
-from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.methods.score.fading import FADED_FACTOR
-from tsepm_ros.methods.score.score_method import Score
+from tsepm_ros.methods.score.score import Score
+from tsepm_ros.tracker.clutter.learned import DATA_SHEET_SCANS, DetectionProbability
+from tsepm_ros.tracker.tracker import Initiator
 
 SENSOR = SensorModel(clutter_density=3e-7)
 TARGETS = np.array(

@@ -15,12 +15,16 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from plots_scenes import Swimmers, box
 
 from tsepm_ros import SensorModel
-from tsepm_ros.environment.detection_spacing import INSIDE, DetectionSpacing
-from tsepm_ros.environment.echo_scatter import EchoScatter
-from tsepm_ros.environment.seen_extent import Extent, SeenExtent
-from tsepm_ros.environment.strip_counts import PRIOR, StripCounts
-from tsepm_ros.sensing.plots import PlotExtent, grouped
-from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.tracker.clustering import PlotExtent, grouped
+from tsepm_ros.tracker.clutter.seen_extent import Extent, SeenExtent
+from tsepm_ros.tracker.multi_detection import (
+    INSIDE,
+    STRIP_PRIOR,
+    DetectionSpacing,
+    EchoScatter,
+    StripCounts,
+)
+from tsepm_ros.tracker.scan import Scan
 
 LIMIT = math.log(1e6)
 
@@ -218,5 +222,5 @@ def test_detections_in_strips_are_those_of_a_loop():
                     if not near[1 - axis, fall, extent]:
                         found[axis, of, extent] += near[axis, fall, extent]
                         expected[axis, of, extent] += shares[axis, fall, extent]
-    factor = np.maximum((found + PRIOR) / (expected + PRIOR), 1.0)
+    factor = np.maximum((found + STRIP_PRIOR) / (expected + STRIP_PRIOR), 1.0)
     np.testing.assert_allclose(counts.concentration, factor[0] * factor[1], rtol=1e-12)

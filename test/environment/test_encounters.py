@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from tsepm_ros.environment.encounters import closest_approach, distance_at, meeting
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tracker.maintenance.features import closest_approach, distance_at, meeting
 
 
 def published(axis: str) -> tuple[np.ndarray, np.ndarray]:

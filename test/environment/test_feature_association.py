@@ -10,14 +10,14 @@ import pytest
 from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.environment.clutter_map import ClutterMap
-from tsepm_ros.environment.feature_association import MEMORY, Environment, Surroundings
-from tsepm_ros.environment.polar_grid import Cells
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.sensing.plot_features import Histories
-from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.scenario import Scenario
-from tsepm_ros.stages.association import Pairs
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import Scenario
+from tsepm_ros.tracker.association import Pairs
+from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.clutter.polar_grid import Cells
+from tsepm_ros.tracker.maintenance.features import MEMORY, Environment, Surroundings
+from tsepm_ros.tracker.measurement import Histories
+from tsepm_ros.tracker.tracks import TrackArrays
 
 BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])
 

@@ -9,9 +9,9 @@ import pytest
 from support.builders import assert_same_tracks
 
 from tsepm_ros import LandMask, Scan, SensorModel, make_initiator
-from tsepm_ros.environment import land as module
-from tsepm_ros.environment.land import afloat
 from tsepm_ros.methods.registry import available_methods
+from tsepm_ros.tracker.clutter import land as module
+from tsepm_ros.tracker.clutter.land import afloat
 
 SENSOR = SensorModel(range_std=5.0, range_std_fraction=0.0, max_range=2000.0)
 

@@ -13,8 +13,8 @@ from support import learned_texts
 from support.score_scenes import score, sea
 
 from tsepm_ros import SensorModel
-from tsepm_ros.environment.learned_memory import HALF_LIFE, read, written
-from tsepm_ros.environment.seen_extent import MAX_DETECTIONS, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.learned import HALF_LIFE, read, written
+from tsepm_ros.tracker.clutter.seen_extent import MAX_DETECTIONS, Extent, SeenExtent
 
 DAY = 86_400.0
 SENSOR = SensorModel(clutter_density=1e-8)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.environment.measurement_errors import FittedErrors, MeasurementErrors
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors, MeasurementErrors
+from tsepm_ros.tracker.measurement import convert
 
 
 def fitted(

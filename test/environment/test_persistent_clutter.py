@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.environment import persistent_clutter
-from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, poisson_bound
-from tsepm_ros.environment.persistent_clutter import (
+from tsepm_ros.tracker.clutter import persistent_clutter
+from tsepm_ros.tracker.clutter.persistent_clutter import (
     DIRECTIONS,
     LEAST_SIDE,
     LEAST_TIME,
@@ -22,7 +21,8 @@ from tsepm_ros.environment.persistent_clutter import (
     SIDE,
     PersistentClutter,
 )
-from tsepm_ros.sensing.coverage import View
+from tsepm_ros.tracker.clutter.windows import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.sensor import View
 
 SECTOR = SensorModel(
     range_std=1.0,

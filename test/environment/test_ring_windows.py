@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.environment.adaptive_windows import MAX_DEVIATIONS, poisson_bound
-from tsepm_ros.environment.polar_grid import INNER_RINGS, PolarGrid
-from tsepm_ros.environment.ring_windows import ARCS, LEAST_RISE, raise_rings
-from tsepm_ros.environment.window_areas import CountedArea, CountedWindows, Windows
+from tsepm_ros.tracker.clutter.polar_grid import INNER_RINGS, PolarGrid
+from tsepm_ros.tracker.clutter.windows import (
+    ARCS,
+    LEAST_RISE,
+    MAX_DEVIATIONS,
+    CountedArea,
+    CountedWindows,
+    Windows,
+    poisson_bound,
+    raise_rings,
+)
 
 SECTOR = SensorModel(max_range=300.0, azimuth_min=-0.4, azimuth_max=0.6)
 ROUND = SensorModel(max_range=80.0, min_range=60.0)

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.environment.clutter_map import ClutterMap
-from tsepm_ros.environment.secondary_echoes import (
-    HALF_WIDTHS,
-    HeldTargets,
-    SecondaryEchoes,
-)
+from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.clutter.secondary_echoes import HALF_WIDTHS, HeldTargets, SecondaryEchoes
 
 SONAR = SensorModel(max_range=9000.0)
 RADAR = SensorModel(

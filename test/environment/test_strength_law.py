@@ -9,9 +9,9 @@ import pytest
 from scipy import integrate, stats
 from support.strength_laws import QUANTILES
 
-from tsepm_ros.environment import target_strength
-from tsepm_ros.environment.clutter_strengths import TAIL_SAMPLES
-from tsepm_ros.environment.strength_law import CURVATURES, MIN_REFERENCES, REACH, StrengthLaw
+from tsepm_ros.tracker.clutter import target_strength
+from tsepm_ros.tracker.clutter.amplitude import TAIL_SAMPLES
+from tsepm_ros.tracker.clutter.amplitude_law import CURVATURES, MIN_REFERENCES, REACH, StrengthLaw
 
 
 def law_of(values, weights=None) -> StrengthLaw:

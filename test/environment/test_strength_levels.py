@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.environment import strength_levels
-from tsepm_ros.environment.strength_levels import RINGS, PlaceLevels, level_by_range, ping_level
+from tsepm_ros.tracker.clutter import amplitude
+from tsepm_ros.tracker.clutter.amplitude import RINGS, PlaceLevels, level_by_range, ping_level
 
 GAIN = math.log(100.0)
 
@@ -150,7 +150,7 @@ def test_units_that_fade_change_nothing(monkeypatch, shape):
     """With an update a unit, and with a unit for all."""
     found = []
     for least in (0.99, 0.0):
-        monkeypatch.setattr(strength_levels, "LEAST_UNIT", least)
+        monkeypatch.setattr(amplitude, "LEAST_UNIT", least)
         rng, places = np.random.default_rng(4), PlaceLevels(shape, True)
         for _ in range(120):
             ring = rng.integers(shape[0] * RINGS, size=30)

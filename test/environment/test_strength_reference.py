@@ -7,12 +7,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from tsepm_ros.environment.strength_reference import (
-    MAX_PER_PING,
-    MAX_PINGS,
-    REFERENCE,
-    References,
-)
+from tsepm_ros.tracker.clutter.amplitude_law import MAX_PER_PING, MAX_PINGS, REFERENCE, References
 
 
 def rows_of(raw: np.ndarray) -> np.ndarray:

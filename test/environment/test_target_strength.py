@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from tsepm_ros.environment.target_strength import (
+from tsepm_ros.tracker.clutter.target_strength import (
     FIGURES_DB,
     LAW_KNOWN,
     PathRatio,

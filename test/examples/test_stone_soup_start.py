@@ -10,7 +10,7 @@ import pytest
 from support.handover_page import run_page
 
 from msg_adapters import TRACK_DTYPE
-from tsepm_ros.kinematics import kalman
+from tsepm_ros.tracker import motion
 
 DATATYPES = {"<f4": 7, "<f8": 8, "<u2": 4, "<u4": 6}
 """Of sensor_msgs/PointField."""
@@ -63,7 +63,7 @@ def test_stone_soup_starts_and_predicts_as_a_filter_here_does():
     np.testing.assert_array_equal(start.state_vector.ravel(), STATE)
     np.testing.assert_array_equal(start.covar, COVARIANCE)
     later = page["predictor"].predict(start, timestamp=start.timestamp + timedelta(seconds=12))
-    state, covariance = kalman.predict(STATE[None], COVARIANCE[None], 12.0, 0.01)
+    state, covariance = motion.predict(STATE[None], COVARIANCE[None], 12.0, 0.01)
     np.testing.assert_allclose(later.state_vector.ravel().astype(float), state[0], rtol=1e-12)
     np.testing.assert_allclose(later.covar.astype(float), covariance[0], rtol=1e-9)
 

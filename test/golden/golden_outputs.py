@@ -21,16 +21,16 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.arcs import Arc
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import Scenario, Simulator
-from tsepm_ros.simulation.scenario_files import load_scenario
-from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
+from tsepm_ros.tools.simulation import Scenario, Simulator
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
+from tsepm_ros.tools.simulation.scenario_files import load_scenario
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.scan import Arc
 
 FOLDER = Path(__file__).parent
 TOLERANCE = 1e-9

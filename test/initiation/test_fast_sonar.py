@@ -13,10 +13,9 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from plots_scenes import Pool
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.environment.detection_spacing import DetectionSpacing
-from tsepm_ros.initiation import looks
-from tsepm_ros.initiation.looks import Looks
-from tsepm_ros.initiation.plot_extraction import LOOK_STREAK
+from tsepm_ros.tracker import plot_extraction
+from tsepm_ros.tracker.multi_detection import DetectionSpacing
+from tsepm_ros.tracker.plot_extraction import LOOK_STREAK, Looks
 
 SENSOR = SensorModel(max_range=100.0, range_std=0.2, range_std_fraction=0.0, azimuth_std=0.01)
 SPEED = 3.0
@@ -54,10 +53,10 @@ def test_looks_are_their_interval_apart_and_never_in_step_with_the_pings(rate):
             taken = taken.after(stamp)
             stamps.append(stamp)
     apart = np.diff(stamps)
-    assert apart.min() >= 0.5 * looks.INTERVAL - 1e-9
-    assert apart.max() <= 1.5 * looks.INTERVAL + 1.0 / rate
+    assert apart.min() >= 0.5 * plot_extraction.LOOK_INTERVAL - 1e-9
+    assert apart.max() <= 1.5 * plot_extraction.LOOK_INTERVAL + 1.0 / rate
     # A look waits for the next ping, half the time between pings on average.
-    assert apart.mean() == pytest.approx(looks.INTERVAL + 0.5 / rate, rel=0.05)
+    assert apart.mean() == pytest.approx(plot_extraction.LOOK_INTERVAL + 0.5 / rate, rel=0.05)
     assert len(np.unique(apart.round(6))) > 1
 
 
@@ -72,8 +71,10 @@ def test_of_a_fast_sonar_few_pings_are_and_the_reach_is_that_of_the_time_between
     initiator = initiator_of()
     for number in range(101):
         initiator.process(ping(number, 20.0))
-    assert len(reaches) == pytest.approx(5.0 / (looks.INTERVAL + 0.025), abs=3)
-    assert sum(reaches) == pytest.approx(SPEED * 5.0, abs=SPEED * 1.5 * looks.INTERVAL)
+    assert len(reaches) == pytest.approx(5.0 / (plot_extraction.LOOK_INTERVAL + 0.025), abs=3)
+    assert sum(reaches) == pytest.approx(
+        SPEED * 5.0, abs=SPEED * 1.5 * plot_extraction.LOOK_INTERVAL
+    )
 
 
 @pytest.mark.long
@@ -90,7 +91,9 @@ def test_every_ping_is_while_detections_stay_close_and_few_once_plots_are_made(r
     second = int(np.searchsorted(looked, LOOK_STREAK))
     assert taken[second : on + 1].all()
     after = 0.05 * (len(seen) - 1 - on)
-    assert taken[on + 1 :].sum() == pytest.approx(after / (looks.INTERVAL + 0.025), abs=3)
+    assert taken[on + 1 :].sum() == pytest.approx(
+        after / (plot_extraction.LOOK_INTERVAL + 0.025), abs=3
+    )
 
 
 def test_every_part_of_a_turn_is(reaches):
@@ -114,7 +117,7 @@ def test_a_likely_look_is_followed_by_a_look_at_the_next_ping(reaches, monkeypat
     apart = np.array(reaches[1:]) / SPEED
     # Looks 2, 4, ... are likely: the ones after them follow at once.
     np.testing.assert_allclose(apart[1::2], 0.05)
-    assert apart[0::2].min() > 0.5 * looks.INTERVAL - 1e-9
+    assert apart[0::2].min() > 0.5 * plot_extraction.LOOK_INTERVAL - 1e-9
 
 
 def test_the_ratio_of_the_last_ping_is_that_of_its_largest_box():

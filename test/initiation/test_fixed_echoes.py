@@ -11,7 +11,7 @@ from fixed_echoes_scenes import Scene, reflectors, swimmer
 from support.builders import assert_same_tracks, reconfigured, scan_at
 
 from tsepm_ros import SensorModel, available_methods, make_initiator
-from tsepm_ros.initiation.common_options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions
 
 REFLECTORS = Scene(detection_probability=0.8, pings=40)
 

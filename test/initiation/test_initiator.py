@@ -15,10 +15,10 @@ from support.scenes import random_scene
 
 import tsepm_ros
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracks import TrackArrays
 
 HERE = (3000.0, 0.0)
 
@@ -365,7 +365,8 @@ def test_importing_the_package_imports_no_ros_and_no_matplotlib():
     code = """
 import importlib, pkgutil, sys
 import tsepm_ros
-without = ("tsepm_ros.demo", "tsepm_ros.nodes", "tsepm_ros.pictures")
+of_tools = ("demo", "players", "pictures", "viewer.track_viewer")
+without = ("tsepm_ros.nodes", *(f"tsepm_ros.tools.{name}" for name in of_tools))
 names = [
     info.name
     for info in pkgutil.walk_packages(tsepm_ros.__path__, "tsepm_ros.", onerror=print)

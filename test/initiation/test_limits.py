@@ -13,14 +13,12 @@ from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.initiation.path_counts import PathCounts
-from tsepm_ros.maintenance.holding_limit import best, room
-from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.numerics.limits import TimeLimit, keep_best
-from tsepm_ros.stages.paths import Paths
+from tsepm_ros.methods.tsepm import PathCounts, Tsepm, TsepmOptions
+from tsepm_ros.numerics.arrays import TimeLimit, keep_best
+from tsepm_ros.tracker.maintenance.ipda import best_held, room_for
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.path_fit import Paths
+from tsepm_ros.tracker.tracker import Initiator
 
 
 @pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
@@ -271,15 +269,15 @@ def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
 
 
 def test_the_room_for_new_tracks_falls_with_those_held_and_is_endless_without_a_limit():
-    assert room(TimeLimit(), 10**6) > 10**9
-    few, many = room(TimeLimit(1.0), 0), room(TimeLimit(1.0), 5000)
+    assert room_for(TimeLimit(), 10**6) > 10**9
+    few, many = room_for(TimeLimit(1.0), 0), room_for(TimeLimit(1.0), 5000)
     assert few > many == few - 5000
-    assert room(TimeLimit(1.0), 10**6) == 10
+    assert room_for(TimeLimit(1.0), 10**6) == 10
 
 
 def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
     existence = np.array([0.5, 0.9, 0.9, 0.9])
-    assert best(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
+    assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
 
 
 class Uncut(Tsepm):

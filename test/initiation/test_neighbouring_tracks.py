@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiation import plot_extraction
-from tsepm_ros.initiation.plot_extraction import BESIDE, DEVIATIONS, of_neighbours
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.maintenance.stationary import StraightFits
-from tsepm_ros.sensing.plots import placed
+from tsepm_ros.tracker import plot_extraction
+from tsepm_ros.tracker.clustering import placed
+from tsepm_ros.tracker.maintenance.stationary import StraightFits
+from tsepm_ros.tracker.plot_extraction import BESIDE, DEVIATIONS, of_neighbours
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 SENSOR = SensorModel(max_range=300.0, range_std=0.3, range_std_fraction=0.0, azimuth_std=0.001)
 

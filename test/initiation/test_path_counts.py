@@ -7,9 +7,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from tsepm_ros.initiation import path_counts
-from tsepm_ros.initiation.path_counts import MAX_COUNT, PathCounts
-from tsepm_ros.stages.splitting import Gated
+from tsepm_ros.methods import tsepm
+from tsepm_ros.methods.tsepm import MAX_COUNT, PathCounts
+from tsepm_ros.tracker.splitting import Gated
 
 Path = tuple[int, int, int]
 
@@ -64,7 +64,7 @@ def test_joined_and_without_add_and_take_away():
 @pytest.mark.parametrize("block", [1, 3, 32])
 @pytest.mark.parametrize("number", [0, 1, 300])
 def test_children_are_those_of_every_single_path(monkeypatch, number, block):
-    monkeypatch.setattr(path_counts, "BLOCK", block)
+    monkeypatch.setattr(tsepm, "BLOCK", block)
     rng = np.random.default_rng(number)
     sizes = rng.integers(0, 6, 10)
     rows = [np.sort(rng.choice(20, size, replace=False)) for size in sizes]

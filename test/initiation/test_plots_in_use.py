@@ -18,9 +18,9 @@ from plots_scenes import Pool, Swimmers, box
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing import plots
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker import clustering
 
 MANY = [
     pytest.param(spread, common, id=f"{spread:g}m-{'common' if common else 'independent'}")
@@ -269,8 +269,10 @@ def test_neighbouring_rays_are_one_plot_at_once():
 
 def test_the_detections_of_a_scan_are_grouped_once(monkeypatch):
     calls: list[int] = []
-    grouped = plots.grouped
-    monkeypatch.setattr(plots, "grouped", lambda *arguments: calls.append(1) or grouped(*arguments))
+    grouped = clustering.grouped
+    monkeypatch.setattr(
+        clustering, "grouped", lambda *arguments: calls.append(1) or grouped(*arguments)
+    )
     scene = Swimmers(pings=14)
     initiator = initiator_of(scene)
     for index, ping in enumerate(scene.draw(1)):

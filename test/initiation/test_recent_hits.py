@@ -7,8 +7,8 @@ from scipy.stats import chi2
 from support.builders import detections
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.initiation.recent_hits import RecentHits
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.tracker.learning import RecentHits
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 def scans(away: float, number: int = 5) -> RecentHits:

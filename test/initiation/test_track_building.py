@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from support.builders import detections
 
-from tsepm_ros.initiation.track_building import tracks_from_hits
-from tsepm_ros.sensing.detection_window import DetectionWindow
-from tsepm_ros.stages.paths import NO_HIT
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.path_fit import NO_HIT
+from tsepm_ros.tracker.tracks import tracks_from_hits
 
 
 def filled_window() -> DetectionWindow:

@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.kinematics import interacting_models as motion_module
-from tsepm_ros.kinematics.interacting_models import (
+from tsepm_ros.tracker import motion as motion_module
+from tsepm_ros.tracker.motion import (
     GOES_ON,
     PROCESS_NOISE,
     SCANS_TO_TURN,
     TURN_TIME,
     InteractingModels,
+    predict,
 )
-from tsepm_ros.kinematics.kalman import predict
 
 MAX_SPEED = 15.0
 STATE = np.array([[100.0, 5.0, -200.0, 3.0], [0.0, -8.0, 900.0, 0.0]])

@@ -7,10 +7,10 @@ import pytest
 from support.builders import detections
 
 from tsepm_ros import SensorModel
-from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.sensing.conversion import covariance_at
-from tsepm_ros.sensing.scan import MAX_MAGNITUDE
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.measurement import covariance_at
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 
 SENSOR = SensorModel()
 
@@ -29,7 +29,7 @@ def transition(step: float) -> np.ndarray:
 @pytest.mark.parametrize("step", [0.0, 12.0, -12.0])
 def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
     state, covariance = states(1)
-    found, spread = kalman.predict(state, covariance, step, noise)
+    found, spread = motion.predict(state, covariance, step, noise)
     # Backward as well, uncertainty grows with the time between; only its correlation turns over.
     time = abs(step)
     block = noise * np.array([[time**3 / 3, step * time / 2], [step * time / 2, time]])
@@ -42,9 +42,9 @@ def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
 
 def test_each_state_has_a_step_of_its_own():
     state, covariance = states(2, 3)
-    together = kalman.predict(state, covariance, np.array([1.0, -5.0, 9.0]), 0.1)
+    together = motion.predict(state, covariance, np.array([1.0, -5.0, 9.0]), 0.1)
     for row, step in enumerate([1.0, -5.0, 9.0]):
-        alone = kalman.predict(state[row : row + 1], covariance[row : row + 1], step, 0.1)
+        alone = motion.predict(state[row : row + 1], covariance[row : row + 1], step, 0.1)
         np.testing.assert_allclose(together[0][row], alone[0][0])
         np.testing.assert_allclose(together[1][row], alone[1][0])
 
@@ -52,7 +52,7 @@ def test_each_state_has_a_step_of_its_own():
 def test_prediction_changes_nothing_in_place():
     state, covariance = states(3)
     before = state.copy(), covariance.copy()
-    kalman.predict(state, covariance, 5.0, 0.1)
+    motion.predict(state, covariance, 5.0, 0.1)
     np.testing.assert_array_equal(state, before[0])
     np.testing.assert_array_equal(covariance, before[1])
 
@@ -63,9 +63,9 @@ def test_the_update_is_kalman_s_with_the_echo_at_its_own_time():
     lag = rng.uniform(0.0, 6.0, len(state))
     measured = state[:, 0::2] + rng.standard_normal((len(state), 2))
     error = np.array([[2.0, 0.5], [0.5, 1.0]])
-    spread = kalman.position_covariance_after(covariance, lag) + error
+    spread = motion.position_covariance_after(covariance, lag) + error
     innovation = measured - state[:, 0::2] - lag[:, None] * state[:, 1::2]
-    found, updated = kalman.update(state, covariance, lag, innovation, spread)
+    found, updated = motion.update(state, covariance, lag, innovation, spread)
     for row in range(len(state)):
         H = np.array([[1.0, lag[row], 0.0, 0.0], [0.0, 0.0, 1.0, lag[row]]])
         P = covariance[row]
@@ -90,8 +90,8 @@ def test_the_update_with_the_largest_range_error_is_a_covariance():
     normal = sight[:, ::-1] * [-1.0, 1.0]
     error = MAX_MAGNITUDE["range_std"] ** 2 * sight[:, :, None] * sight[:, None]
     error += across[:, None, None] ** 2 * normal[:, :, None] * normal[:, None]
-    spread = kalman.position_covariance_after(covariance, np.zeros(500)) + error
-    _, updated = kalman.update(
+    spread = motion.position_covariance_after(covariance, np.zeros(500)) + error
+    _, updated = motion.update(
         np.zeros((500, 4)), covariance, np.zeros(500), np.zeros((500, 2)), spread
     )
     eigenvalues = np.linalg.eigvalsh(0.5 * (updated + np.swapaxes(updated, 1, 2)))
@@ -109,7 +109,7 @@ def test_innovations_are_against_the_position_at_the_detections_time():
     found = detections([[1020.0, 1990.0]], [2.0])
     found["azimuth_std"] = SENSOR.azimuth_std
     covariance = np.diag([100.0, 4.0, 100.0, 4.0])[None]
-    innovation, spread = kalman.innovations(state, covariance, np.array([2.0]), found, SENSOR)
+    innovation, spread = motion.innovations(state, covariance, np.array([2.0]), found, SENSOR)
     np.testing.assert_allclose(innovation, [[10.0, -4.0]])
     error = covariance_at(found, np.array([[1010.0, 1994.0]]), SENSOR)
     np.testing.assert_allclose(spread, error + (100.0 + 4.0 * 4.0) * np.eye(2))

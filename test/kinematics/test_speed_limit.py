@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.kinematics.speed_limit import MAX_OUTSIDE, in_disc, limited, log_probability, slowed
+from tsepm_ros.tracker.motion import MAX_OUTSIDE, in_disc, limited, log_speed_probability, slowed
 
 V_MAX = 10.0
 
@@ -64,7 +64,7 @@ def test_probability_and_moments_are_those_of_the_sums(seed):
 
 def test_of_the_velocity_prior_all_but_exp_minus_2_is_inside():
     state, covariance = with_velocity(1, np.zeros(2), np.eye(2) * V_MAX**2 / 4.0)
-    found = log_probability(state, covariance, V_MAX)
+    found = log_speed_probability(state, covariance, V_MAX)
     np.testing.assert_allclose(found, math.log(1.0 - math.exp(-2.0)), rtol=1e-9)
 
 
@@ -72,7 +72,7 @@ def test_a_state_with_little_outside_stays_to_the_bit():
     # Far from the edge, and with a little less than MAX_OUTSIDE beyond it, in one dimension.
     for speed, sigma in ((3.0, 1.0), (8.9, 1.5)):
         state, covariance = with_velocity(2, [speed, 0.0], np.diag([sigma, 0.01]) ** 2)
-        assert 1.0 - math.exp(log_probability(state, covariance, V_MAX)[0]) < MAX_OUTSIDE
+        assert 1.0 - math.exp(log_speed_probability(state, covariance, V_MAX)[0]) < MAX_OUTSIDE
         found = limited(state, covariance, V_MAX)
         assert found[0].tobytes() == state.tobytes()
         assert found[1].tobytes() == covariance.tobytes()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.kinematics.track import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 def track(track_id: int = 3, stamp: float = 100.0) -> ConfirmedTrack:

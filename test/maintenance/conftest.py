@@ -6,13 +6,13 @@ import math
 
 import pytest
 
-from tsepm_ros.kinematics import interacting_models
-from tsepm_ros.maintenance import ipda
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.maintenance import ipda
 
 
 @pytest.fixture
 def straight(monkeypatch):
     """Targets neither turn nor fade nor vanish: what is left has closed forms."""
-    monkeypatch.setattr(interacting_models, "SCANS_TO_TURN", math.inf)
+    monkeypatch.setattr(motion, "SCANS_TO_TURN", math.inf)
     monkeypatch.setattr(ipda, "SCANS_TO_FADE", math.inf)
     monkeypatch.setattr(ipda, "SCANS_TO_VANISH", math.inf)

@@ -9,14 +9,14 @@ import pytest
 from support.builders import detections
 from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
-from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
-from tsepm_ros.maintenance.downstream_tracker import Tracker
-from tsepm_ros.maintenance.track_maintenance import (
+from tsepm_ros.tracker.maintenance.duplicates import SAME_SCANS
+from tsepm_ros.tracker.maintenance.external_tracker import Tracker
+from tsepm_ros.tracker.maintenance.track_maintenance import (
     MIN_EXISTENCE,
     TRACKED_EXISTENCE,
     TrackMaintenance,
 )
-from tsepm_ros.maintenance.track_merging import SAME_SCANS
+from tsepm_ros.tracker.motion import PROCESS_NOISE
 
 
 def follow_tracker(hold: TrackMaintenance, stamp: float, *listed: int) -> None:

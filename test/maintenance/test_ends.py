@@ -11,14 +11,14 @@ from scipy.stats import multivariate_normal
 from support.builders import detections
 from support.held import P_D, holding, ids, published, step, tracks
 
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance import track_maintenance
-from tsepm_ros.maintenance.held_tracks import HeldTracks, Status
-from tsepm_ros.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_VANISH
-from tsepm_ros.maintenance.publication import stands_still, statuses
-from tsepm_ros.maintenance.stationary import SpeedPrior, StraightFits
-from tsepm_ros.maintenance.track_maintenance import ENDS, TrackMaintenance
-from tsepm_ros.sensing.plots import PlotExtent
+from tsepm_ros.tracker.clustering import PlotExtent
+from tsepm_ros.tracker.maintenance import track_maintenance
+from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks, Status
+from tsepm_ros.tracker.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_VANISH
+from tsepm_ros.tracker.maintenance.publication import stands_still, statuses
+from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, StraightFits
+from tsepm_ros.tracker.maintenance.track_maintenance import ENDS, TrackMaintenance
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 def missed() -> TrackMaintenance:

@@ -10,9 +10,9 @@ from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import CLUTTER, P_D, holding, step, tracks
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.maintenance.gated_detections import gate
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.sensing.conversion import convert, covariance_at
+from tsepm_ros.tracker.maintenance.gated_detections import gate
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.measurement import convert, covariance_at
 
 
 @pytest.mark.parametrize(("sigmas", "inside"), [(3.03, True), (3.04, False)])

@@ -7,8 +7,8 @@ from dataclasses import fields, replace
 import numpy as np
 from support.held import MAX_SPEED, tracks
 
-from tsepm_ros.maintenance.downstream_tracker import LISTED
-from tsepm_ros.maintenance.held_tracks import HeldTracks, Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks, Status
+from tsepm_ros.tracker.maintenance.external_tracker import LISTED
 
 PLAIN = (
     *("existence", "visible", "covered_scans", "last_detected", "unlisted_since"),

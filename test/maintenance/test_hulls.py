@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
-from tsepm_ros.maintenance import hulls as module
-from tsepm_ros.maintenance.hulls import (
+from tsepm_ros.tracker.clustering import PlotExtent
+from tsepm_ros.tracker.maintenance import shape as module
+from tsepm_ros.tracker.maintenance.shape import (
     GATE,
     PLACE,
     START_STD,
@@ -20,8 +20,8 @@ from tsepm_ros.maintenance.hulls import (
     beside_earlier,
     in_two_places,
 )
-from tsepm_ros.sensing.plots import PlotExtent
-from tsepm_ros.sensing.scan import Scan
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 CLUTTER = 2e-4
 LONGEST_PLOT = 16.0

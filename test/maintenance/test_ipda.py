@@ -12,13 +12,13 @@ from support.builders import detections
 from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.kinematics import interacting_models
-from tsepm_ros.maintenance import ipda
-from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
-from tsepm_ros.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_FADE, SCANS_TO_VANISH
-from tsepm_ros.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
-from tsepm_ros.maintenance.track_merging import SAME_SCANS
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.maintenance import ipda
+from tsepm_ros.tracker.maintenance.duplicates import SAME_SCANS
+from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY
+from tsepm_ros.tracker.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_FADE, SCANS_TO_VANISH
+from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
+from tsepm_ros.tracker.measurement import convert
 
 
 @pytest.mark.parametrize("existence", [0.5, 0.9])
@@ -38,7 +38,7 @@ def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
 @pytest.mark.parametrize("interval", [0.1, 12.0])
 def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monkeypatch, interval):
     # A target is seen, faded or gone: a hidden Markov chain, followed in plain matrices.
-    monkeypatch.setattr(interacting_models, "SCANS_TO_TURN", math.inf)
+    monkeypatch.setattr(motion, "SCANS_TO_TURN", math.inf)
     fade, appear, vanish = 1.0 / SCANS_TO_FADE, 1.0 / SCANS_OF_FADING, 1.0 / SCANS_TO_VANISH
     fading = np.array([[1.0 - fade, fade, 0.0], [appear, 1.0 - appear, 0.0], [0.0, 0.0, 1.0]])
     leaving = np.array([[1.0 - vanish, 0.0, vanish], [0.0, 1.0 - vanish, vanish], [0.0, 0.0, 1.0]])

@@ -15,13 +15,13 @@ from support.plain_held_tracks import Coverage, PlainMaintenance, Rule
 from support.plain_tsepm import Parameters
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
-from tsepm_ros.environment.detection_probability import DetectionProbability
-from tsepm_ros.kinematics import speed_limit
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance.gated_detections import GATE_PROBABILITY
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.sensing.coverage import PosesByRange
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.clutter.learned import DetectionProbability
+from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.sensor import PosesByRange
+from tsepm_ros.tracker.tracks import TrackArrays
 
 SCENES = 120
 BATCH = 10
@@ -39,8 +39,8 @@ MOTION = np.array([3.0, -2.0, 0.002])
 def exact_speed_limit(monkeypatch):
     """Integrals over narrow densities at v_max are as exact as the plain ones, not to 1e-7 only."""
     nodes, weights = np.polynomial.legendre.leggauss(80)
-    monkeypatch.setattr(speed_limit, "NODES", nodes)
-    monkeypatch.setattr(speed_limit, "WEIGHTS", weights)
+    monkeypatch.setattr(motion, "NODES", nodes)
+    monkeypatch.setattr(motion, "WEIGHTS", weights)
 
 
 @dataclass

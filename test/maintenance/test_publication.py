@@ -7,9 +7,9 @@ import pytest
 from support.builders import detections
 from support.held import P_D, published, step, tracks
 
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance.stationary import SpeedPrior
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.tracks import TrackArrays
 
 SLOW = SpeedPrior(8.0, 10.0)
 """Under this prior the tracks of `support.held`, at 5 m/s, count as standing still."""

@@ -9,9 +9,9 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import CLUTTER, P_D, step, tracks
 
-from tsepm_ros.maintenance import stationary
-from tsepm_ros.maintenance.stationary import SpeedPrior, StraightFits
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.maintenance import stationary
+from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, StraightFits
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 
 
 def plain_probability(velocity, spread, prior: SpeedPrior, share: float) -> float:

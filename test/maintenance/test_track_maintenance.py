@@ -10,9 +10,9 @@ from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, step, tracks
 
 from tsepm_ros import Scan
-from tsepm_ros.kinematics.interacting_models import PROCESS_NOISE
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.motion import PROCESS_NOISE
 
 
 def test_a_track_is_held_for_its_time_and_ends_once_at_the_first_scan_after():

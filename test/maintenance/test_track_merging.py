@@ -11,10 +11,10 @@ from support.builders import detections
 from support.held import P_D, ids, step, tracks
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance import track_merging
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.stages.paths import NO_HIT
+from tsepm_ros.tracker.maintenance import duplicates
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.path_fit import NO_HIT
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 @pytest.mark.long
@@ -53,7 +53,7 @@ def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
     state[:, 0] = offsets
     covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
     own = np.full(len(offsets), NO_HIT) if plots is None else np.array(plots)
-    return track_merging.agrees_with_older(state, covariance, own).tolist()
+    return duplicates.agrees_with_older(state, covariance, own).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():
@@ -75,15 +75,15 @@ def test_only_located_tracks_agree():
     covariance = np.stack(
         [np.diag([90.0**2, 4.0, 10.0**2, 4.0]), np.diag([5.0, 1.0, 5.0, 1.0]) ** 2]
     )
-    known = track_merging.located(covariance, np.array([10.0, 10.0]))
+    known = duplicates.located(covariance, np.array([10.0, 10.0]))
     assert known.tolist() == [False, True]
     unknown = np.full(2, NO_HIT)
-    assert track_merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
+    assert duplicates.agrees_with_older(state, covariance, unknown, known).tolist() == [
         False,
         False,
     ]
-    known = track_merging.located(covariance, np.array([45.1, 45.1]))
-    assert track_merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
+    known = duplicates.located(covariance, np.array([45.1, 45.1]))
+    assert duplicates.agrees_with_older(state, covariance, unknown, known).tolist() == [
         False,
         True,
     ]
@@ -133,11 +133,11 @@ def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> Trac
 def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
     starts = starts_at((0.0, 0.0))
     two, one = {(5, 0): 9, (6, 0): 9}, {(5, 0): 9}
-    assert track_merging.own_starts(starts, two, frozenset()).tolist() == [9]
-    assert track_merging.own_starts(starts, one, frozenset()).tolist() == [-1]
-    assert track_merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
+    assert duplicates.own_starts(starts, two, frozenset()).tolist() == [9]
+    assert duplicates.own_starts(starts, one, frozenset()).tolist() == [-1]
+    assert duplicates.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
     twice = starts.joined(starts)
-    assert track_merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
+    assert duplicates.own_starts(twice, two, frozenset()).tolist() == [9, -1]
 
 
 @pytest.mark.parametrize(("births_over_density", "ids"), [(0.99, [4]), (1.01, [-1])])
@@ -149,7 +149,7 @@ def test_a_lost_track_is_continued_where_that_is_likelier_than_a_new_target(
     # r N(d; 0, P + P') of the sum of two diagonal covariances: one axis of 3 m over 8 m^2.
     density = 0.3 * math.exp(-0.5 * 9.0 / 8.0) / ((2.0 * math.pi) ** 2 * 8.0 * 2.0)
     births = births_over_density * density
-    found = track_merging.continued(starts, lost, np.array([0.3]), {}, births)
+    found = duplicates.continued(starts, lost, np.array([0.3]), {}, births)
     assert found.tolist() == ids
 
 
@@ -157,11 +157,11 @@ def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continu
     starts = starts_at((1.0, 0.0), (0.0, 0.0))
     lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
     existence = np.array([0.9, 0.9])
-    found = track_merging.continued(starts, lost, existence, {(4, 3): 4}, 1e-9)
+    found = duplicates.continued(starts, lost, existence, {(4, 3): 4}, 1e-9)
     assert found.tolist() == [4, -1]
-    found = track_merging.continued(starts, lost, existence, {(6, 3): 4}, 1e-9)
+    found = duplicates.continued(starts, lost, existence, {(6, 3): 4}, 1e-9)
     assert found.tolist() == [-1, -1]
-    found = track_merging.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
+    found = duplicates.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
     assert found.tolist() == [4, -1], "its own hits do not count"
 
 
@@ -171,5 +171,5 @@ def test_two_tracks_that_explain_two_detections_do_not_agree():
     unknown = np.full(2, NO_HIT)
     for explained, agrees in ((0.7, True), (0.8, False)):
         each = np.full(2, explained)
-        found = track_merging.agrees_with_older(state, covariance, unknown, None, each)
+        found = duplicates.agrees_with_older(state, covariance, unknown, None, each)
         assert found.tolist() == [False, agrees]

@@ -7,7 +7,7 @@ import pytest
 from support.builders import scan_at
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.methods import hough
+from tsepm_ros.studies import hough
 
 SENSOR = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4)
 

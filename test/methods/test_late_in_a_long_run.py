@@ -7,8 +7,8 @@ import pytest
 from support.builders import scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 LATE = 10**13
 """Scans and detections before; an array with an element for each does not fit into memory."""

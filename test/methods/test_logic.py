@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from support.builders import detections, scan_at
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.kinematics.polynomials import Polynomials
+from tsepm_ros.studies.logic import Polynomials
 
 SENSOR = SensorModel(range_std=20.0, range_std_fraction=0.0, azimuth_std=1e-3)
 

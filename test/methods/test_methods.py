@@ -17,14 +17,12 @@ from support.patience import patient
 from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.initiation.method import Method
-from tsepm_ros.initiation.observation import Observation, Step
-from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.registry import METHODS
+from tsepm_ros.methods.registry import METHODS, method_class
 from tsepm_ros.parameters import check_group, parameter, table
+from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracks import TrackArrays
 
 EVERY_METHOD = pytest.mark.parametrize("method", available_methods())
 FEW_FALSE = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
@@ -291,7 +289,7 @@ def test_dense_clutter_is_processed_within_the_limits(method):
 
 @EVERY_METHOD
 def test_every_method_describes_itself(method):
-    kind = METHODS[method]
+    kind = method_class(method)
     assert kind.__doc__
     assert all(row.description for row in table(kind.Options))
 
@@ -334,16 +332,16 @@ import test_methods
 from tsepm_ros.methods.registry import METHODS
 METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.analysis.operating_points import operating_points
-from tsepm_ros.settings.rendering import as_markdown, as_yaml
-from tsepm_ros.settings.tables import NODES, make_groups, settings_from
+from tsepm_ros.tools.evaluation.simulated_run import operating_points
+from tsepm_ros.settings.parameter_files import as_markdown, as_yaml
+from tsepm_ros.settings.settings import NODES, make_groups, settings_from, with_method
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 
 assert "toy" in available_methods()
 made = make_initiator("toy", sensor=SensorModel(), window=3, max_speed=5.0)
 assert [track.track_id for track in made.process(Scan(0.0, [3000.0], [0.0]))] == [0]
-groups = NODES["track_initiator"]
+groups = with_method(NODES["track_initiator"], "toy")
 assert "toy.window: 2" in as_yaml("track_initiator", groups)
 assert "| `toy.window` |" in as_markdown(groups)
 assert [point.label for point in operating_points(["toy"])] == ["default", "long"]

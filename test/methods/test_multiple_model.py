@@ -8,8 +8,8 @@ from scipy.stats import multivariate_normal
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.methods.multiple_model import MAX_FILTERS, cells
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.studies.multiple_model import MAX_FILTERS, cells
+from tsepm_ros.tracker.measurement import convert
 
 
 @pytest.mark.parametrize(("speeds", "headings"), [(1, 3), (2, 8), (5, 36)])

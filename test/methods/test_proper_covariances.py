@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.stages.merging import close
+from tsepm_ros.tracker.merging import close
 
 CASES = {
     "azimuth_1e-9": ({"azimuth_std": 1e-9}, 12.0, None),

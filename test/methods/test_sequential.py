@@ -7,7 +7,7 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.tracker.measurement import convert
 
 
 def initiator(**options):

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from support.patience import WAIT, patient
 
-from tsepm_ros.demo.two_processes import main
+from tsepm_ros.tools.demo import main
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def demo(*arguments):
-    command = [sys.executable, "-m", "tsepm_ros.demo.two_processes", *arguments]
+    command = [sys.executable, "-m", "tsepm_ros.tools.demo", *arguments]
     return subprocess.run(
         command, capture_output=True, text=True, timeout=patient(10.0), check=False
     )
@@ -96,7 +96,7 @@ def test_a_signal_ends_the_demo_and_its_nodes(tmp_path, number, code, said, star
     """While its first or second node starts; nobody else tells the nodes to end."""
     script = (
         "import os, signal, subprocess, sys\n"
-        "from tsepm_ros.demo.two_processes import main\n"
+        "from tsepm_ros.tools.demo import main\n"
         "class Popen(subprocess.Popen):\n"
         "    started = []\n"
         "    def __init__(self, *arguments):\n"

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from rclpy.node import Node
 
-from tsepm_ros.nodes.scan_player import ScanPlayer
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.nodes.track_viewer import TrackViewer
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
+from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
 PAGE = Path(__file__).parents[2] / "docs" / "topics.md"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"

@@ -24,12 +24,12 @@ from support.bag_files import (
 from support.boat import named
 from support.ros_world import RELIABLE, World
 
-from tsepm_ros.commands.cli import main
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.replay.bag import Bag
-from tsepm_ros.settings.value_text import parse_values
+from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.replay.bag import Bag
 
 FAST = {"rate_factor": 1e5, "settling_time": 0.0}
 BOTH = pytest.mark.parametrize("storage", STORAGES)

@@ -22,12 +22,12 @@ from support.sonar_driver import START_NS
 from msg_adapters import make_header, read_detections
 from tsepm_ros import Scan
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 SONAR_DETECTIONS = "marine_acoustic_msgs/msg/SonarDetections"

@@ -17,8 +17,8 @@ from support.sonar_driver import START_NS, points, stamp_ns
 
 from msg_adapters import PlacedDetections, make_header, placed_detections_cloud, track_cloud
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NUMBERS = (*STATE, *COVARIANCE)

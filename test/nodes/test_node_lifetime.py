@@ -12,8 +12,8 @@ from support.boat import Boat
 from support.ros_world import World
 from support.sonar_driver import pings
 
-from tsepm_ros.nodes.scan_player import ScanPlayer
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from support.ros_world import LATCHED
 from support.sonar_driver import points, stamp_ns
 
 from tsepm_ros import available_methods
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
+from tsepm_ros.tools.simulation import load_scenario
 
 
 @pytest.mark.parametrize("method", available_methods())

@@ -11,10 +11,10 @@ from rclpy.parameter import parameter_dict_from_yaml_file
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.settings.rendering import as_yaml
-from tsepm_ros.settings.tables import NODES, full_table
+from tsepm_ros.settings.parameter_files import as_yaml
+from tsepm_ros.settings.settings import NODES, full_table
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 NAMES = pytest.mark.parametrize(
     "remaps",

@@ -27,14 +27,14 @@ from support.parameter_values import Caller
 from support.sonar_driver import pings
 
 from tsepm_ros import SensorModel, available_methods
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
-from tsepm_ros.nodes.scan_player import ScanPlayer
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.settings.session_options import SessionOptions
-from tsepm_ros.settings.tables import NODES, full_table
+from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.settings.settings import NODES, full_table
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
+from tsepm_ros.tracker.options import CommonOptions
 
 INITIATOR = "/track_initiator"
 ROS_TYPES = {

@@ -25,7 +25,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from msg_adapters import read_placed_detections
 from tsepm_ros import SensorModel
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.sensing.conversion import convert
+from tsepm_ros.tracker.measurement import convert
 
 PARTS = ["ellipse", "label", "position", "velocity"]
 """Namespaces of a track's markers."""

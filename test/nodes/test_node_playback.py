@@ -23,8 +23,8 @@ from support.show import (
 )
 from support.sonar_driver import stamp_ns
 
-from tsepm_ros.nodes.scan_player import ScanPlayer
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 
 @pytest.fixture

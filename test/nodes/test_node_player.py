@@ -26,8 +26,8 @@ from support.show import (
 from support.sonar_driver import points, stamp_ns
 
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.scan_player import ScanPlayer
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.tools.players.scan_player import ScanPlayer
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from support.patience import WAIT
 from support.ros_process import RosProcess
 from support.sonar_driver import Driver, pings, points, stamp_ns
 
-from tsepm_ros.settings.tables import NODES, full_table
-from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.settings.settings import NODES, full_table
+from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 SECOND = 10**9
 EXECUTABLES = ("track_initiator", "sonar_simulator", "scan_player")
@@ -63,7 +63,9 @@ def assert_clean_end(process: RosProcess) -> None:
 
 @pytest.mark.parametrize("name", EXECUTABLES)
 def test_a_node_also_runs_as_a_module(start, name):
-    script = f"import runpy; runpy.run_module('tsepm_ros.nodes.{name}', run_name='__main__')"
+    package = "nodes" if name == "track_initiator" else "tools.players"
+    module = f"tsepm_ros.{package}.{name}"
+    script = f"import runpy; runpy.run_module('{module}', run_name='__main__')"
     process = start(name, {"nonsense": 1}, script=script)
     assert process.exit_code() == 2
     assert "nonsense is not a parameter" in process.said
@@ -72,7 +74,7 @@ def test_a_node_also_runs_as_a_module(start, name):
 WHILE_IT_IS_MADE = """
 import os, signal, sys, time
 from rclpy.node import Node
-from tsepm_ros.nodes.{name} import main
+from tsepm_ros.ending_signals import {name} as main
 
 create_publisher = Node.create_publisher
 
@@ -123,8 +125,8 @@ def test_a_signal_ends_every_executable_while_it_waits(start, given, number):
 SUBSCRIBER_GONE = """
 import sys, time
 from rclpy.publisher import Publisher
-from tsepm_ros.nodes import playback
-from tsepm_ros.nodes.scan_player import main
+from tsepm_ros.tools.players import playback
+from tsepm_ros.tools.players.scan_player import main
 
 def wait_for_all_acked(self, timeout):
     print("waiting for acknowledgement", flush=True)
@@ -264,7 +266,7 @@ def test_help_is_usage_with_the_parameters_before_ros_starts(start):
     """A log folder that cannot be made shows that ROS would have started."""
     script = (
         "import sys, rclpy; sys.argv = ['x', '{flag}']; rclpy.init = None\n"
-        "from tsepm_ros.nodes.{name} import main; sys.exit(main())"
+        "from tsepm_ros.ending_signals import {name} as main; sys.exit(main())"
     )
     for name, flag in zip(EXECUTABLES, ("-h", "--help", "--help"), strict=True):
         process = start(name, script=script.format(flag=flag, name=name))

@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tsepm_ros.nodes.scan_player import ScanPlayer
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 POLICY = Path(__file__).parents[2] / "sros2" / "tsepm_ros.policy.xml"
 EVERYTHING = {
@@ -52,7 +52,7 @@ def test_the_policy_allows_a_node_exactly_its_topics_and_services(world, tmp_pat
     }
     if name == "track_viewer":
         pytest.importorskip("tornado")
-        from tsepm_ros.nodes.track_viewer import TrackViewer
+        from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
         kinds["track_viewer"] = TrackViewer
     more = {"recording": str(tmp_path)} if name == "scan_player" else {}

@@ -20,8 +20,8 @@ from support.show import (
 from support.sonar_driver import START_NS, Ping, points, stamp_ns
 
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from support.sonar_driver import Driver, cloud, pings
 from msg_adapters import MessageError
 from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.diagnostics.judgements import unread_type
-from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
-from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.nodes.quality_of_service import QosWatch
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"

@@ -14,15 +14,15 @@ from support.ros_world import RELIABLE, World
 from support.sonar_driver import points, stamp_ns
 from support.sweeps import BEAMS, RADAR, TURN, in_parts, played, settings, turns, whole
 
-from tsepm_ros.commands.cli import main
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.scan_player import ScanPlayer
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.replay.bag import Bag
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.value_text import parse_values
-from tsepm_ros.simulation import Simulator
+from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
+from tsepm_ros.tools.replay.bag import Bag
+from tsepm_ros.tools.simulation import Simulator
 
 SENSOR = {
     "sensor.range_std": RADAR.range_std,

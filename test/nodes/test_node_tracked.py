@@ -14,8 +14,8 @@ from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import START_NS, Ping, cloud, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
-from tsepm_ros.maintenance import publication
-from tsepm_ros.maintenance.held_tracks import Status
+from tsepm_ros.tracker.maintenance import publication
+from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
 
 SECOND = 10**9
 FIELDS = (

@@ -26,10 +26,10 @@ from support.sonar_driver import pings
 pytest.importorskip("tornado")
 
 from msg_adapters import diagnostics, make_header, odometry_message, track_cloud
-from tsepm_ros.diagnostics.status import Level, Status
+from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.track_viewer import TrackViewer
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -157,7 +157,7 @@ def test_a_node_that_is_refused_serves_nothing(world):
 
 def test_tsepm_watch_serves_the_live_topics_until_interrupted(domain, tmp_path):
     said = tmp_path / "said.txt"
-    command = [sys.executable, "-m", "tsepm_ros.commands.cli", "watch", "--port", "0"]
+    command = [sys.executable, "-m", "tsepm_ros.tools.commands.cli", "watch", "--port", "0"]
     command += ["--ros-args", "-r", "tracks/current:=/boat/current"]
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
     with said.open("wb") as file:

@@ -8,8 +8,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from tsepm_ros.nodes import queued_messages
-from tsepm_ros.nodes.queued_messages import newest, seconds_in_queue
+from tsepm_ros.nodes import subscriptions
+from tsepm_ros.nodes.subscriptions import newest, seconds_in_queue
 
 NOW = 1_700_000_000_000_000_000
 
@@ -35,7 +35,7 @@ def test_clocks_that_differ_tell_nothing(waited):
     [(1.0, 0.05, "oldest"), (3.0, 0.05, "newest"), (3.0, 12.0, "oldest"), (3.0, 0.0, "oldest")],
 )
 def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waited, interval, taken):
-    monkeypatch.setattr(queued_messages.time, "time_ns", lambda: NOW)
+    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
     others: list[tuple[Any, Any]] = [("middle", about(2.0)), ("newest", about(0.5))]
     message, late, skipped = newest("oldest", about(waited), interval, lambda: others)
     assert message == taken
@@ -43,5 +43,5 @@ def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waite
 
 
 def test_alone_in_the_queue_it_is_taken_however_late(monkeypatch):
-    monkeypatch.setattr(queued_messages.time, "time_ns", lambda: NOW)
+    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
     assert newest("oldest", about(9.0), 0.05, list) == ("oldest", pytest.approx(9.0), 0)

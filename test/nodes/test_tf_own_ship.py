@@ -28,7 +28,7 @@ from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 
 START = START_NS * 1e-9

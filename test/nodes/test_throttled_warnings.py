@@ -6,8 +6,8 @@ from unittest.mock import Mock
 
 import pytest
 
-from tsepm_ros.nodes import throttled_warnings
-from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
+from tsepm_ros.nodes import diagnostics_publisher
+from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
 
 
 @pytest.fixture
@@ -31,6 +31,6 @@ def test_dropped_detections_are_said_again_once_they_are_ten_times_as_many(
     """One in each of 99 pings that are 12 s apart; a dropped scan is said each time."""
     warnings = ThrottledWarnings(node)
     for ping in range(1, 100):
-        monkeypatch.setattr(throttled_warnings.time, "monotonic", lambda ping=ping: 12.0 * ping)
+        monkeypatch.setattr(diagnostics_publisher.time, "monotonic", lambda ping=ping: 12.0 * ping)
         warnings.warn(reason, "dropped", ping if expected == 99 else ping * 2)
     assert node.get_logger().warning.call_count == expected

@@ -10,9 +10,9 @@ import pytest
 from support.boat import Boat
 from support.sonar_driver import pings, points
 
-from tsepm_ros.kinematics.track import ConfirmedTrack
-from tsepm_ros.maintenance.track_maintenance import ENDS
-from tsepm_ros.nodes.track_announcements import MAX_LINES, PERIOD, TrackAnnouncements, announcement
+from tsepm_ros.nodes.publishers import MAX_LINES, PERIOD, TrackAnnouncements, announcement
+from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 STATE = np.array([100.0, 3.0, -50.0, 4.0])
 

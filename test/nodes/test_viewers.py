@@ -12,9 +12,9 @@ import yaml
 from rclpy.qos import DurabilityPolicy
 from support.boat import named
 
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.node_options import SimulatorNodeOptions
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 ROOT = Path(__file__).parents[2]
 RVIZ = yaml.safe_load((ROOT / "rviz/track_initiator.rviz").read_text())["Visualization Manager"]

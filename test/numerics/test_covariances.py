@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros.numerics.covariances import correlated_beyond_one, inverse, proper, solve
+from tsepm_ros.numerics.gaussian import correlated_beyond_one, inverse_or_nan, proper, solve
 
 
 def ordinary(number: int, seed: int = 1) -> np.ndarray:
@@ -72,7 +72,7 @@ def test_what_is_not_finite_is_kept():
 def test_an_inverse_of_singular_matrices_is_nan_and_that_of_others_is_not():
     covariance = ordinary(2)
     covariance[0] = 0.0
-    inverted = inverse(covariance)
+    inverted = inverse_or_nan(covariance)
     assert np.isnan(inverted[0]).all()
     assert inverted[1] @ covariance[1] == pytest.approx(np.eye(4), abs=1e-9)
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.stats import multivariate_normal, ncx2
 
-from tsepm_ros.numerics.disc import disc_probability
+from tsepm_ros.numerics.discs import disc_probability
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.3, 3.0, 100.0])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tsepm_ros.numerics.rows import Rows, changed
+from tsepm_ros.numerics.arrays import Rows, changed
 
 
 @dataclass(frozen=True)

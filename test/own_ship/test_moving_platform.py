@@ -8,11 +8,10 @@ import functools
 import numpy as np
 import pytest
 
-from tsepm_ros.analysis.operating_points import OperatingPoint, make_method
-from tsepm_ros.analysis.study import study
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.simulation import load_scenario
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+from tsepm_ros.tools.evaluation.performance import study
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, make_method
+from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
 RUNS = 40
 Z = 3.3

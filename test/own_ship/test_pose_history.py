@@ -12,8 +12,9 @@ from tsepm_ros.own_ship.pose_history import (
     MIN_SAMPLE_PERIOD,
     PoseCoverage,
     PoseHistory,
+    PoseSample,
+    known_rates,
 )
-from tsepm_ros.own_ship.pose_sample import PoseSample, known_rates
 
 YES, NOT_YET, NEVER = PoseCoverage.YES, PoseCoverage.NOT_YET, PoseCoverage.NEVER
 

@@ -12,7 +12,7 @@ from support.sessions import NotedSession
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.settings.settings import Settings
 

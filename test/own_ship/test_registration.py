@@ -12,15 +12,14 @@ from scipy.stats import chi2
 from support.registered import place, places, rolling, sail, session
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
-from tsepm_ros.settings.settings import Settings
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.settings.settings import TRACK_INITIATOR, Settings, make_groups, settings_from
+from tsepm_ros.tracker.options import CommonOptions
 
 
 def measured(slant, azimuth, elevation):

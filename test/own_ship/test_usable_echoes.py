@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud_detections import detections_of_fields
-from msg_adapters.reading_options import ReadingOptions
-from tsepm_ros.own_ship.pose_sample import PoseSample
-from tsepm_ros.replay.offline import process_recording
-from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, Recording
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.recording import RecordedMotion, RecordedScan, Recording
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
 

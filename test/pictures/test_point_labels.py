@@ -11,7 +11,7 @@ pytest.importorskip("matplotlib")
 
 import matplotlib.pyplot as plt
 
-from tsepm_ros.pictures.point_labels import (
+from tsepm_ros.tools.pictures.plan_marks import (
     LABEL_ANGLES,
     LABEL_DISTANCES,
     PointLabel,

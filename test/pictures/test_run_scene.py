@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tsepm_ros.analysis.truth import Judged, Outcome
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.pictures.run_scene import (
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
+from tsepm_ros.tools.pictures.run_scene import (
     RunScene,
     ScanView,
     headline,
@@ -18,14 +20,11 @@ from tsepm_ros.pictures.run_scene import (
     truth_paths,
     velocity_seconds,
 )
-from tsepm_ros.replay.offline import recording_results
-from tsepm_ros.replay.recording import RecordedMotion
-from tsepm_ros.replay.simulated_recording import simulated_recording
-from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
-from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.tools.replay.offline import recording_results
+from tsepm_ros.tools.replay.recording import RecordedMotion, simulated_recording
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
 SAILING = {"own_ship": {"x": 100.0, "y": -50.0, "yaw_deg": 40.0, "speed": 5.0}, "scans": 6}
@@ -120,7 +119,7 @@ def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
 )
 def test_the_ship_points_to_its_heading(heading_deg, bow):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.pictures.plan_marks import ship
+    from tsepm_ros.tools.pictures.plan_marks import ship
 
     np.testing.assert_allclose(ship(np.radians(heading_deg)).vertices[0], bow, atol=1e-3)
 
@@ -131,7 +130,7 @@ def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
     import matplotlib.pyplot as plt
     from matplotlib.patches import Ellipse
 
-    from tsepm_ros.pictures.plan_marks import draw_track, style_plan
+    from tsepm_ros.tools.pictures.plan_marks import draw_track, style_plan
 
     track = ConfirmedTrack(
         track_id=1234,
@@ -166,7 +165,7 @@ def test_the_ellipse_of_a_track_that_coasts_is_dashed(since, dashed):
     import matplotlib.pyplot as plt
     from matplotlib.patches import Ellipse
 
-    from tsepm_ros.pictures.plan_marks import draw_track
+    from tsepm_ros.tools.pictures.plan_marks import draw_track
 
     figure, axes = plt.subplots()
     draw_track(axes, replace(track_at(1, 0.0), time_since_hit=since), 1.0, "#c05621", 1.0, 1.6)
@@ -221,7 +220,7 @@ def test_a_trail_is_dashed_where_the_track_coasts_and_no_line_where_it_is_withhe
     pytest.importorskip("matplotlib")
     import matplotlib.pyplot as plt
 
-    from tsepm_ros.pictures.plan_marks import draw_trail
+    from tsepm_ros.tools.pictures.plan_marks import draw_trail
 
     figure, axes = plt.subplots()
     x = [0.0, 1.0, 2.0, np.nan, 4.0]
@@ -270,7 +269,7 @@ def test_the_picture_of_a_judged_run_has_the_result_and_a_panel_for_each_target(
     pytest.importorskip("matplotlib")
     import matplotlib.pyplot as plt
 
-    from tsepm_ros.pictures.plan_position import draw
+    from tsepm_ros.tools.pictures.plan_position import draw
 
     track = replace(track_at(41, 30.0, ((0, 0), (2, 1))), stamp=2.0)
     scans = [view(0), view(1), view(2, [track], [track]), view(3, held=[track_at(41, 31.0)])]
@@ -294,7 +293,7 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
     pytest.importorskip("matplotlib")
     import matplotlib.pyplot as plt
 
-    from tsepm_ros.pictures.plan_position import draw
+    from tsepm_ros.tools.pictures.plan_position import draw
 
     echo = np.array([[5.0, 5.0]])
     poses = [np.array([10.0 * number, 0.0, np.nan]) for number in range(3)]
@@ -318,7 +317,7 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
 @pytest.mark.parametrize("size", [0.3, 5.0, 300.0, 2e4])
 def test_the_axes_are_around_the_data_at_any_range(size):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.pictures.plan_layout import plan_limits
+    from tsepm_ros.tools.pictures.plan_marks import plan_limits
 
     nothing = TrackArrays.of([])
     points = np.array([[0.0, 0.0], [size, 0.2 * size]])
@@ -333,7 +332,7 @@ def test_the_axes_are_around_the_data_at_any_range(size):
 @pytest.mark.parametrize("size", [5.0, 2e4])
 def test_a_target_that_stands_still_is_enlarged_to_a_part_of_the_plan(size):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.pictures.plan_layout import PlanLayout
+    from tsepm_ros.tools.pictures.plan_marks import PlanLayout
 
     nothing = TrackArrays.of([])
     points = np.array([[0.0, 0.0], [size, size]])
@@ -348,7 +347,7 @@ def legend_of(scene: RunScene) -> set[str]:
     """Labels of the legend of a run's picture."""
     import matplotlib.pyplot as plt
 
-    from tsepm_ros.pictures.plan_position import draw
+    from tsepm_ros.tools.pictures.plan_position import draw
 
     figure = draw(scene)
     plt.close(figure)
@@ -377,12 +376,12 @@ def shown_frame():
     pytest.importorskip("matplotlib")
     import matplotlib.pyplot as plt
 
-    from tsepm_ros.pictures import plan_animation
-    from tsepm_ros.pictures.plan_layout import PlanLayout
+    from tsepm_ros.tools.pictures import plan_position
+    from tsepm_ros.tools.pictures.plan_marks import PlanLayout
 
     def draw(scene: RunScene, index: int) -> PlanLayout:
         layout = PlanLayout.of(scene)
-        plan_animation._draw(layout, scene, index, 60.0, confirmed_since=index)
+        plan_position._draw_frame(layout, scene, index, 60.0, confirmed_since=index)
         plt.close(layout.figure)
         return layout
 
@@ -424,7 +423,7 @@ def test_a_frame_has_a_date_where_its_stamp_is_one(shown_frame, stamp, shown):
 
 def test_a_run_without_scans_is_not_animated(tmp_path):
     pytest.importorskip("matplotlib")
-    from tsepm_ros.pictures.plan_animation import animate
+    from tsepm_ros.tools.pictures.plan_position import animate
 
     with pytest.raises(ValueError, match="there is no scan to animate"):
         animate(RunScene("run"), tmp_path / "run.gif")
@@ -435,22 +434,22 @@ def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():
     pytest.importorskip("matplotlib")
     from matplotlib.colors import rgb_to_hsv, to_rgb
 
-    from tsepm_ros.pictures import plan_animation
+    from tsepm_ros.tools.pictures import plan_position
 
     scans = [replace(view(0), fixed_echoes=np.zeros((1, 2)))]
-    entries = plan_animation._legend(RunScene("run", scans, [np.zeros((2, 3))]), 60.0)
+    entries = plan_position._frame_legend(RunScene("run", scans, [np.zeros((2, 3))]), 60.0)
     assert "fixed echo" in [entry.get_label() for entry in entries]
     for entry in entries:
         drawn = entry.get_linestyle() != "None" or entry.get_marker() not in ("", "None", None)
         assert drawn, entry.get_label()
-    colours = (plan_animation.TRACK_COLOUR, plan_animation.NEW_TRACK_COLOUR)
+    colours = (plan_position.TRACK_COLOUR, plan_position.NEW_TRACK_COLOUR)
     held, new = (rgb_to_hsv(to_rgb(colour))[0] for colour in colours)
     assert min(abs(held - new), 1 - abs(held - new)) > 0.15, "a sixth of the circle of hues"
 
 
 def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):
     pytest.importorskip("rosbags")
-    from tsepm_ros.replay.track_files import TrackBag
+    from tsepm_ros.tools.replay.track_files import TrackBag
 
     path = tmp_path / "tracks.mcap"
     with pytest.raises(RuntimeError, match="midway"), TrackBag(path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import functools
 import io
 import re
 import shlex
@@ -14,15 +15,21 @@ from xml.etree import ElementTree
 import pytest
 
 from tsepm_ros import available_methods
-from tsepm_ros.commands.cli import _parser
 from tsepm_ros.methods.registry import option_names
-from tsepm_ros.settings.rendering import as_page
-from tsepm_ros.settings.tables import NODES, full_table
+from tsepm_ros.settings.parameter_files import as_page
+from tsepm_ros.settings.settings import NODES, full_table, with_method
+from tsepm_ros.tools.commands.cli import _parser
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted([ROOT / "README.md", *DOCS.rglob("*.md")])
-NAMES = {row.name for groups in NODES.values() for row in full_table(groups)}
+ALL = [
+    row
+    for groups in NODES.values()
+    for row in full_table(functools.reduce(with_method, available_methods(), groups))
+]
+"""Every parameter, also of the methods that are not chosen."""
+NAMES = {row.name for row in ALL}
 GROUPS = "|".join(sorted({name.partition(".")[0] for name in NAMES if "." in name}))
 
 CODE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -64,7 +71,7 @@ def test_the_page_of_parameters_is_up_to_date():
 
 def test_the_page_of_parameters_has_every_parameter():
     rows = re.findall(r"^\| `([\w.]+)` \|", as_page(NODES), re.MULTILINE)
-    assert len(rows) == sum(len(list(full_table(groups))) for groups in NODES.values())
+    assert len(rows) == len(ALL)
     assert set(rows) == NAMES
 
 
@@ -173,7 +180,7 @@ def test_every_method_has_a_page_of_all_its_parts(method):
 
 
 def test_the_second_command_of_the_readme_shows_the_scene_of_the_demo():
-    from tsepm_ros.demo.two_processes import _parse
+    from tsepm_ros.tools.demo import _parse
 
     given = re.search(r"tsepm watch (\w+) --seed (\d+)", (ROOT / "README.md").read_text())
     demo = _parse([])

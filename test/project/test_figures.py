@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tsepm_ros.analysis.result_files import read_result
+from tsepm_ros.tools.evaluation.result_files import read_result
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from tsepm_ros.settings.tables import NODES, make_groups
+from tsepm_ros.settings.settings import NODES, make_groups
 
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "launch" / "tsepm.launch.xml"

@@ -14,10 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros.progress import with_progress, write_line
+from tsepm_ros.tools.terminal import with_progress, write_line
 
 ROOT = Path(__file__).parents[2]
-SHOW = "from tsepm_ros.progress import with_progress; print(*with_progress(range(3), 3, 'work'))"
+SHOW = (
+    "from tsepm_ros.tools.terminal import with_progress; print(*with_progress(range(3), 3, 'work'))"
+)
 
 
 def test_the_results_pass_unchanged(capsys):
@@ -57,5 +59,6 @@ COMMANDS = ("run", "watch", "design", "evaluate", "reproduce")
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_long_command_shows_its_progress(command):
-    source = (ROOT / "tsepm_ros" / "commands" / f"{command}_command.py").read_text("utf-8")
-    assert "from tsepm_ros.progress import" in source
+    (path,) = ROOT.glob(f"tsepm_ros/**/{command}_command.py")
+    source = path.read_text("utf-8")
+    assert "from tsepm_ros.tools.terminal import" in source

@@ -29,15 +29,23 @@ from support.bag_files import (
 from support.sessions import failing_at
 
 from msg_adapters import MessageError, read_detections
+from msg_adapters.message_input import MessageInput
 from msg_adapters.track_cloud import track_points
-from tsepm_ros.replay.bag import DETECTIONS, LAYOUTS, OWN_SHIP, TRACKED, TRUTH, Bag, find_topics
-from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.replay.offline import bag_results
-from tsepm_ros.replay.recording_source import source_of
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.settings.value_text import parse_values
+from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.replay.bag import (
+    DETECTIONS,
+    LAYOUTS,
+    OWN_SHIP,
+    TRACKED,
+    TRUTH,
+    Bag,
+    find_topics,
+)
+from tsepm_ros.tools.replay.offline import bag_results
+from tsepm_ros.tools.replay.recording import source_of
 
 BOTH = pytest.mark.parametrize("storage", STORAGES)
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from support.bag_files import GRID, PARAMETERS, Entry, grid, simulated, write_bag
 
-from tsepm_ros.commands.cli import main
-from tsepm_ros.replay.bag import DETECTIONS, LAND, Bag, find_topics
-from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.replay.offline import bag_results
+from msg_adapters.message_input import MessageInput
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.settings.value_text import parse_values
+from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, Bag, find_topics
+from tsepm_ros.tools.replay.offline import bag_results
 
 EVERYTHING = np.ones((100, 100), bool)
 

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.replay.offline import process_recording
-from tsepm_ros.replay.recording import RecordedMotion, RecordedScan, Recording
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.recording import RecordedMotion, RecordedScan, Recording
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tsepm_ros.replay.recording import read_recording
+from tsepm_ros.tools.replay.recording import read_recording
 
 JOYRIDE = Path(__file__).parents[2].parent / "shared" / "data" / "joyride"
 

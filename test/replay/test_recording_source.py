@@ -7,7 +7,7 @@ import gzip
 
 import pytest
 
-from tsepm_ros.replay.recording_source import source_of
+from tsepm_ros.tools.replay.recording import source_of
 
 MCAP, SQLITE, ROS_1 = b"\x89MCAP0\r\n", b"SQLite format 3\0", b"#ROSBAG V2.0\n"
 TABLE = b"time_s,range_m,azimuth_rad\n"

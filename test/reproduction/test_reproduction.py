@@ -10,30 +10,31 @@ import sys
 import numpy as np
 import pytest
 
-from tsepm_ros.analysis.intervals import Estimate
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import summarise
-from tsepm_ros.analysis.simulated_run import SimulatedScene, simulate
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.commands.cli import main
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.methods.split_merge import SplitMerge, SplitMergeOptions
-from tsepm_ros.reproduction import (
-    figure_curves,
+from tsepm_ros.studies.reproduction import (
     figures_5_to_8,
     monte_carlo,
-    paired,
-    published_split_merge_2016,
+    published,
     split_merge_2016,
     table_1,
 )
-from tsepm_ros.reproduction import published_tsepm_2018 as published
-from tsepm_ros.reproduction.document import Column, Picture, Table, write
-from tsepm_ros.reproduction.runs import Setting
-from tsepm_ros.reproduction.sources import SOURCES, Source
-from tsepm_ros.reproduction.started_tracks import Started
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.studies.reproduction import runs as paired
+from tsepm_ros.studies.reproduction.document import Column, Picture, Table, write
+from tsepm_ros.studies.reproduction.monte_carlo import Started
+from tsepm_ros.studies.reproduction.reproduce_command import SOURCES, Source
+from tsepm_ros.studies.reproduction.runs import Setting
+from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.measures import summarise
+from tsepm_ros.tools.evaluation.simulated_run import (
+    OperatingPoint,
+    Outcome,
+    SimulatedScene,
+    simulate,
+)
+from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracker import Initiator
 
 ROWS = {row.name: row for row in published.TABLE_1}
 LOW_IN_PRINT = {"4/6", "4/7"}
@@ -120,7 +121,7 @@ def curves_of(shares):
     """Curves over the errors of the marks' figure, with these P_D in 400 runs."""
     found = np.arange(400)[:, None] < 400 * np.array(shares)
     runs = [[{"model": [float(one), 0.0, 1.0]} for one in column] for column in found.T]
-    return figure_curves.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
+    return figures_5_to_8.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
 
 
 def test_a_curve_falls_only_if_it_falls_at_every_step():
@@ -162,7 +163,7 @@ def test_the_gate_probability_falls_below_what_is_claimed():
 
 def test_tracks_of_table_i_merge_by_sets():
     """Conditions (i) and (iii) by Python's sets, groups by joining them until nothing changes."""
-    tracks = {index: set(hits) for index, hits in published_split_merge_2016.TABLE_I.items()}
+    tracks = {index: set(hits) for index, hits in published.TABLE_I.items()}
     assert all(len(hits) == 5 for hits in tracks.values())
     groups = [{index} for index in tracks]
     joined = True
@@ -185,14 +186,10 @@ def test_tracks_of_table_i_merge_by_sets():
 
 
 def test_the_text_s_pairs_meet_the_conditions_and_leave_eight():
-    assert all(
-        split_merge_2016.may_merge(*pair) for pair in published_split_merge_2016.SAID_TO_MERGE
-    )
-    assert not any(
-        split_merge_2016.may_merge(*pair) for pair in published_split_merge_2016.SAID_NOT_TO_MERGE
-    )
-    left = published_split_merge_2016.AFTER_SPLITTING - len(split_merge_2016.disjoint_pairs())
-    assert left == published_split_merge_2016.AFTER_MERGING
+    assert all(split_merge_2016.may_merge(*pair) for pair in published.SAID_TO_MERGE)
+    assert not any(split_merge_2016.may_merge(*pair) for pair in published.SAID_NOT_TO_MERGE)
+    left = published.AFTER_SPLITTING - len(split_merge_2016.disjoint_pairs())
+    assert left == published.AFTER_MERGING
     assert split_merge_2016.chained() == 7
 
 

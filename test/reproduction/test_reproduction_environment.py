@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tsepm_ros.commands.cli import main
-from tsepm_ros.reproduction import environment_2018 as environment
-from tsepm_ros.reproduction import published_environment as published
-from tsepm_ros.reproduction.paired import FAILS, HOLDS
-from tsepm_ros.stages.association import Pairs, nearest_first
+from tsepm_ros.studies.reproduction import environment_2018 as environment
+from tsepm_ros.studies.reproduction import published as published
+from tsepm_ros.studies.reproduction.runs import FAILS, HOLDS
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tracker.association import Pairs, nearest_first
 
 TIMES = np.arange(0.0, 240.0, 0.01)
 
@@ -59,7 +59,7 @@ def test_the_description(values, verdict):
 
 
 def test_the_published_distances_need_one_plot_per_track():
-    each, pairs = environment.smallest(np.array(published.TABLE_1))
+    each, pairs = environment.smallest(np.array(published.ENVIRONMENT_TABLE_1))
     assert each.tolist() == [False, True]
     assert pairs
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.sensing.arcs import Arc, arc_of
+from tsepm_ros.tracker.scan import Arc, arc_of
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from support.builders import whitened
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.sensing.conversion import (
+from tsepm_ros.tracker.measurement import (
     convert,
     covariance_at,
     major_sigma,

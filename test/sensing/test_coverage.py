@@ -10,18 +10,17 @@ import pytest
 from support.batches import batches
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.initiation.common_options import CommonOptions
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.coverage import PosesByAzimuth, PosesByRange, echo_poses_of, inside
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import Simulator
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
-from tsepm_ros.simulation.scenario import Scenario
+from tsepm_ros.tools.simulation import Simulator
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import PosesByAzimuth, PosesByRange, echo_poses_of, inside
 
 SECTOR = SensorModel(
     max_range=4000.0,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.builders import detections
 
-from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.tracker.detection_window import DetectionWindow
 
 
 def scan_of(n: int, scan: int) -> np.ndarray:

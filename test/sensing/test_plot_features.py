@@ -7,12 +7,12 @@ import pytest
 from scipy import stats
 
 from tsepm_ros import Scan
-from tsepm_ros.sensing.plot_features import (
+from tsepm_ros.tracker.measurement import (
     GATE_PROBABILITY,
     MAX_PLOT_COUNT,
     Histories,
     decision,
-    measured,
+    measured_features,
 )
 
 SPREAD = np.array([4.0, 8.0, 0.002])
@@ -109,4 +109,6 @@ def test_features_of_a_scan_are_in_columns_and_nan_where_there_are_none():
     scan = Scan(
         0.0, [1e3, 2e3], [0.0, 0.1], features={"azimuth_width": [0.1, np.inf], "intensity": [5, 6]}
     )
-    np.testing.assert_array_equal(measured(scan), [[5.0, np.nan, 0.1], [6.0, np.nan, np.nan]])
+    np.testing.assert_array_equal(
+        measured_features(scan), [[5.0, np.nan, 0.1], [6.0, np.nan, np.nan]]
+    )

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from support.plain_plots import plain_groups
 
-from tsepm_ros.sensing import plots
-from tsepm_ros.sensing.plots import EchoErrors, PlotExtent, crowded, grouped, plots_of
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.tracker import clustering
+from tsepm_ros.tracker.clustering import EchoErrors, PlotExtent, crowded, grouped, plots_of
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import SensorModel
 
 SENSOR = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
 
@@ -149,7 +149,7 @@ def test_chosen_detections_keep_what_is_theirs():
         sensor_pose=[[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]],
         sensor_velocity=[[1.0, 2.0], [3.0, 4.0]],
     )
-    one = plots.chosen(scan, np.array([1]))
+    one = clustering.chosen(scan, np.array([1]))
     assert (one.range, one.azimuth, one.range_std) == ([20.0], [0.2], [2.0])
     assert (one.azimuth_std, one.time_offset) == ([0.02], [0.4])
     assert one.features["intensity"] == [6.0]

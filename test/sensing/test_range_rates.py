@@ -12,18 +12,14 @@ from scipy.stats import cauchy, kstest
 from support.builders import assert_same_tracks, fit_matrix
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.analysis.bounds import cramer_rao
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.kinematics import kalman
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.sensing import range_rates
-from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
-from tsepm_ros.simulation import CLUTTER, Scenario, Simulator
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
-from tsepm_ros.simulation.scenario import TargetArea
-from tsepm_ros.stages.estimation import ESTIMATORS, fit
+from tsepm_ros.tools.evaluation.measures import cramer_rao
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
+from tsepm_ros.tools.simulation import CLUTTER, Scenario, Simulator
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion, TargetArea
+from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker.measurement import DETECTION, convert, covariance_at
+from tsepm_ros.tracker.path_fit import ESTIMATORS, fit
 
 SENSOR = SensorModel(
     range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0), range_rate_std=0.25
@@ -121,7 +117,7 @@ def test_position_and_then_range_rate_are_one_joint_update():
     stacked = np.stack([fit_matrix([t]) for t in lag])
     spread = stacked @ covariance @ np.swapaxes(stacked, 1, 2) + noise
     innovation = measured - (stacked @ state[..., None])[..., 0]
-    placed = kalman.update(state, covariance, lag, innovation, spread)
+    placed = motion.update(state, covariance, lag, innovation, spread)
     updated, spreads = range_rates.update(*placed, lag, found)
     for i in range(n):
         sight = np.array([0.0, -1.0, 0.0, 0.0])  # the sensor is far along x
@@ -235,7 +231,7 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
     found["position"] = truth[:, 0::2] + rng.multivariate_normal((0, 0), error, n)
     state, covariance = np.tile(mean, (n, 1)), np.tile(prior, (n, 1, 1))
     inside = np.isfinite(
-        kalman.log_likelihood(
+        motion.log_likelihood(
             state,
             covariance,
             np.arange(n),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan
-from tsepm_ros.sensing.scan import FEATURES, MAX_MAGNITUDE, wrap
+from tsepm_ros.tracker.scan import FEATURES, MAX_MAGNITUDE, wrap
 
 GOOD = {"stamp": 5.0, "range": [100.0, 200.0], "azimuth": [0.1, 0.2]}
 

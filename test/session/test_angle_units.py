@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud_detections import detections_of_fields
-from msg_adapters.reading_options import ReadingOptions
 from tsepm_ros import SensorModel
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.session.angle_units import questions
+from tsepm_ros.session.sensor_check import questions
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 

@@ -12,15 +12,15 @@ from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, scan_at
 from support.sessions import NotedSession
 
 from tsepm_ros import Scan
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
 SHIP = OwnShipMotion(20.0, -30.0, 0.4, speed=4.0, turn_rate=math.radians(2.0))
 SEA = dataclasses.replace(

@@ -20,11 +20,11 @@ from support.sessions import (
 )
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance.downstream_tracker import TrackerReport
-from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
+from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 def tracked(stamp: float, /, *ids: int, **values) -> TrackArrays:

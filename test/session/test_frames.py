@@ -15,12 +15,12 @@ from support.sessions import (
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.drop_reasons import MAX_SENTENCE
 from tsepm_ros.session.frames import MAX_NOTICED, Frames
-from tsepm_ros.session.refusal import MAX_SENTENCE
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 
 

@@ -20,14 +20,14 @@ from support.sessions import (
 )
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.session.drop_reasons import Notice
 from tsepm_ros.session.initiator_run import InitiatorRun
-from tsepm_ros.session.refusal import Notice
-from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros.tracker.options import CommonOptions
 
 
 def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():

@@ -11,7 +11,7 @@ from support.sweeps import FIRST, RADAR, START_NS, STEP, beam, fan, read
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.joined_messages import joined, part_of
+from tsepm_ros.session.sweep import joined, part_of
 
 RICH = SensorScan(
     Scan(

@@ -6,7 +6,7 @@ import numpy as np
 from support.sessions import arrived, moving, play, sail, session
 
 from tsepm_ros import LandMask, Scan
-from tsepm_ros.session.land_input import LandInput
+from tsepm_ros.session.inputs import LandInput
 
 AHEAD = LandMask(np.ones((10, 10)), 10.0, (2950.0, -50.0, 0.0))
 """Land where `ping` has its target."""

@@ -9,9 +9,9 @@ import pytest
 from support.sessions import moving_settings, ping, settings
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.losses import LAST, Losses, explained
+from tsepm_ros.session.message_check import LAST, Losses, explained
 from tsepm_ros.session.session import Session
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from msg_adapters.laser_scan_detections import no_returns
-from msg_adapters.ping import good_detections
-from msg_adapters.reading_options import ReadingOptions
+from msg_adapters.ping import ReadingOptions, good_detections
 from tsepm_ros.own_ship.registration import MessageFacts
 from tsepm_ros.session.message_check import WINDOW, MessageCheck, leap_seconds
 

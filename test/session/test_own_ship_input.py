@@ -19,7 +19,7 @@ from support.sessions import (
 )
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 
 
 def test_scans_wait_for_the_own_ship_and_are_processed_in_order():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tsepm_ros.session.scan_order import MAX_INTERVAL, Arrival, ScanOrder
+from tsepm_ros.session.scan_queue import MAX_INTERVAL, Arrival, ScanOrder
 
 NEXT, SAME, LATE = Arrival.NEXT, Arrival.SAME_STAMP, Arrival.LATE
 RESTART, GAP = Arrival.RESTART, Arrival.GAP

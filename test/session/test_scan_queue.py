@@ -22,11 +22,11 @@ from support.sessions import (
 )
 
 from tsepm_ros import Scan
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.options import CommonOptions
 
 QUEUE_LENGTH = 32
 

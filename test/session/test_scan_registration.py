@@ -16,8 +16,8 @@ from support.sessions import (
 )
 
 from tsepm_ros import Scan
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tracker.options import CommonOptions
 
 
 def test_scans_are_placed_where_the_ship_was_at_their_time():

@@ -7,8 +7,8 @@ import math
 import pytest
 from support.sweeps import RADAR, beam
 
-from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.session.seam import SeamEchoes
+from tsepm_ros.session.sweep import SeamEchoes
+from tsepm_ros.tracker.sensor import SensorModel
 
 DEGREE = math.radians(1.0)
 

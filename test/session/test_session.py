@@ -19,11 +19,11 @@ from support.sessions import (
 )
 
 from tsepm_ros import make_initiator
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.session.scan_order import Arrival
+from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.options import CommonOptions
 
 
 def test_a_session_gives_what_the_initiator_gives():

@@ -31,8 +31,8 @@ from support.sweeps import (
 
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
-from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 
 @pytest.mark.parametrize("size", [1, 6])

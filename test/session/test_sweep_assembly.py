@@ -11,8 +11,8 @@ from support.sweeps import RADAR, beam, contents
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.arcs import Arc
-from tsepm_ros.session.sweep_assembly import SweepAssembly
+from tsepm_ros.session.sweep import SweepAssembly
+from tsepm_ros.tracker.scan import Arc
 
 STEPS = 36
 STEP = 2 * math.pi / STEPS

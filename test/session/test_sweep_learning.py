@@ -10,9 +10,9 @@ from support.sweeps import beam
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.arcs import Arc, arc_of
 from tsepm_ros.session.sweep_learning import SweepLearner
-from tsepm_ros.simulation import Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.tracker.scan import Arc, arc_of
 
 
 def learned(messages):

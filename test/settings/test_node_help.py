@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tsepm_ros.parameters import table
-from tsepm_ros.settings.node_help import help_text
-from tsepm_ros.settings.tables import NODES
+from tsepm_ros.settings.settings import NODES, help_text
 
 
 @pytest.mark.parametrize("node", NODES)

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.parameters import check_group, parameter, table
-from tsepm_ros.sensing.sensor import SensorModel
 from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
     PlaybackOptions,
     PlayerNodeOptions,
+    SessionOptions,
     SimulatorNodeOptions,
 )
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import SensorModel
 
 GROUPS = [
     CommonOptions,

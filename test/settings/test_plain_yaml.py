@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from tsepm_ros import plain_yaml
-from tsepm_ros.commands.cli import main
-from tsepm_ros.settings.parameter_files import values_for
-from tsepm_ros.settings.value_text import parse_values
+from tsepm_ros.settings import parameter_files
+from tsepm_ros.settings.parameter_files import parse_values, values_for
+from tsepm_ros.tools.commands.cli import main
 
 BOMB = "a: &a {x: 1, y: 2}\n" + "".join(
     f"{name}: &{name} {{{', '.join(f'{k}: *{before}' for k in range(10))}}}\n"
@@ -19,7 +18,7 @@ CODE = "x: !!python/object/apply:os.system ['touch pwned']"
 
 def test_plain_values_are_those_of_safe_load():
     text = "a: [1, 2.5, text, true, null]\nb: {c: 2024-01-01}\n"
-    assert plain_yaml.load(text) == yaml.safe_load(text)
+    assert parameter_files.load_yaml(text) == yaml.safe_load(text)
 
 
 @pytest.mark.parametrize("text", [BOMB, CODE, "a: &a [*a]"], ids=["bomb", "code", "cycle"])
@@ -28,7 +27,7 @@ def test_no_reader_takes_it(tmp_path, monkeypatch, capsys, text):
     path = tmp_path / "file.yaml"
     path.write_text(text)
     with pytest.raises(yaml.YAMLError):
-        plain_yaml.load(text)
+        parameter_files.load_yaml(text)
     with pytest.raises(ValueError, match="parameter file"):
         values_for(path, "/track_initiator")
     assert main(["run", str(path)]) == 2

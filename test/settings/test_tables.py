@@ -8,12 +8,19 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel, available_methods
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.methods.registry import METHODS
+from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
 from tsepm_ros.parameters import table
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.rendering import as_markdown, as_yaml
-from tsepm_ros.settings.tables import NODES, TRACK_INITIATOR, full_table, make_groups, settings_from
+from tsepm_ros.settings.parameter_files import as_markdown, as_yaml
+from tsepm_ros.settings.settings import (
+    NODES,
+    TRACK_INITIATOR,
+    full_table,
+    make_groups,
+    settings_from,
+    with_method,
+)
+from tsepm_ros.tracker.options import CommonOptions
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
 METHOD_NAMES = f"one of {', '.join(METHODS)}"
@@ -70,11 +77,25 @@ def test_the_markdown_table_has_a_row_per_parameter(node):
         assert row.description in line
 
 
-def test_the_track_initiator_has_a_group_for_every_method():
-    names = {row.name for row in full_table(TRACK_INITIATOR)}
+def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():
+    always = {row.name for row in full_table(TRACK_INITIATOR)}
+    assert len(always) <= 77
     for method in available_methods():
+        names = {row.name for row in full_table(with_method(TRACK_INITIATOR, method))}
         own = {name for name in names if name.startswith(f"{method}.")}
-        assert f"{method}.window" in own or own
+        assert own
+        assert own <= always or method not in NODE_METHODS
+        assert names - always == (set() if method in NODE_METHODS else own)
+
+
+def test_parameters_of_a_method_that_is_not_chosen_are_not_used_and_misspelt_ones_refused():
+    made = make_groups(TRACK_INITIATOR, {"hough.min_hits": 4})
+    assert made == make_groups(TRACK_INITIATOR, {})
+    assert method_class("hough").Options not in made
+    with pytest.raises(ValueError, match=r"hough.min_hit is not a parameter"):
+        make_groups(TRACK_INITIATOR, {"hough.min_hit": 4})
+    chosen = make_groups(TRACK_INITIATOR, {"method": "hough", "hough.min_hits": 4})
+    assert settings_from(chosen).method_options.min_hits == 4
 
 
 def test_groups_are_made_from_full_names():
@@ -84,7 +105,7 @@ def test_groups_are_made_from_full_names():
     )
     assert made[SensorModel].azimuth_std == 0.02
     assert made[CommonOptions].max_speed == 7.0
-    assert made[METHODS["tsepm"].Options].min_hits == 4
+    assert made[method_class("tsepm").Options].min_hits == 4
     assert made[CommonOptions].hold_time == 9.0
     assert made[InitiatorNodeOptions] == InitiatorNodeOptions()
 
@@ -172,7 +193,6 @@ def test_settings_have_every_group():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_no_method_has_an_option_of_a_common_ones_name(method):
-    common, own = (
-        {row.name for row in table(group)} for group in (CommonOptions, METHODS[method].Options)
-    )
+    own = {row.name for row in table(method_class(method).Options)}
+    common = {row.name for row in table(CommonOptions)}
     assert not common & own

@@ -7,9 +7,8 @@ import math
 import pytest
 import yaml
 
-from tsepm_ros.settings.rendering import as_yaml
-from tsepm_ros.settings.tables import TRACK_INITIATOR
-from tsepm_ros.settings.value_text import parse_values
+from tsepm_ros.settings.parameter_files import as_yaml, parse_values
+from tsepm_ros.settings.settings import TRACK_INITIATOR
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion, WaypointMotion
-from tsepm_ros.simulation.scenario import TargetArea
-from tsepm_ros.simulation.scenario_files import scenario_from
+from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion, TargetArea, WaypointMotion
+from tsepm_ros.tools.simulation.scenario_files import scenario_from
 
 
 def test_the_shipped_scenarios_load_and_run():

@@ -11,9 +11,13 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from tsepm_ros import SensorModel
-from tsepm_ros.simulation import CLUTTER, Scenario, Simulator, load_scenario
-from tsepm_ros.simulation.own_ship_motion import OwnShipMotion, WaypointMotion
-from tsepm_ros.simulation.scenario import ClutterPatch, TargetArea
+from tsepm_ros.tools.simulation import CLUTTER, Scenario, Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import (
+    ClutterPatch,
+    OwnShipMotion,
+    TargetArea,
+    WaypointMotion,
+)
 
 EXACT = SensorModel(
     range_std=1e-6,

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.scenario_files import scenario_from
-from tsepm_ros.simulation.strengths import ClutterStrength, Strengths, TargetStrength
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, Strengths, TargetStrength
+from tsepm_ros.tools.simulation.scenario_files import scenario_from
 
 BOX = load_scenario("box")
 MANY = 20_000

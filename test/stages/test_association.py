@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros.stages import association
-from tsepm_ros.stages.association import (
+from tsepm_ros.tracker import association
+from tsepm_ros.tracker.association import (
     BLOCK,
     Pairs,
     best_of_each,
@@ -15,7 +15,7 @@ from tsepm_ros.stages.association import (
     oldest_first,
     within,
 )
-from tsepm_ros.stages.paths import NO_HIT
+from tsepm_ros.tracker.path_fit import NO_HIT
 
 
 def plain_disjoint(members, cost):

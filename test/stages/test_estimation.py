@@ -10,10 +10,10 @@ from scipy.optimize import least_squares
 from support.builders import detections, fit_matrix, whitened
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.analysis.bounds import cramer_rao
-from tsepm_ros.sensing.conversion import DETECTION, convert, covariance_at
-from tsepm_ros.stages import estimation
-from tsepm_ros.stages.estimation import (
+from tsepm_ros.tools.evaluation.measures import cramer_rao
+from tsepm_ros.tracker import path_fit
+from tsepm_ros.tracker.measurement import DETECTION, convert, covariance_at
+from tsepm_ros.tracker.path_fit import (
     ESTIMATORS,
     fit,
     position_covariances_at,
@@ -359,7 +359,7 @@ def assert_kept(hits: np.ndarray, sensor: SensorModel) -> None:
 
 
 def test_a_polar_fit_that_does_not_converge_keeps_the_weighted_one(monkeypatch):
-    monkeypatch.setattr(estimation, "POLAR_PASSES", 1)
+    monkeypatch.setattr(path_fit, "POLAR_PASSES", 1)
     assert_kept(polar_hits(20), GROWING)
 
 

@@ -14,8 +14,8 @@ from support.builders import FIXED_RANGE_ERROR, fit_matrix, scan_at
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.numerics.grouped import members_of_groups
-from tsepm_ros.stages import merging
-from tsepm_ros.stages.merging import best_of_alike, close, groups, merging_threshold, moments
+from tsepm_ros.tracker import merging
+from tsepm_ros.tracker.merging import best_of_alike, close, groups, merging_threshold, moments
 
 P_TM = 0.9
 

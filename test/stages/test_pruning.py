@@ -10,7 +10,13 @@ from scipy import stats
 from support.builders import FIXED_RANGE_ERROR, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.stages.pruning import clutter_threshold, confirmed, distance_threshold, expired, keep
+from tsepm_ros.tracker.pruning import (
+    clutter_threshold,
+    confirmed,
+    distance_threshold,
+    expired,
+    keep,
+)
 
 HERE = (2000.0, 0.0)
 FAR = (-2000.0, 0.0)

@@ -9,13 +9,12 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, detections, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
+from tsepm_ros.methods.tsepm import Tsepm, TsepmOptions
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.stages import splitting
-from tsepm_ros.stages.splitting import Gated, gate, left_out, residual, split, split_within
+from tsepm_ros.tracker import splitting
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.splitting import Gated, gate, left_out, residual, split, split_within
+from tsepm_ros.tracker.tracker import Initiator
 
 
 def rows_of(gated: Gated) -> list[list[int]]:

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from tsepm_ros.simulation import Simulator
-from tsepm_ros.simulation.scenario import Scenario
-from tsepm_ros.simulation.scenario_files import scenario_from
+from tsepm_ros.tools.simulation import Simulator
+from tsepm_ros.tools.simulation.scenario import Scenario
+from tsepm_ros.tools.simulation.scenario_files import scenario_from
 
 pytest.importorskip("rosbags", reason="bags need the library rosbags")
 

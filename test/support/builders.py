@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.sensing.conversion import DETECTION
+from tsepm_ros.tracker.measurement import DETECTION
+from tsepm_ros.tracker.tracker import Initiator
 
 FIXED_RANGE_ERROR = SensorModel(range_std=30.0, range_std_fraction=0.0)
 """A sensor whose range error does not grow."""

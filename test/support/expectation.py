@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 
 from support.sonar_driver import Ping, points, stamp_ns
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.tracker.tracker import Initiator
 
 STATE = ("state_x", "state_vx", "state_y", "state_vy")
 COVARIANCE = tuple(f"cov_{row}{column}" for row in range(4) for column in range(4))

@@ -6,8 +6,8 @@ import numpy as np
 
 from support.builders import FIXED_RANGE_ERROR, detections
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.tracks import TrackArrays
 
 NOTHING = detections(np.zeros((0, 2)), 0.0)
 CLUTTER = 1e-6

@@ -12,9 +12,9 @@ from typing import Any, NoReturn
 import numpy as np
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.environment import learned_memory
-from tsepm_ros.environment.learned import Learned
-from tsepm_ros.initiation.initiator import Initiator
+from tsepm_ros.tracker.clutter import learned as learned_memory
+from tsepm_ros.tracker.clutter.learned import Learned
+from tsepm_ros.tracker.tracker import Initiator
 
 TIME = 1e9
 """Time of the texts, since 1970, s."""

@@ -14,10 +14,10 @@ import numpy as np
 
 from support.patience import WAIT
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.settings.viewer_options import ViewerNodeOptions
-from tsepm_ros.viewer.page_frames import make_frame, track_facts
-from tsepm_ros.viewer.page_server import PageServer
-from tsepm_ros.viewer.page_state import PageState
+from tsepm_ros.settings.node_options import ViewerNodeOptions
+from tsepm_ros.tools.viewer.page_frames import make_frame, track_facts
+from tsepm_ros.tools.viewer.page_server import PageServer
+from tsepm_ros.tools.viewer.page_state import PageState
 
 
 def held(track_id: int, x: float, y: float, vx: float = 3.0, vy: float = 4.0, **more: Any):

@@ -14,10 +14,10 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 
 from support.ros_world import World
-from tsepm_ros.nodes.scan_player import ScanPlayer
-from tsepm_ros.nodes.sonar_simulator import SonarSimulator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.nodes.track_viewer import TrackViewer
+from tsepm_ros.tools.players.scan_player import ScanPlayer
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
+from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
 NODES = (TrackInitiator, SonarSimulator, ScanPlayer, TrackViewer)
 DOUBLES = (0.0, -0.0, 1.0, -1.0, 5e-324, 1e-320, 1e200, 1e308, math.inf, -math.inf, math.nan)

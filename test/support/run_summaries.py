@@ -6,8 +6,8 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from tsepm_ros.analysis.run_summary import RunSummary, ScanSummary, StartSummary
-from tsepm_ros.analysis.truth import Outcome
+from tsepm_ros.tools.evaluation.measures import RunSummary, ScanSummary, StartSummary
+from tsepm_ros.tools.evaluation.simulated_run import Outcome
 
 NOTHING = ScanSummary(false=0, held=0, localisation=0.0, missed=0.0, false_held=0.0)
 

@@ -10,16 +10,16 @@ import numpy as np
 
 from support.builders import FIXED_RANGE_ERROR, scan_at
 from tsepm_ros import Scan
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.tsepm.tsepm_options import TsepmOptions
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracks import TrackArrays
 
 BOX = dataclasses.replace(load_scenario("box"), scans=10)
 

@@ -14,13 +14,13 @@ import numpy as np
 
 from msg_adapters import read_detections
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.arcs import Arc
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.scan import Arc
 
 BEAMS, STEP = 402, 2.0**-6
 """A turn but for 0.1 degrees."""

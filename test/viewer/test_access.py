@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tsepm_ros.viewer.access import Access, is_loopback, token_for
+from tsepm_ros.tools.viewer.page_server import Access, is_loopback, token_for
 
 LOCAL = Access.to("127.0.0.1", "")
 SHARED = Access.to("0.0.0.0", "a-token-of-some-length")

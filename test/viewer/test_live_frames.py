@@ -17,8 +17,8 @@ from msg_adapters import (
     placed_detections_cloud,
     track_cloud,
 )
-from tsepm_ros.own_ship.pose_sample import PoseSample
-from tsepm_ros.viewer.live_frames import (
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tools.viewer.live_frames import (
     CLOUDS,
     DETECTIONS,
     FIXED,

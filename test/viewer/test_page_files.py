@@ -10,7 +10,7 @@ import re
 
 import pytest
 
-from tsepm_ros.viewer.page_files import (
+from tsepm_ros.tools.viewer.page_state import (
     LIVE,
     SCRIPTS,
     SHELL,

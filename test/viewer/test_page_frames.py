@@ -11,8 +11,7 @@ import pytest
 from support.pages import held
 
 from msg_adapters.track_markers import confidence_ellipse
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.viewer.page_frames import (
+from tsepm_ros.tools.viewer.page_frames import (
     MAX_POTENTIAL,
     ellipses,
     encode,
@@ -21,6 +20,7 @@ from tsepm_ros.viewer.page_frames import (
     track_facts,
     track_rows,
 )
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 def potential(x: float, score: float, newest: int, threshold: float = 10.0):

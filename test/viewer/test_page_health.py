@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from tsepm_ros.viewer.page_health import health_of_message, health_of_run
+from tsepm_ros.tools.viewer.page_frames import health_of_message, health_of_run
 
 
 def status(name: str, level, message: str = "fine", **values: str):

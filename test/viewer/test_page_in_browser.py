@@ -12,8 +12,8 @@ from support.browser import Browser, Tab, need_browser
 from support.pages import held, live_state, numbered, put_moving, served
 from support.patience import WAIT
 
-from tsepm_ros.viewer.page_files import write_page
-from tsepm_ros.viewer.page_frames import track_facts
+from tsepm_ros.tools.viewer.page_frames import track_facts
+from tsepm_ros.tools.viewer.page_state import write_page
 
 need_browser()
 

@@ -23,10 +23,10 @@ pytest.importorskip("tornado")
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.websocket import websocket_connect
 
-from tsepm_ros.settings.viewer_options import ViewerNodeOptions
-from tsepm_ros.viewer import page_server
-from tsepm_ros.viewer.page_files import SCRIPTS, STYLE
-from tsepm_ros.viewer.page_server import HEADERS, PageServer
+from tsepm_ros.settings.node_options import ViewerNodeOptions
+from tsepm_ros.tools.viewer import page_server
+from tsepm_ros.tools.viewer.page_server import HEADERS, PageServer
+from tsepm_ros.tools.viewer.page_state import SCRIPTS, STYLE
 
 TOKEN = "a-token-of-some-length"
 

@@ -7,8 +7,8 @@ import json
 import numpy as np
 from support.pages import held, live_state, numbered
 
-from tsepm_ros.viewer.page_frames import track_facts
-from tsepm_ros.viewer.page_state import PageState
+from tsepm_ros.tools.viewer.page_frames import track_facts
+from tsepm_ros.tools.viewer.page_state import PageState
 
 
 def since(state: PageState, version: int = 0):

@@ -11,16 +11,16 @@ from support.builders import scan_at
 from support.sessions import session
 
 from tsepm_ros import Scan
-from tsepm_ros.maintenance.track_maintenance import ENDS
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.pictures.run_scene import truth_paths
-from tsepm_ros.replay.offline import recording_results
-from tsepm_ros.replay.simulated_recording import simulated_recording
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.viewer.recorded_scene import RecordedScene
+from tsepm_ros.tools.pictures.run_scene import truth_paths
+from tsepm_ros.tools.replay.offline import recording_results
+from tsepm_ros.tools.replay.recording import simulated_recording
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.viewer.recorded_scene import RecordedScene
+from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 
 SCENARIO = load_scenario("four_targets")
 

@@ -14,10 +14,10 @@ pytest.importorskip("tornado")
 pytest.importorskip("sensor_msgs")
 
 from msg_adapters import make_header, odometry_message, track_cloud
-from tsepm_ros.own_ship.pose_sample import PoseSample
-from tsepm_ros.settings.viewer_options import ViewerNodeOptions
-from tsepm_ros.viewer.live_frames import DIAGNOSTICS, OWN_SHIP, TRACKS
-from tsepm_ros.viewer.serving import LiveFeed
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.settings.node_options import ViewerNodeOptions
+from tsepm_ros.tools.viewer.live_frames import DIAGNOSTICS, OWN_SHIP, TRACKS
+from tsepm_ros.tools.viewer.serving import LiveFeed
 
 
 def tracks(stamp: float, *held_tracks):

@@ -1,1 +1,1 @@
-"""The health of a session: rules over its figures."""
+"""Diagnostics: health of a session in levels and sentences."""

@@ -1,1 +1,1 @@
-"""The track initiation methods: a module each, and a row each in `registry`."""
+"""Methods of the node: `score` and `tsepm`."""

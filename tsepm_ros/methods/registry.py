@@ -3,38 +3,49 @@
 from __future__ import annotations
 
 import dataclasses
+import pkgutil
 from typing import Any
 
-from tsepm_ros.environment.land import LandMask
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.initiation.method import Method
-from tsepm_ros.methods.clutter_test import ClutterTest
-from tsepm_ros.methods.heuristic import Heuristic
-from tsepm_ros.methods.hough import Hough
-from tsepm_ros.methods.logic import Logic
-from tsepm_ros.methods.modified_hough import ModifiedHough
-from tsepm_ros.methods.multiple_model import MultipleModel
-from tsepm_ros.methods.score.score_method import Score
-from tsepm_ros.methods.sequential import Sequential
-from tsepm_ros.methods.split_merge import SplitMerge
-from tsepm_ros.methods.tsepm.tsepm_method import Tsepm
 from tsepm_ros.parameters import check_value, meant_name, table
-from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.tracker.clutter.land import LandMask
+from tsepm_ros.tracker.method import Method
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracker import Initiator
 
-METHODS: dict[str, type[Method]] = {
-    "tsepm": Tsepm,
-    "score": Score,
-    "sequential": Sequential,
-    "heuristic": Heuristic,
-    "logic": Logic,
-    "hough": Hough,
-    "modified_hough": ModifiedHough,
-    "clutter_test": ClutterTest,
-    "split_merge": SplitMerge,
-    "multiple_model": MultipleModel,
+METHODS: dict[str, type[Method] | str] = {
+    "tsepm": "tsepm_ros.methods.tsepm:Tsepm",
+    "score": "tsepm_ros.methods.score.score:Score",
+    "sequential": "tsepm_ros.studies.sequential:Sequential",
+    "heuristic": "tsepm_ros.studies.heuristic:Heuristic",
+    "logic": "tsepm_ros.studies.logic:Logic",
+    "hough": "tsepm_ros.studies.hough:Hough",
+    "modified_hough": "tsepm_ros.studies.hough:ModifiedHough",
+    "clutter_test": "tsepm_ros.studies.clutter_test:ClutterTest",
+    "split_merge": "tsepm_ros.studies.split_merge:SplitMerge",
+    "multiple_model": "tsepm_ros.studies.multiple_model:MultipleModel",
 }
-"""Every method. A new one is a module here and a row in this table."""
+"""Every method: its class, or the place of its class, which is imported when it is chosen.
+
+A new method is a module and a row in this table.
+"""
+NODE_METHODS = ("tsepm", "score")
+"""Methods whose parameters the node always has; those of another exist where it is chosen."""
+
+
+def method_class(method: str) -> type[Method]:
+    """The class of a method.
+
+    Raises
+    ------
+    ValueError
+        If there is no such method.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    kind = METHODS[method]
+    found: type[Method] = pkgutil.resolve_name(kind) if isinstance(kind, str) else kind
+    return found
 
 
 def available_methods() -> tuple[str, ...]:
@@ -44,17 +55,15 @@ def available_methods() -> tuple[str, ...]:
 
 def option_names(method: str) -> frozenset[str]:
     """Names of the options that a method takes, its own and those common to all."""
-    groups = (CommonOptions, METHODS[method].Options)
+    groups = (CommonOptions, method_class(method).Options)
     return frozenset(field.name for group in groups for field in dataclasses.fields(group))
 
 
 def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
     """Make a method; see `make_initiator`."""
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    kind = method_class(method)
     if not isinstance(sensor, SensorModel):
         raise TypeError(f"sensor must be a SensorModel; got {type(sensor).__name__}")
-    kind = METHODS[method]
     known = option_names(method)
     unknown = sorted(set(options) - known)
     rows = {row.name: row for group in (CommonOptions, kind.Options) for row in table(group)}

@@ -1,1 +1,1 @@
-"""The ROS 2 nodes. Nothing outside this package imports rclpy."""
+"""The node `track_initiator`."""

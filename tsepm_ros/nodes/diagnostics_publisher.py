@@ -1,6 +1,13 @@
-"""Publisher of the health of session and connections on ``/diagnostics``."""
+"""The publisher of /diagnostics, and warnings at a limited rate.
+
+Warnings that are logged at a limited rate.
+
+Publisher of the health of session and connections on ``/diagnostics``.
+"""
 
 from __future__ import annotations
+
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
@@ -10,11 +17,57 @@ from msg_adapters import diagnostics
 from tsepm_ros.diagnostics.health import Health
 from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.diagnostics.judgements import unused_own_ship_on
-from tsepm_ros.nodes import qos_overrides
-from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
-from tsepm_ros.nodes.qos_watch import QosWatch
+from tsepm_ros.nodes import quality_of_service
+from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import NodeClocks
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription
+from tsepm_ros.session.drop_reasons import reason_of
 from tsepm_ros.session.session import Session
+
+WARNING_PERIOD = 10.0
+"""Minimum time between warnings with the same reason, s."""
+MORE_DETECTIONS = 10
+"""Factor between the numbers of dropped detections of two warnings: many pings have some."""
+FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart")
+"""Reasons that are no fault."""
+
+
+class ThrottledWarnings:
+    """Logs warnings with the same reason at most once per `WARNING_PERIOD`, and facts as INFO.
+
+    Drops of single detections are logged again once they are `MORE_DETECTIONS` times as many.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._warned: dict[str, float] = {}
+        self._said: dict[str, int] = {}
+
+    def warn(self, reason: str, sentence: str, total: int) -> None:
+        """Log a fault and the number of its occurrences, unless it was logged just before.
+
+        Nothing is logged while the node ends.
+        """
+        if not self._node.context.ok():
+            return
+        now = time.monotonic()
+        if now - self._warned.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
+            return
+        if total and reason_of(reason).lost == "detection":
+            if total < MORE_DETECTIONS * self._said.get(reason, 0):
+                return
+            self._said[reason] = total
+        self._warned[reason] = now
+        counted = f"{sentence} ({total} so far: {reason})" if total else sentence
+        logger = self._node.get_logger()
+        if reason in FACTS:  # a line of its own: rclpy refuses two severities of one line
+            logger.info(counted)
+        else:
+            logger.warning(counted)
 
 
 class DiagnosticsPublisher:
@@ -55,7 +108,7 @@ class DiagnosticsPublisher:
         self._clocks = clocks
         self._warned_of_own_ship = False
         self._publisher = node.create_publisher(
-            DiagnosticArray, "/diagnostics", 10, qos_overriding_options=qos_overrides.PUBLISHER
+            DiagnosticArray, "/diagnostics", 10, qos_overriding_options=quality_of_service.PUBLISHER
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(period, self._publish, clock=steady)

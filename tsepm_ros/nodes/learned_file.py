@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tsepm_ros.environment import learned_memory
-from tsepm_ros.session.refusal import shortened
+from tsepm_ros.session.drop_reasons import shortened
 from tsepm_ros.session.session import Session
+from tsepm_ros.tracker.clutter import learned
 from tsepm_ros.whole_files import write_text
 
 MAX_SIZE = 2**24
@@ -56,7 +56,7 @@ class LearnedFile:
             if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
                 raise OSError("a name in its path has more than 200 bytes")
             self._path = path
-            found = learned_memory.read(
+            found = learned.read(
                 path.read_text(encoding="utf-8"),
                 self._session.settings.sensor,
                 self._session.settings.session.sensor_frame,
@@ -94,9 +94,7 @@ class LearnedFile:
             return
         frame_id = self._session.settings.session.sensor_frame
         try:
-            text = learned_memory.written(
-                initiator.learned, initiator.sensor, frame_id, time.time()
-            )
+            text = learned.written(initiator.learned, initiator.sensor, frame_id, time.time())
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_text(self._path, text)
             self._failed = False

@@ -18,10 +18,16 @@ from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from tsepm_ros.nodes import qos_overrides
+from tsepm_ros.nodes import quality_of_service
 from tsepm_ros.parameters import Parameter, Value, meant_instead, shown, unknown_parameter
 from tsepm_ros.settings.parameter_files import OF_ROS, unused_files, without_value
-from tsepm_ros.settings.tables import Groups, full_table, make_groups
+from tsepm_ros.settings.settings import (
+    Groups,
+    full_table,
+    is_of_another_method,
+    make_groups,
+    with_method,
+)
 
 _INT64 = 2**63 - 1
 _TYPE_HINTS = {
@@ -97,7 +103,7 @@ class ParameterisedNode(Node):
         ------
         ParameterError
         """
-        for sentence in qos_overrides.faults(self):
+        for sentence in quality_of_service.faults(self):
             raise ParameterError(sentence)
 
 
@@ -131,11 +137,12 @@ class NodeParameters:
         failures: tuple[type[Exception], ...] = (),
     ) -> None:
         self._node = node
-        self._groups = groups
+        chosen = node.get_parameters_by_prefix("").get("method")
+        self._groups = with_method(groups, chosen and chosen.value)
         self._on_change = on_change
         self._rehearse = rehearse
         self._failures = failures
-        self._rows = {row.name: row for row in full_table(groups)}
+        self._rows = {row.name: row for row in full_table(self._groups)}
         self._refuse_unknown()
         for row in self._rows.values():
             self._declare(row)
@@ -147,11 +154,17 @@ class NodeParameters:
     def _refuse_unknown(self) -> None:
         given = self._node.get_parameters_by_prefix("")
         for name, one in given.items():
-            fault = name.startswith(qos_overrides.PREFIX) and qos_overrides.fault(name, one.value)
+            fault = name.startswith(quality_of_service.PREFIX) and quality_of_service.fault(
+                name, one.value
+            )
             if fault:
                 raise ParameterError(fault)
-            if name not in self._rows and not name.startswith(OF_ROS):
+            if name in self._rows or name.startswith(OF_ROS):
+                continue
+            if not is_of_another_method(name, self._rows):
                 raise ParameterError(unknown_parameter(name, self._rows))
+            self._node.undeclare_parameter(name)
+            self._node.get_logger().warning(f"{name} is not used: another method is chosen")
 
     def _declare(self, row: Parameter) -> None:
         given: Any = row.default

@@ -11,9 +11,8 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.own_ship.attitude import AXES, angles_of, rotation_of
-from tsepm_ros.own_ship.frame_axes import east_north_up
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.session import Session
 
 CACHE_TIME = 120.0

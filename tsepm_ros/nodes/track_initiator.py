@@ -13,32 +13,29 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import make_header
+from msg_adapters.message_input import MessageInput
 from tsepm_ros.diagnostics.health import Health
 from tsepm_ros.diagnostics.health_figures import Latency
-from tsepm_ros.nodes.detections_subscription import DetectionsSubscription
-from tsepm_ros.nodes.diagnostics_publisher import DiagnosticsPublisher
-from tsepm_ros.nodes.land_subscription import LandSubscription
+from tsepm_ros.nodes.diagnostics_publisher import DiagnosticsPublisher, ThrottledWarnings
 from tsepm_ros.nodes.learned_file import SAVING_PERIOD, LearnedFile
 from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
-from tsepm_ros.nodes.offered_subscription import OfferedSubscription
-from tsepm_ros.nodes.qos_watch import QosWatch
-from tsepm_ros.nodes.queued_messages import newest
+from tsepm_ros.nodes.publishers import TrackAnnouncements, TrackOutputs
+from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import NodeClocks, run
+from tsepm_ros.nodes.subscriptions import (
+    DetectionsSubscription,
+    LandSubscription,
+    OfferedSubscription,
+    newest,
+)
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
-from tsepm_ros.nodes.throttled_warnings import ThrottledWarnings
-from tsepm_ros.nodes.track_announcements import TrackAnnouncements
-from tsepm_ros.nodes.track_outputs import TrackOutputs
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.replay.message_input import MessageInput
-from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.session.angle_units import questions
-from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.session.refusal import FAILURES
+from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP
+from tsepm_ros.session.sensor_check import questions
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.diagnostics_options import DiagnosticsOptions
-from tsepm_ros.settings.node_help import help_text
-from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.tables import TRACK_INITIATOR, settings_from
+from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions
+from tsepm_ros.settings.settings import TRACK_INITIATOR, help_text, settings_from
+from tsepm_ros.tracker.sensor import SensorModel
 
 WAIT_PERIOD = 0.05
 """Time between checks of the scans that wait for own-ship data, s."""

@@ -1,1 +1,1 @@
-"""Arrays and their arithmetic, independent of sonar."""
+"""Numerics: arrays, Gaussians, discs, groups."""

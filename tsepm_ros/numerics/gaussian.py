@@ -1,4 +1,9 @@
-"""Gaussian densities, distances, gates and mixtures."""
+"""Gaussian densities, distances, gates and mixtures, and covariances after rounding.
+
+Gaussian densities, distances, gates and mixtures.
+
+Covariances that rounding has left singular or not positive definite.
+"""
 
 from __future__ import annotations
 
@@ -91,3 +96,101 @@ def mixture(
     second_moments = covariances + deviation[..., :, None] * deviation[..., None, :]
     covariance = np.einsum("m...,m...ij->...ij", weights, second_moments)
     return states[0] + mean, covariance
+
+
+MIN_EIGENVALUE = 1e-12
+"""Smallest eigenvalue of a correlation matrix that rounding cannot have made."""
+REPAIRED_EIGENVALUE = 1e-9
+"""Smallest eigenvalue of a correlation matrix that is repaired."""
+MIN_VARIANCE_SHARE = 1e-24
+"""Smallest variance of a repaired matrix, as a share of its largest."""
+
+
+def proper(covariance: FloatArray) -> FloatArray:
+    """Covariances that are symmetric and positive definite beyond the rounding.
+
+    A matrix whose correlations have all eigenvalues above `MIN_EIGENVALUE` is left as it is, to the
+    bit. Of another, the eigenvalues of the correlations are raised to `REPAIRED_EIGENVALUE`, which
+    enlarges the variances by no more than rounding has lost.
+
+    Parameters
+    ----------
+    covariance : (n, d, d) ndarray
+
+    Returns
+    -------
+    (n, d, d) ndarray
+        The argument itself where nothing is repaired; matrices that are not finite are kept.
+    """
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    finite = np.isfinite(covariance).all(axis=(1, 2))
+    if finite.all() and (variance > 0.0).all() and _is_definite(_scaled(covariance, variance)):
+        return covariance
+    repaired = covariance.copy()
+    for row in np.flatnonzero(finite):
+        repaired[row] = _repaired(covariance[row])
+    return repaired
+
+
+def correlated_beyond_one(covariance: FloatArray) -> BoolArray:
+    """Which matrices (n, d, d) have a variance or a correlation that no covariance has, (n,).
+
+    This is a cheap test for many matrices; `proper` tests all of their eigenvalues.
+    """
+    variance = np.diagonal(covariance, axis1=-2, axis2=-1)
+    square = variance[..., :, None] * variance[..., None, :]
+    size = covariance.shape[-1]
+    beyond = np.square(covariance) >= square * (1.0 - MIN_EIGENVALUE)
+    beyond[..., range(size), range(size)] = variance <= 0.0
+    return np.asarray(beyond.any(axis=(-2, -1)))
+
+
+@np.errstate(invalid="ignore")
+def inverse_or_nan(matrices: FloatArray) -> FloatArray:
+    """Inverse of each (..., d, d) matrix; nan for a singular matrix."""
+    try:
+        inverted = np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.slogdet(matrices)[0] == 0.0
+        inverted = np.linalg.inv(np.where(singular[..., None, None], np.nan, matrices))
+    return inverted.astype(np.float64, copy=False)
+
+
+def solve(covariance: FloatArray, difference: FloatArray) -> FloatArray:
+    """``C^-1 d`` of covariances (n, d, d) and vectors (n, d); singular covariances are repaired."""
+    try:
+        solved = np.linalg.solve(covariance, difference[..., None])
+    except np.linalg.LinAlgError:
+        solved = np.linalg.solve(proper(covariance), difference[..., None])
+    return solved[..., 0].astype(np.float64, copy=False)
+
+
+def _scaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+    sigma = np.sqrt(variance)
+    return covariance / sigma[..., :, None] / sigma[..., None, :]
+
+
+def _is_definite(correlation: FloatArray) -> bool:
+    """Whether all matrices are symmetric, and their eigenvalues are above MIN_EIGENVALUE."""
+    if np.abs(correlation - np.swapaxes(correlation, -1, -2)).max(initial=0.0) > MIN_EIGENVALUE:
+        return False
+    try:
+        np.linalg.cholesky(correlation - MIN_EIGENVALUE * np.eye(correlation.shape[-1]))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _repaired(covariance: FloatArray) -> FloatArray:
+    variance = np.diagonal(covariance).copy()
+    largest = max(float(variance.max()), np.finfo(float).tiny / MIN_VARIANCE_SHARE)
+    variance = np.maximum(variance, MIN_VARIANCE_SHARE * largest)
+    if (np.diagonal(covariance) == variance).all() and _is_definite(_scaled(covariance, variance)):
+        return covariance
+    correlation = _scaled(0.5 * (covariance + covariance.T), variance).clip(-1.0, 1.0)
+    np.fill_diagonal(correlation, 1.0)
+    values, vectors = np.linalg.eigh(correlation)
+    correlation = (vectors * np.maximum(values, REPAIRED_EIGENVALUE)) @ vectors.T
+    sigma = np.sqrt(variance)
+    made: FloatArray = 0.5 * (correlation + correlation.T) * np.outer(sigma, sigma)
+    return made

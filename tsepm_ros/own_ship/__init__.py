@@ -1,1 +1,1 @@
-"""Pose of the sensor: attitude, mounting, pose history, and registration of scans."""
+"""Own ship: attitude, poses, registration."""

@@ -19,8 +19,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
 from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
-from tsepm_ros.sensing.arcs import Arc
-from tsepm_ros.sensing.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, wrap
 
 MAX_ECHO_TIME = 60.0
 """Time from a ping to the reflection of its echo, s, that no sonar reaches: 90 km of range."""

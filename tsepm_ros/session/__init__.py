@@ -1,1 +1,1 @@
-"""From arriving messages to results, without ROS."""
+"""A session: messages in their order in, results out."""

@@ -6,14 +6,14 @@ import time
 from collections import Counter
 from typing import Any
 
-from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.maintenance.downstream_tracker import Tracker, TrackerReport
-from tsepm_ros.maintenance.held_tracks import Status
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark
+from tsepm_ros.session.drop_reasons import FAILURES, Notice, Refusal, Remark
 from tsepm_ros.session.sensor_check import SensorCheck, findings
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
+from tsepm_ros.tracker.maintenance.external_tracker import Tracker, TrackerReport
+from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 class InitiatorRun:

@@ -1,4 +1,9 @@
-"""Whether the sensor's figures as given fit what the scans show, in sentences with the remedy."""
+"""Contradictions between the stated sensor and what is received.
+
+Questions about parameters that look like degrees; no value is converted.
+
+Whether the sensor's figures as given fit what the scans show, in sentences with the remedy.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +11,33 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from tsepm_ros.environment.measurement_errors import FittedErrors
-from tsepm_ros.environment.seen_extent import Extent
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.sensing.sensor import SensorModel
+from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
+from tsepm_ros.tracker.clutter.seen_extent import Extent
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracker import Initiator
+
+MAX_LIKELY_STD = 0.2
+"""Standard deviation of an azimuth, rad (11 degrees), beyond which it looks like degrees."""
+MAX_LIKELY_RESOLUTION = 0.8
+"""Width of a beam, rad (46 degrees), beyond which it looks like degrees."""
+MAX_LIKELY_YAW = 3.2
+"""Yaw of a mounting, rad (half a turn), beyond which it looks like degrees."""
+
+
+def questions(sensor: SensorModel, mounting: Mounting) -> list[str]:
+    """Questions about parameters in radians that look like degrees, a sentence each."""
+    return [
+        f"{name} is {value:g} rad, which is {math.degrees(value):.0f} degrees: if {value:g} "
+        f"degrees are meant, set {math.radians(value):.4g}"
+        for name, value, limit in (
+            ("sensor.azimuth_std", sensor.azimuth_std, MAX_LIKELY_STD),
+            ("sensor.azimuth_resolution", sensor.azimuth_resolution, MAX_LIKELY_RESOLUTION),
+            ("mounting.yaw", mounting.yaw, MAX_LIKELY_YAW),
+        )
+        if abs(value) > limit
+    ]
+
 
 AREA_FACTOR = 2.0
 """Factor by which the coverage as given may exceed the area in which detections fall."""

@@ -16,29 +16,22 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 
-from tsepm_ros.environment.land import LandMask
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.initiation.statistics import ScanStatistics
-from tsepm_ros.maintenance.downstream_tracker import TrackerReport
-from tsepm_ros.own_ship.pose_sample import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.scan import Scan
-from tsepm_ros.session.clocks import Now
-from tsepm_ros.session.downstream_input import DownstreamInput
-from tsepm_ros.session.frames import Frames
+from tsepm_ros.session.drop_reasons import FAILURES, Notice, Refusal, Remark, shortened
+from tsepm_ros.session.frames import Frames, register
 from tsepm_ros.session.initiator_run import InitiatorRun
-from tsepm_ros.session.land_input import LandInput
-from tsepm_ros.session.losses import Losses
-from tsepm_ros.session.message_check import MessageCheck
-from tsepm_ros.session.own_ship_input import OwnShipInput
-from tsepm_ros.session.refusal import FAILURES, Notice, Refusal, Remark, shortened
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.scan_order import Arrival, ScanOrder
-from tsepm_ros.session.scan_queue import QUEUE_LENGTH, ScanQueue, Waiting
-from tsepm_ros.session.scan_registration import register
-from tsepm_ros.session.snapshot import SessionSnapshot
+from tsepm_ros.session.inputs import DownstreamInput, LandInput, OwnShipInput
+from tsepm_ros.session.message_check import Losses, MessageCheck
+from tsepm_ros.session.result import ScanResult, SessionSnapshot
+from tsepm_ros.session.scan_queue import QUEUE_LENGTH, Arrival, Now, ScanOrder, ScanQueue, Waiting
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.clutter.land import LandMask
+from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
+from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.tracker import Initiator
 
 
 def _ignore(reason: str, sentence: str) -> None:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.sensing.arcs import Arc, turned
+from tsepm_ros.tracker.scan import Arc, turned
 
 WIDEST_PART = 0.5 * math.pi
 """Widest arc of a message of a sweep, and longest step between two, rad."""

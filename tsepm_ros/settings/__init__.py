@@ -1,1 +1,1 @@
-"""The parameter tables, and the settings of a session made from them."""
+"""Settings: options, parameter tables and files."""

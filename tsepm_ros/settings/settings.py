@@ -1,18 +1,36 @@
-"""The settings of a session."""
+"""Settings of a session, the nodes' tables of parameters, and their help.
+
+The settings of a session.
+
+The parameter tables of the nodes: their groups, and the options made from values.
+
+The text that a node prints for ``--help``.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
+import textwrap
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.initiation.method import Method
-from tsepm_ros.methods.registry import METHODS, make_method
+from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, method_class
 from tsepm_ros.own_ship.mounting import Mounting
-from tsepm_ros.sensing.sensor import SensorModel
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
+from tsepm_ros.settings.node_options import (
+    DiagnosticsOptions,
+    InitiatorNodeOptions,
+    PlaybackOptions,
+    PlayerNodeOptions,
+    SessionOptions,
+    SimulatorNodeOptions,
+    ViewerNodeOptions,
+)
+from tsepm_ros.tracker.method import Method
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracker import Initiator
 
 
 @dataclass(frozen=True)
@@ -53,7 +71,7 @@ class Settings:
     def method_options(self) -> Any:
         """Options of the chosen method."""
         method = self.session.method
-        return self.methods.get(method) or METHODS[method].Options()
+        return self.methods.get(method) or method_class(method).Options()
 
     def make_initiator(self) -> Initiator:
         """Make the initiator that these settings describe."""
@@ -72,3 +90,167 @@ class Settings:
     def window(self) -> int:
         """Window of the chosen method, scans."""
         return int(self.method_options.window)
+
+
+Groups = tuple[tuple[str, type[Any]], ...]
+"""Groups of parameters, each with the prefix of its names."""
+
+TRACK_INITIATOR: Groups = (
+    ("", SessionOptions),
+    ("", InitiatorNodeOptions),
+    ("", CommonOptions),
+    ("diagnostics.", DiagnosticsOptions),
+    ("sensor.", SensorModel),
+    ("mounting.", Mounting),
+    *((f"{name}.", method_class(name).Options) for name in NODE_METHODS),
+)
+SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions), ("", PlaybackOptions))
+SCAN_PLAYER: Groups = (("", PlayerNodeOptions), ("", PlaybackOptions))
+TRACK_VIEWER: Groups = (("", ViewerNodeOptions),)
+
+NODES: dict[str, Groups] = {
+    "track_initiator": TRACK_INITIATOR,
+    "sonar_simulator": SONAR_SIMULATOR,
+    "scan_player": SCAN_PLAYER,
+    "track_viewer": TRACK_VIEWER,
+}
+"""Every node's groups of parameters."""
+
+
+def full_table(groups: Groups) -> Iterator[Parameter]:
+    """Iterate over all parameters of groups, with their full names."""
+    for prefix, group in groups:
+        for row in table(group):
+            yield replace(row, name=prefix + row.name)
+
+
+def with_method(groups: Groups, method: Any) -> Groups:
+    """The groups of `track_initiator` with those of the chosen method; all others as they are."""
+    if not isinstance(method, str) or method not in METHODS or ("", SessionOptions) not in groups:
+        return groups
+    return tuple(dict.fromkeys((*groups, (f"{method}.", method_class(method).Options))))
+
+
+def is_of_another_method(name: str, rows: Collection[str]) -> bool:
+    """Whether a name is no parameter since another method is chosen: it is then not used."""
+    method, _, own = name.partition(".")
+    if "method" not in rows or method not in METHODS:
+        return False
+    return own in {row.name for row in table(method_class(method).Options)}
+
+
+def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], Any]:
+    """Make every group from values by full name; a missing value is the default.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, or a value is not allowed by itself or in combination with another;
+        the message has the full name.
+    """
+    groups = with_method(groups, values.get("method"))
+    rows = {row.name: row for row in full_table(groups)}
+    for name, value in values.items():
+        if name in rows:
+            check_value(name, value, rows)
+        elif not is_of_another_method(name, rows):
+            raise ValueError(unknown_parameter(name, rows))
+    options = {}
+    for prefix, group in groups:
+        given = {
+            row.name: values[prefix + row.name]
+            for row in table(group)
+            if prefix + row.name in values
+        }
+        try:
+            options[group] = group(**given)
+        except ValueError as error:
+            raise ValueError(f"{prefix}{error}") from None
+    if SessionOptions in options:
+        _check_combination(options)
+    return options
+
+
+def _check_combination(options: Mapping[type[Any], Any]) -> None:
+    """Refuse values of different groups that contradict each other."""
+    settings_from(options)
+    session: SessionOptions = options[SessionOptions]
+    from_north = options[InitiatorNodeOptions].bearing_reference == "north"
+    if from_north and session.own_ship_source == "none" and not session.fixed_frame:
+        raise ValueError(
+            "fixed_frame must be given if bearing_reference is north and own_ship_source is none: "
+            "the tracks are then in an east-north frame, not in the sensor frame"
+        )
+    if from_north and session.own_ship_source == "none" and not options[SensorModel].all_round:
+        raise ValueError(
+            "own_ship_source must not be none if bearing_reference is north and "
+            "sensor.azimuth_min to sensor.azimuth_max is a sector: the sector turns with the "
+            "heading"
+        )
+
+
+def settings_from(options: Mapping[type[Any], Any]) -> Settings:
+    """Settings of a session, from the options of the groups of TRACK_INITIATOR."""
+    return Settings(
+        session=options[SessionOptions],
+        sensor=options[SensorModel],
+        common=options[CommonOptions],
+        methods={
+            name: options[kind]
+            for name in {*NODE_METHODS, options[SessionOptions].method}
+            if (kind := method_class(name).Options) in options
+        },
+        mounting=options[Mounting],
+    )
+
+
+WIDTH = 100
+_EXAMPLES = {
+    "track_initiator": "-r detections:=/my_sonar/detections -p max_speed:=5.0",
+    "sonar_simulator": "-p scenario:=four_targets -p rate_factor:=10.0",
+    "scan_player": "-p recording:=my_recording -p rate_factor:=10.0",
+    "track_viewer": "-r tracks/current:=/my_boat/tracks/current -p port:=8080",
+}
+_TOPICS = {
+    "track_initiator": "subscribes to detections, own_ship/odometry and tracked; publishes tracks, "
+    "tracks/current, tracks/markers and others (docs/topics.md)",
+    "sonar_simulator": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
+    "scan_player": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
+    "track_viewer": "subscribes to tracks/current, fixed_echoes and others "
+    "(docs/watch_and_operate.md)",
+}
+
+
+def help_text(node: str, summary: str | None) -> str:
+    """Usage, an example, the topics, and the parameters' names with where they are described.
+
+    Parameters
+    ----------
+    node : str
+        Name of the executable, a key of NODES.
+    summary : str or None
+        What the node does; its first line is used.
+    """
+    parts = [
+        f"usage: ros2 run tsepm_ros {node} [-h] [--ros-args [-p NAME:=VALUE] "
+        "[-r TOPIC:=OTHER] [--params-file FILE] [-r __ns:=/NAMESPACE]]",
+        (summary or "").splitlines()[0],
+        f"example: ros2 run tsepm_ros {node} --ros-args {_EXAMPLES[node]}",
+        f"topics: {_TOPICS[node]}",
+        *_parameter_lines(node),
+        f"Descriptions, units, bounds and defaults: tsepm parameters {node} (a parameter file to "
+        f"edit; also in share/tsepm_ros/config/{node}.yaml), or docs/parameters.md. Numbers that "
+        "are not integers need their decimal point: 5.0, not 5.",
+    ]
+    return "\n\n".join(textwrap.fill(part, WIDTH, subsequent_indent="  ") for part in parts)
+
+
+def _parameter_lines(node: str) -> list[str]:
+    """A paragraph of names per prefix."""
+    names: dict[str, list[str]] = {}
+    for prefix, group in NODES[node]:
+        names.setdefault(prefix, []).extend(row.name for row in table(group))
+    return [
+        f"{f'parameters {prefix}*' if prefix else 'parameters'}: {', '.join(group)}"
+        for prefix, group in names.items()
+    ]

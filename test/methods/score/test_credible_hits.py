@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tsepm_ros.methods.score.credible_hits import credible_hits, held_share
+from tsepm_ros.methods.score.confirmation import credible_hits, held_share
 from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.sensing.conversion import DETECTION
-from tsepm_ros.sensing.detection_window import DetectionWindow
-from tsepm_ros.stages.paths import NO_HIT
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.measurement import DETECTION
+from tsepm_ros.tracker.path_fit import NO_HIT
 
 
 def test_the_held_share_is_over_all_hits_weighted_by_likelihood():

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsepm_ros.methods.score.likelihood_ratio import hit_increment, miss_increment
+from tsepm_ros.methods.score.track_score import hit_increment, miss_increment
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.numerics.grouped import summed
 

@@ -10,11 +10,11 @@ import pytest
 from support.builders import assert_same_tracks
 
 from tsepm_ros import make_initiator
-from tsepm_ros.environment.target_strength import ScanStrengths, log_ratio
 from tsepm_ros.methods.score import path_strength, tree
 from tsepm_ros.methods.score.path_strength import PRIOR_TARGET_ODDS
-from tsepm_ros.simulation import Simulator, load_scenario
-from tsepm_ros.simulation.strengths import ClutterStrength, TargetStrength
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
+from tsepm_ros.tracker.clutter.target_strength import ScanStrengths, log_ratio
 
 BOX = load_scenario("box")
 

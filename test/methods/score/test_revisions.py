@@ -10,7 +10,7 @@ from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
-from tsepm_ros.kinematics.track import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.01, clutter_density=1e-5)
 X = 3000.0

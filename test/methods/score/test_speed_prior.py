@@ -7,7 +7,7 @@ from support.builders import scan_at
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score.speed_prior import LOG_GAIN
+from tsepm_ros.methods.score.confirmation import LOG_GAIN
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=6000.0)
 

@@ -14,21 +14,21 @@ from support.scenes import Scene, crowded_scene, random_scene
 from support.score_scenes import clutter, in_plain_loops, score
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.initiation.initiator import Initiator
-from tsepm_ros.methods.score.credible_hits import Start
-from tsepm_ros.methods.score.grown import Grown
-from tsepm_ros.methods.score.score_method import Score
-from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.methods.score.starts import (
+from tsepm_ros.methods.score.confirmation import (
     TARGET_BIRTH_RATE,
+    Start,
     SummedEvidence,
     existence,
     min_purity_probability,
 )
-from tsepm_ros.sensing.conversion import convert
-from tsepm_ros.sensing.detection_window import DetectionWindow
-from tsepm_ros.stages.estimation import fit
+from tsepm_ros.methods.score.hypotheses import Grown
+from tsepm_ros.methods.score.score import Score
+from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.path_fit import fit
+from tsepm_ros.tracker.tracker import Initiator
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,15 @@ from support.builders import AS_GIVEN
 from support.score_scenes import score, sea
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
-from tsepm_ros.analysis.operating_points import OperatingPoint
-from tsepm_ros.analysis.run_summary import summarise
-from tsepm_ros.analysis.simulated_run import simulate
-from tsepm_ros.analysis.truth import Outcome
-from tsepm_ros.initiation.common_options import CommonOptions
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.replay.offline import process_recording
-from tsepm_ros.replay.recording import read_recording
-from tsepm_ros.settings.session_options import SessionOptions
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.simulation import load_scenario
+from tsepm_ros.tools.evaluation.measures import summarise
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
+from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.recording import read_recording
+from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracks import TrackArrays
 
 JOYRIDE = Path(__file__).parents[3].parent / "shared" / "data" / "joyride"
 RADAR = SensorModel(range_std=15.0, range_std_fraction=0.0, max_range=3000.0)

@@ -11,9 +11,9 @@ from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import NEVER, SONAR, clutter, score, sea
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.initiation.initiator import Initiator
 from tsepm_ros.methods.score.threshold import Threshold, coarse_sensor
-from tsepm_ros.numerics.limits import TimeLimit
+from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.tracker.tracker import Initiator
 
 
 def test_a_track_says_its_evidence_and_by_how_much_it_passed():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score import threshold_plan
+from tsepm_ros.methods.score import threshold as threshold_plan
 from tsepm_ros.methods.score.score_options import ScoreOptions
 
 RULE = {

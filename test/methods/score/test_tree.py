@@ -16,7 +16,7 @@ from tsepm_ros import Scan
 from tsepm_ros.methods.score import tree
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.numerics.limits import TimeLimit
+from tsepm_ros.numerics.arrays import TimeLimit
 
 
 @pytest.mark.parametrize("seed", batches(24, 8))

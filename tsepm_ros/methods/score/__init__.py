@@ -1,1 +1,1 @@
-"""The likelihood-ratio method."""
+"""The method `score`: a target false-track rate that is kept."""

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tsepm_ros.initiation.observation import Observation, TargetHits
 from tsepm_ros.methods.score.hypotheses import Hypotheses
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.sensing.detection_window import DetectionWindow
-from tsepm_ros.stages.paths import NO_HIT
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.method import Observation, TargetHits
+from tsepm_ros.tracker.path_fit import NO_HIT
 
 PRIOR_TARGET_ODDS = 0.2
 """Prior odds, for the law of clutter, that a path is a target's: positions do not bias it."""

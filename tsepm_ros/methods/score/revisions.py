@@ -25,19 +25,19 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import softmax
 
-from tsepm_ros.initiation.observation import Observation
-from tsepm_ros.kinematics.track import TrackArrays
-from tsepm_ros.methods.score import speed_prior
-from tsepm_ros.methods.score.credible_hits import (
+from tsepm_ros.methods.score import confirmation
+from tsepm_ros.methods.score.confirmation import (
     MIN_PURITY_PROBABILITY,
     HitFit,
     Start,
     resolved,
     rivals_of,
 )
-from tsepm_ros.methods.score.grown import Grown
+from tsepm_ros.methods.score.hypotheses import Grown
 from tsepm_ros.numerics.arrays import IntArray
-from tsepm_ros.sensing.detection_window import DetectionWindow
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.tracks import TrackArrays
 
 ALL = 1.0
 """A held track's hits are all due to a held track."""
@@ -113,11 +113,11 @@ def revisions(
     replaced: list[tuple[int, Start]] = []
     tested: Grown | None = None
     for track_id, row, hits in wrong:
-        if grown.evidence[row] + speed_prior.LOG_GAIN < threshold:
+        if grown.evidence[row] + confirmation.LOG_GAIN < threshold:
             continue
         if any(grown.ids[row] in start.detections for start in starts):
             continue
-        tested = tested or speed_prior.ended_at(grown, threshold, max_speed)
+        tested = tested or confirmation.ended_at(grown, threshold, max_speed)
         start = _instead(hits, tested, row, window, threshold, min_time, fit)
         if start is None:
             continue

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.stages.estimation import ESTIMATORS
+from tsepm_ros.tracker.path_fit import ESTIMATORS
 
 MIN_HITS = 3
 """Hits of a confirmed track, at least: two hits cannot check the velocity."""

@@ -20,21 +20,16 @@ from functools import partial
 
 import numpy as np
 
-from tsepm_ros.initiation.observation import Observation
-from tsepm_ros.kinematics import kalman
-from tsepm_ros.methods.score import fading, likelihood_ratio, path_strength
-from tsepm_ros.methods.score.expected_detections import ExpectedDetections
-from tsepm_ros.methods.score.grown import Grown
-from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.methods.score import fading, path_strength, track_score
+from tsepm_ros.methods.score.hypotheses import Grown, Hypotheses
 from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.methods.score.track_score import ExpectedDetections
 from tsepm_ros.numerics import grouped
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.numerics.limits import keep_best
-from tsepm_ros.numerics.rows import changed
-from tsepm_ros.sensing import range_rates
-from tsepm_ros.sensing.sensor import MIN_CLUTTER_DENSITY, SensorModel
-from tsepm_ros.stages import pruning
-from tsepm_ros.stages.paths import starting
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, keep_best
+from tsepm_ros.tracker import motion, pruning, range_rates
+from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.path_fit import starting
+from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
 MAX_PAIRS_TOGETHER = 50_000
 """Pairs of hypotheses and detections that are scored together: bounds memory."""
@@ -46,7 +41,7 @@ NEARING_SHARE = 0.2
 
 def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
     """The hypotheses after a time interval, s, with nearly constant velocity; see `fading` too."""
-    state, covariance = kalman.predict(
+    state, covariance = motion.predict(
         hypotheses.state, hypotheses.covariance, interval, process_noise
     )
     faded = fading.predicted(hypotheses.faded)
@@ -134,7 +129,7 @@ def start(observed: Observation, ids: IntArray, max_speed: float, window: int) -
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
     elapsed = observed.stamp - detections["time"]
     if elapsed.any():
-        state, covariance = kalman.predict(state, covariance, elapsed)
+        state, covariance = motion.predict(state, covariance, elapsed)
     strength = path_strength.begun(observed)
     score = score + strength.score
     given_held = score - held_penalty(observed, np.arange(len(path)), strength.score)
@@ -164,7 +159,7 @@ def miss(
     gate_probability : float
         P_G.
     """
-    increment = likelihood_ratio.miss_increment(detection_probability, gate_probability)
+    increment = track_score.miss_increment(detection_probability, gate_probability)
     return changed(
         predicted,
         score=predicted.score + increment,
@@ -274,7 +269,7 @@ def child_score(
         -inf outside the gate, or where P_D is 0.
     """
     density = expected.log_likelihood(parent, row, gate_probability)
-    increment = likelihood_ratio.hit_increment(
+    increment = track_score.hit_increment(
         density, detection_probability[parent], observed.clutter_density[row]
     )
     hypotheses = expected.hypotheses

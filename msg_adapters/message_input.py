@@ -1,0 +1,95 @@
+"""From arriving messages to a session, for the node and offline runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from msg_adapters import (
+    MessageError,
+    read_detections,
+    read_land,
+    read_own_ship,
+    tracker_report,
+)
+from tsepm_ros.session.drop_reasons import reason_of
+from tsepm_ros.session.scan_queue import Now
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+
+
+class MessageInput:
+    """Passes the messages that `track_initiator` subscribes to on to a session.
+
+    The session drops and counts unusable messages.
+
+    Parameters
+    ----------
+    session : Session
+    options : InitiatorNodeOptions
+        Options for reading detections.
+    say : callable, optional
+        Called with each of the `assumptions` when it is made.
+
+    Attributes
+    ----------
+    options : InitiatorNodeOptions
+        Options for reading detections; may be replaced.
+    assumptions : set of str
+        Sentences about data that the messages do not have and that was assumed.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        options: InitiatorNodeOptions,
+        say: Callable[[str], None] = lambda sentence: None,
+    ) -> None:
+        self._session = session
+        self.options = options
+        self._say = say
+        self.assumptions: set[str] = set()
+
+    def take_detections(self, message: Any, now: Now) -> None:
+        """Take a message of any type of `read_detections` that arrived at `now`, s."""
+        try:
+            ping = read_detections(
+                message,
+                bearing_reference=self.options.bearing_reference,
+                sound_speed=self.options.sound_speed,
+                sensor=self._session.settings.sensor,
+            )
+        except MessageError as error:
+            self._session.drop(error.reason, f"detections dropped: {error}")
+            return
+        for reason, number in ping.dropped.items():
+            meaning = reason_of(reason).meaning or reason
+            self._session.drop(reason, f"{number} detections dropped: {meaning}", number)
+        for assumption in ping.assumptions:
+            if assumption not in self.assumptions:
+                self.assumptions.add(assumption)
+                self._say(assumption)
+        self._session.add_scan(ping.sensor_scan, now)
+
+    def take_own_ship(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry."""
+        try:
+            sample = read_own_ship(message, self._session.fixed_frame)
+        except MessageError as error:
+            self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
+            return
+        self._session.add_own_ship(sample)
+
+    def take_tracked(self, message: Any) -> None:
+        """Take a downstream tracker's report, a cloud in the layout of tracks."""
+        try:
+            self._session.add_tracked(tracker_report(message))
+        except MessageError as error:
+            self._session.drop(f"tracked_{error.reason}", f"tracked targets dropped: {error}")
+
+    def take_land(self, message: Any) -> None:
+        """Take a nav_msgs/OccupancyGrid."""
+        try:
+            self._session.add_land(read_land(message), message.header.frame_id)
+        except MessageError as error:
+            self._session.drop(error.reason, f"land dropped: {error}")

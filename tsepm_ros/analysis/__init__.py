@@ -1,1 +1,0 @@
-"""Judgement and statistics of runs with known truth."""

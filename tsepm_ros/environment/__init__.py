@@ -1,1 +1,0 @@
-"""Models of the surroundings: clutter, detection probability, encounters."""

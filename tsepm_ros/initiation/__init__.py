@@ -1,1 +1,0 @@
-"""What track initiation methods share."""

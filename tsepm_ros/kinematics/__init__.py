@@ -1,1 +1,0 @@
-"""Kalman filters, motion models, and tracks as arrays."""

@@ -1,1 +1,0 @@
-"""Confirmed tracks carried on: association, existence, and a downstream tracker's reports."""

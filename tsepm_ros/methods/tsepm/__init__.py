@@ -1,1 +1,0 @@
-"""Track splitting, evaluating, pruning and merging (TSEPM 2018)."""

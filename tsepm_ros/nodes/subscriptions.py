@@ -1,0 +1,382 @@
+"""Subscriptions: types and reliability as offered, queues, and the chart.
+
+How long messages waited in the middleware's queue, and which of them are skipped.
+
+A subscription with the reliability that the publishers offer.
+
+Subscription to the detections with the message type and reliability of the driver.
+
+Subscription to the chart, which its publisher sends once.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from nav_msgs.msg import OccupancyGrid
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+
+from msg_adapters import MessageError, message_class, supported_types
+from tsepm_ros.nodes.node_parameters import refusing
+from tsepm_ros.nodes.quality_of_service import QosWatch
+
+MAX_BACKLOG = 2.0
+"""Time in the queue from which on the newest message is taken, s."""
+BACKLOG_INTERVALS = 5.0
+"""The same in scan intervals: a burst of a slow sonar is processed whole."""
+LONGEST = 600.0
+"""Time in the queue above which the clocks of publisher and subscriber differ, s."""
+
+
+def seconds_in_queue(information: Any, now_ns: int | None = None) -> float:
+    """Time that a message waited in the middleware, s, by the information that came with it.
+
+    From its arrival here, where the middleware notes that, else from its publication. 0 where
+    neither is known, or where the clocks of the two computers differ.
+
+    Parameters
+    ----------
+    information : mapping or rmw_message_info_t
+        `received_timestamp` and `source_timestamp`, ns of the system clock.
+    now_ns : int, optional
+        Time on that clock.
+    """
+    stamp = information["received_timestamp"] or information["source_timestamp"]
+    if stamp <= 0:
+        return 0.0
+    waited = 1e-9 * ((time.time_ns() if now_ns is None else now_ns) - stamp)
+    return waited if 0.0 <= waited <= LONGEST else 0.0
+
+
+def newest(
+    message: Any,
+    information: Any,
+    interval: float,
+    take_waiting: Callable[[], list[tuple[Any, Any]]],
+) -> tuple[Any, float, int]:
+    """The message to be processed: the newest, where it waited too long in the queue.
+
+    Parameters
+    ----------
+    message, information
+        The oldest in the queue.
+    interval : float
+        Between scans, s; 0 while it is unknown.
+    take_waiting : callable
+        Takes all others from the queue, oldest first.
+
+    Returns
+    -------
+    message : Any
+    waited : float
+        s.
+    skipped : int
+        Older messages that are not processed.
+    """
+    waited = seconds_in_queue(information)
+    if not interval or waited <= max(MAX_BACKLOG, BACKLOG_INTERVALS * interval):
+        return message, waited, 0
+    others = take_waiting()
+    if not others:
+        return message, waited, 0
+    message, information = others[-1]
+    return message, seconds_in_queue(information), len(others)
+
+
+class OfferedSubscription:
+    """Subscribes reliably, and as best effort once a publisher offers best effort only.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    message_type : type
+    topic : str
+    depth : int
+        Messages that may queue up.
+    callback : callable
+        Called with each message, and with its information if it has two parameters.
+    watch : QosWatch
+        Counts the mismatches.
+    reliability : rclpy.qos.ReliabilityPolicy, optional
+        Initial reliability.
+    fixed : bool, optional
+        Keep the reliability; a mismatch is only logged.
+    durability : rclpy.qos.DurabilityPolicy, optional
+        Initial durability; volatile once a publisher offers no other.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: type[Any],
+        topic: str,
+        depth: int,
+        callback: Callable[..., None],
+        watch: QosWatch,
+        *,
+        reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
+        fixed: bool = False,
+        durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
+    ) -> None:
+        self._node = node
+        self._message_type = message_type
+        self._topic = topic
+        self._depth = depth
+        self._callback = callback
+        self._watch = watch
+        self._fixed = fixed
+        self._durability = durability
+        self._subscribe(reliability)
+
+    @property
+    def topic_name(self) -> str:
+        """Full name of the topic."""
+        return str(self._subscription.topic_name)
+
+    def take_waiting(self) -> list[tuple[Any, Any]]:
+        """Take all messages that wait in the middleware, oldest first, with their information."""
+        taken: list[tuple[Any, Any]] = []
+        while len(taken) < self._depth and (entry := self.take()) is not None:
+            taken.append(entry)
+        return taken
+
+    def take(self) -> tuple[Any, Any] | None:
+        """Take the oldest message that waits in the middleware with its information, or None."""
+        subscription = self._subscription
+        with subscription.handle:
+            entry: tuple[Any, Any] | None = subscription.handle.take_message(
+                subscription.msg_type, subscription.raw
+            )
+        return entry
+
+    def _subscribe(self, reliability: ReliabilityPolicy) -> None:
+        self._subscription = self._node.create_subscription(
+            self._message_type,
+            self._topic,
+            self._callback,
+            QoSProfile(depth=self._depth, reliability=reliability, durability=self._durability),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
+        )
+
+    def _incompatible(self, event: Any) -> None:
+        self._watch.heard[self.topic_name] += 1
+        if event.last_policy_kind == QoSPolicyKind.DURABILITY:
+            self._durability = DurabilityPolicy.VOLATILE
+            self._node.destroy_subscription(self._subscription)
+            self._subscribe(ReliabilityPolicy.RELIABLE)
+            return
+        if self._fixed:
+            self._node.get_logger().error(
+                f"a publisher of {self.topic_name} does not offer reliable delivery, so its "
+                "messages are not received; set detections_reliability to auto or best_effort"
+            )
+            return
+        self._node.get_logger().warning(
+            f"a publisher of {self.topic_name} offers best effort only: subscribing as best effort"
+        )
+        self._node.destroy_subscription(self._subscription)
+        self._subscribe(ReliabilityPolicy.BEST_EFFORT)
+
+
+TOPIC = "detections"
+POLL_PERIOD = 0.1
+"""Period of the first graph queries while no driver is known, s."""
+PROMPT_QUERIES = 50
+"""Number of graph queries in that period."""
+WAITING_POLL_PERIOD = 0.5
+"""Period of the further queries, s: a node that waits for hours costs next to nothing."""
+CONNECTED_POLL_PERIOD = 2.0
+"""Period of the graph queries once a driver is known, s."""
+
+_RELIABILITY = {
+    "reliable": ReliabilityPolicy.RELIABLE,
+    "best_effort": ReliabilityPolicy.BEST_EFFORT,
+}
+
+
+class DetectionsSubscription:
+    """A subscription to `detections` that takes its type and reliability from the publisher.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    type_name : str
+        A message type as ROS names it, or ``auto``.
+    reliability : {"auto", "reliable", "best_effort"}
+    depth : int
+        Messages that may queue up.
+    callback : callable
+        Called with each message.
+    watch : QosWatch
+        Counts publishers whose quality of service is incompatible.
+    connected_poll_period : float, optional
+        Period of the graph queries once a driver is known, s: its message type may change.
+    find_class : callable, optional
+        Returns the message class of a type, or raises MessageError.
+
+    Raises
+    ------
+    ParameterError
+        If the type is unknown, or its package is not installed.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        type_name: str,
+        reliability: str,
+        depth: int,
+        callback: Callable[..., None],
+        watch: QosWatch,
+        *,
+        connected_poll_period: float = CONNECTED_POLL_PERIOD,
+        find_class: Callable[[str], type] = message_class,
+    ) -> None:
+        self._node = node
+        self._watch_period = connected_poll_period
+        self._find_class = find_class
+        self._reliability = reliability
+        self._depth = depth
+        self._callback = callback
+        self._watch = watch
+        self._subscription: OfferedSubscription | None = None
+        self._refused_types: set[str] = set()
+        self._type_name = type_name
+        self._published_types: tuple[str, ...] = ()
+        self._subscribed = ""
+        self._queries = 0
+        if type_name != "auto":
+            with refusing("detections_type"):
+                find_class(type_name)
+        if type_name != "auto" and reliability != "auto":
+            self._subscribe(type_name, _RELIABILITY[reliability])
+        else:
+            node.get_logger().info(f"waiting for a publisher of {node.resolve_topic_name(TOPIC)}")
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._poll_timer = node.create_timer(POLL_PERIOD, self._query_publishers, clock=steady)
+        self._query_publishers()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the subscription exists."""
+        return self._subscription is not None
+
+    def take_waiting(self) -> list[tuple[Any, Any]]:
+        """Take all messages that wait in the middleware; see `OfferedSubscription`."""
+        return [] if self._subscription is None else self._subscription.take_waiting()
+
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """Published types at the last graph query that are not read, sorted."""
+        return tuple(name for name in self._published_types if name != self._subscribed)
+
+    @property
+    def other_readable(self) -> tuple[str, ...]:
+        """Types of `unread` that a new start would read."""
+        return tuple(name for name in self.unread if not self._fault(name))
+
+    @property
+    def subscribed(self) -> str:
+        """Type of the subscription; empty if there is no subscription yet."""
+        return self._subscribed
+
+    def _query_publishers(self) -> None:
+        publishers = self._node.get_publishers_info_by_topic(TOPIC)
+        self._published_types = tuple(sorted({publisher.topic_type for publisher in publishers}))
+        readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
+        if readable and not self.connected:
+            offered = readable[0].qos_profile.reliability
+            reliability = _RELIABILITY.get(self._reliability, offered)
+            self._subscribe(readable[0].topic_type, reliability)
+        for name in self._published_types:
+            if name != self._subscribed and name not in self._refused_types:
+                self._refused_types.add(name)
+                self._log_unread(name)
+        self._queries += 1
+        if readable:
+            self._poll_timer.timer_period_ns = int(self._watch_period * 1e9)
+        elif self._queries == PROMPT_QUERIES:
+            self._poll_timer.timer_period_ns = int(WAITING_POLL_PERIOD * 1e9)
+
+    def _log_unread(self, type_name: str) -> None:
+        """Log why messages of a published type are not read."""
+        published = f"{self._node.resolve_topic_name(TOPIC)} is published as {type_name}"
+        fault = self._fault(type_name)
+        if fault:
+            self._node.get_logger().error(f"{published}, {fault}")
+            return
+        self._node.get_logger().warning(
+            f"{published}, but this node has subscribed to it as {self._subscribed}; messages of "
+            "the other type are not read; restart the node to use that type"
+        )
+
+    def _fault(self, type_name: str) -> str:
+        """Why a type is not read; empty if it is."""
+        readable = supported_types() if self._type_name == "auto" else (self._type_name,)
+        if type_name not in readable:
+            one_of = "one of " if len(readable) > 1 else ""
+            return f"which this node does not read; it reads {one_of}{', '.join(readable)}"
+        try:
+            self._find_class(type_name)
+        except MessageError as error:
+            return f"but {error}"
+        return ""
+
+    def _subscribe(self, type_name: str, reliability: ReliabilityPolicy) -> None:
+        if reliability != ReliabilityPolicy.BEST_EFFORT:
+            reliability = ReliabilityPolicy.RELIABLE
+        self._subscribed = type_name
+        self._subscription = OfferedSubscription(
+            self._node,
+            self._find_class(type_name),
+            TOPIC,
+            self._depth,
+            self._callback,
+            self._watch,
+            reliability=reliability,
+            fixed=self._reliability != "auto",
+        )
+        self._node.get_logger().info(
+            f"subscribed to {self._subscription.topic_name} as {type_name}, "
+            f"{reliability.name.lower()}"
+        )
+
+
+LAND_TOPIC = "land"
+
+
+class LandSubscription:
+    """A reliable, transient local subscription to `land`.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    callback : callable
+        Called with each message.
+    watch : QosWatch
+        Counts publishers whose quality of service is incompatible.
+    """
+
+    def __init__(self, node: Node, callback: Callable[[Any], None], watch: QosWatch) -> None:
+        self._node = node
+        self._watch = watch
+        self._subscription = node.create_subscription(
+            OccupancyGrid,
+            LAND_TOPIC,
+            callback,
+            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
+        )
+
+    def _incompatible(self, event: Any) -> None:
+        name = str(self._subscription.topic_name)
+        self._watch.heard[name] += 1
+        self._node.get_logger().error(
+            f"a publisher of {name} does not offer reliable, transient local delivery, so its "
+            "chart is not received"
+        )

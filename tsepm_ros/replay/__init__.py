@@ -1,1 +1,0 @@
-"""Recordings and bags, and sessions that process them."""

@@ -1,1 +1,0 @@
-"""The sensor, its scans, and their detections in the fixed frame."""

@@ -1,0 +1,1 @@
+"""Studies of the literature: eight methods, and the reproduction of the sources."""

@@ -1,0 +1,280 @@
+"""The parameterised multiple-model start: a filter for each cell of speed and heading.
+
+Mallick, Bar-Shalom, Kirubarajan, Moreland, "An improved single-point track initiation using GMTI
+measurements", IEEE Trans. AES 51(4), 2015, as TSEPM 2018 describes it (Sections 1 and 5), in words
+only: "without a prior knowledge of target motion status, the parameterized multiple model
+method divides the possible speed interval [v_min, v_max] and heading interval into several
+subintervals. Then it establishes a filter for every subinterval. All the filters run concurrently,
+and the estimate output is the weighted output of all the filters." There is no splitting.
+
+Each filter begins at a track's first detection: position z, covariance R, and the mean and
+covariance of a velocity that is uniform over its cell of speed, mean v and width d, and of heading,
+middle a and width 2 h. With ``q = v^2 + d^2 / 12``, along and across the heading a::
+
+    mean   = v sin(h) / h
+    along  = q (1 + sin(2 h) / (2 h)) / 2 - mean^2
+    across = q (1 - sin(2 h) / (2 h)) / 2
+
+A detection in the gate of the weighted prediction updates all of them, and their weights by its
+likelihood, ``w_i <- w_i N(z; H x_i, S_i)``. The output is the mixture's mean and covariance.
+
+Readings
+--------
+- v_min is 0, the headings go all round, and the first weights are equal: nothing is known.
+- The gate is the chi-square region of the mixture's moments; the nearest pair of all in normalised
+  distance is matched first, and a matched detection is removed.
+- M hits within N scans confirm, as with the other methods of the paper's comparison.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.methods.hit_counting import GATING_SHARE, Estimates
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
+from tsepm_ros.numerics.gaussian import correlated_beyond_one, proper, squared_distance
+from tsepm_ros.parameters import parameter
+from tsepm_ros.studies.path_following import PAIRING_SHARE, PathFollower
+from tsepm_ros.tracker import motion, splitting
+from tsepm_ros.tracker.association import Pairs, nearest_first, within
+from tsepm_ros.tracker.evaluation import normalized_distance
+from tsepm_ros.tracker.measurement import major_sigma, rotated
+from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.options import CommonOptions, MnOptions
+from tsepm_ros.tracker.path_fit import Fit, Paths, starting
+from tsepm_ros.tracker.sensor import SensorModel
+
+MAX_FILTERS = 500_000
+"""Filters held at most: bounds memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultipleModelOptions(MnOptions):
+    """Options of the multiple-model start."""
+
+    speeds: int = parameter(2, "Cells of the speed, from 0 to v_max", minimum=1, maximum=20)
+    headings: int = parameter(8, "Cells of the heading", minimum=3, maximum=72)
+    gate_probability: float = parameter(
+        0.99,
+        "Probability that a detected target falls into the gate",
+        positive=True,
+        maximum=0.999999,
+    )
+    process_noise: float = parameter(
+        0.001,
+        "Spectral density of a target's acceleration",
+        unit="m^2/s^3",
+        minimum=0.0,
+        maximum=100.0,
+    )
+
+
+@dataclass(frozen=True)
+class Banks(Paths):
+    """Potential tracks with a bank of f filters each.
+
+    Attributes
+    ----------
+    hits, hit_count, first_scan
+        As in `Paths`.
+    state, covariance : (n, f, 4), (n, f, 4, 4) ndarray
+        At the last scan's stamp.
+    weight : (n, f) ndarray
+        Probability of each filter.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    weight: FloatArray
+
+    def predicted(self, step: float, noise: float) -> Banks:
+        """The banks after a time step, s, with a process noise, m^2/s^3."""
+        state, covariance = motion.predict(
+            self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4), step, noise
+        )
+        return replace(
+            self,
+            state=state.reshape(self.state.shape),
+            covariance=covariance.reshape(self.covariance.shape),
+        )
+
+    def updated(self, time_after_state: FloatArray, detections: NDArray[np.void]) -> Banks:
+        """The banks after an update by a detection each (n,), at times (n,) after the stamp, s."""
+        n, number = self.weight.shape
+        state, covariance = self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4)
+        elapsed, hits = time_after_state.repeat(number), detections.repeat(number)
+        innovation = hits["position"] - state[:, 0::2] - elapsed[:, None] * state[:, 1::2]
+        innovation_covariance = (
+            motion.position_covariance_after(covariance, elapsed) + hits["covariance"]
+        )
+        density, _ = gaussian.log_density(innovation, innovation_covariance)
+        state, covariance = motion.update(
+            state, covariance, elapsed, innovation, innovation_covariance
+        )
+        # P - K S K' loses its definiteness to rounding where the detection is far more accurate
+        # than the prediction; the error would grow from scan to scan.
+        lost = correlated_beyond_one(covariance)
+        if lost.any():
+            covariance[lost] = proper(covariance[lost])
+        density = density.reshape(n, number)
+        likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
+        # A floor, so that no filter is lost to rounding.
+        weight = np.maximum(self.weight * likelihood, 1e-300)
+        return replace(
+            self,
+            state=state.reshape(self.state.shape),
+            covariance=covariance.reshape(self.covariance.shape),
+            weight=weight / weight.sum(axis=1, keepdims=True),
+        )
+
+    def output(self) -> tuple[FloatArray, FloatArray]:
+        """Weighted mean (n, 4) and covariance (n, 4, 4)."""
+        return gaussian.mixture(
+            self.weight.T, np.swapaxes(self.state, 0, 1), np.swapaxes(self.covariance, 0, 1)
+        )
+
+
+class MultipleModel(PathFollower):
+    """The multiple-model start: a filter for each cell of speed and heading, no splitting."""
+
+    Options = MultipleModelOptions
+    options: MultipleModelOptions
+    operating_points = MappingProxyType(
+        {
+            f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
+            for min_hits, window in ((8, 10), (7, 8), (6, 8), (5, 6), (5, 8), (4, 6), (3, 5))
+        }
+    )
+    potential: Banks
+
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options; other cells start over, as does another number of hits.
+
+        See `Method.configure`.
+        """
+        before = self.options.speeds, self.options.headings
+        kept = super().configure(sensor, common, options)
+        if (options.speeds, options.headings) == before:
+            return kept
+        self.forget()
+        return False
+
+    def begin(self, observed: Observation) -> IntArray:
+        """Predict the banks to the scan, and see `HitCounter.begin`."""
+        self.potential = self.potential.predicted(observed.interval, self.options.process_noise)
+        return super().begin(observed)
+
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+        """The detections in the gate of each weighted prediction, by normalised distance."""
+        if not len(detections):
+            return Pairs.none(), 0
+        state, covariance = self.potential.output()
+        factor = gaussian.gate_factor(self.options.gate_probability)
+        longest = np.abs(detections["time"] - self.stamp).max()
+        sigma = major_sigma(covariance[:, 0::2, 0::2])
+        sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
+        radius = factor * np.hypot(sigma, detections["major_sigma"].max())
+        radius += longest * np.hypot(state[:, 1], state[:, 3])
+        positions = np.ascontiguousarray(detections["position"])
+        centres = np.ascontiguousarray(state[:, 0::2])
+        late = self.late_after(GATING_SHARE)
+        parent, row, cut = splitting.neighbours(positions, centres, radius, late)
+
+        def distance(parent: IntArray, row: IntArray) -> FloatArray:
+            hits = taken(detections, row)
+            elapsed = hits["time"] - self.stamp
+            expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
+            predicted = motion.position_covariance_after(covariance[parent], elapsed)
+            return squared_distance(hits["position"] - expected, predicted + hits["covariance"])
+
+        late = self.late_after(PAIRING_SHARE)
+        pairs, beyond = within(parent, row, distance, factor**2, late)
+        return pairs, cut + beyond
+
+    def choose(self, pairs: Pairs) -> Pairs:
+        """Each track and each detection is matched once, the nearest first."""
+        return nearest_first(pairs)
+
+    def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Banks:
+        """See `PathFollower.extended`."""
+        children = self.potential.extended(parent, ids)
+        return children.updated(detections["time"] - self.stamp, detections)
+
+    def started(self, ids: IntArray, detections: NDArray[np.void]) -> Banks:
+        """A bank for each detection, carried from its time to the scan's stamp."""
+        mean, velocity_covariance = cells(
+            self.common.max_speed, self.options.speeds, self.options.headings
+        )
+        n, number = len(ids), len(mean)
+        path = starting(ids, self.scan_index, self.options.min_hits)
+        state, covariance = np.zeros((n, number, 4)), np.zeros((n, number, 4, 4))
+        state[..., 0::2], state[..., 1::2] = detections["position"][:, None], mean
+        covariance[..., 0::2, 0::2] = detections["covariance"][:, None]
+        covariance[..., 1::2, 1::2] = velocity_covariance
+        elapsed = (self.stamp - detections["time"]).repeat(number)
+        state, covariance = motion.predict(
+            state.reshape(-1, 4), covariance.reshape(-1, 4, 4), elapsed, self.options.process_noise
+        )
+        return Banks(
+            path.hits,
+            path.hit_count,
+            path.first_scan,
+            state.reshape(n, number, 4),
+            covariance.reshape(n, number, 4, 4),
+            np.full((n, number), 1.0 / number),
+        )
+
+    def estimate(self, paths: Paths) -> Estimates:
+        """The weighted output, and f_1 (TSEPM 2018, Eq. 23) of the hits around it."""
+        assert isinstance(paths, Banks)
+        state, covariance = paths.output()
+        figure = np.zeros(len(paths))
+        for count in np.unique(paths.hit_count):
+            rows = np.flatnonzero(paths.hit_count == count)
+            hits = self.detections[paths.hits[rows, :count]]
+            time_after_state = hits["time"] - self.stamp
+            fitted = Fit(state[rows], covariance[rows], time_after_state, hits["covariance"])
+            figure[rows] = normalized_distance(hits, fitted)
+        return Estimates(state, covariance, figure)
+
+    @property
+    def max_tracks(self) -> int:
+        """Potential tracks held at most: no more filters than `MAX_FILTERS`."""
+        most = max(MAX_FILTERS // (self.options.speeds * self.options.headings), 1)
+        return min(self.common.max_potential_tracks, most)
+
+
+def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance of the velocity in each cell of speed and heading.
+
+    Parameters
+    ----------
+    max_speed : float
+        m/s.
+    speeds, headings : int
+        Numbers of cells.
+
+    Returns
+    -------
+    mean : (f, 2) ndarray
+        m/s.
+    covariance : (f, 2, 2) ndarray
+        m^2/s^2.
+    """
+    width, half = max_speed / speeds, math.pi / headings
+    speed = np.repeat(width * (np.arange(speeds) + 0.5), headings)
+    heading = np.tile(2.0 * half * np.arange(headings), speeds)
+    square = speed**2 + width**2 / 12.0
+    mean = speed * math.sin(half) / half
+    share = math.sin(2.0 * half) / (2.0 * half)
+    along = 0.5 * square * (1.0 + share) - mean**2
+    across = 0.5 * square * (1.0 - share)
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    return mean[:, None] * direction, rotated(along, across, heading)

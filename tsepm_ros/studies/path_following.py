@@ -1,0 +1,319 @@
+"""Hit counting along paths, by the steps from hit to hit.
+
+The steps from hit to hit that rules of speed, acceleration and direction look at.
+
+Hit counting along paths: potential tracks extended from scan to scan.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.methods.hit_counting import GATING_SHARE, HitCounter
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
+from tsepm_ros.tracker import pruning, splitting
+from tsepm_ros.tracker.association import Pairs, best_of_each
+from tsepm_ros.tracker.measurement import DETECTION, Histories
+from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.path_fit import NO_HIT, Paths, starting
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracks import TrackArrays
+
+
+@dataclass(frozen=True)
+class Displacements(Rows):
+    """Two steps that follow each other, a row each.
+
+    Attributes
+    ----------
+    before, after : (p, 2) ndarray
+        From the hit before the last to the last, and from there on, m.
+    time_before, time_after : (p,) ndarray
+        Times of the steps, s.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    time_before: FloatArray
+    time_after: FloatArray
+
+    @classmethod
+    def of(cls, position: FloatArray, time: FloatArray) -> Displacements:
+        """The steps between three positions (p, 3, 2), m, at times (p, 3), s."""
+        step, elapsed = np.diff(position, axis=1), np.diff(time, axis=1)
+        return cls(step[:, 0], step[:, 1], elapsed[:, 0], elapsed[:, 1])
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Change of velocity over the time between the middles of the steps, (p,), m/s^2.
+
+        For steps of one duration T it is ``|(r_3 - r_2) - (r_2 - r_1)| / T^2``; nan or infinite
+        where a step takes no time.
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            change = self.after / self.time_after[:, None] - self.before / self.time_before[:, None]
+            time = 0.5 * (self.time_before + self.time_after)
+            return np.hypot(change[:, 0], change[:, 1]) / np.abs(time)
+
+    def faster_than(self, speed: float) -> BoolArray:
+        """Whether the steps after have at least a speed (m/s), (p,)."""
+        length = np.hypot(self.after[:, 0], self.after[:, 1])
+        return np.asarray(length >= speed * np.abs(self.time_after))
+
+    @property
+    def turn(self) -> FloatArray:
+        """Angle between the steps, (p,), rad; 0 where one has no length."""
+        along = (self.before * self.after).sum(axis=1)
+        across = self.before[:, 0] * self.after[:, 1] - self.before[:, 1] * self.after[:, 0]
+        return np.abs(np.arctan2(across, along))
+
+
+MAX_PAIRS = 1_000_000
+"""Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
+TIMED_PAIRS = 250_000
+"""The same where the time is limited."""
+PAIRING_SHARE = 0.25
+"""Share of a time limit after which no further pairs are sought."""
+
+
+class PathFollower(HitCounter):
+    """A hit counter that extends potential tracks from scan to scan.
+
+    A method finds the detections that may extend each potential track (`pairs`) and chooses among
+    them (`choose`). A detection that extends none starts a potential track, which ends N scans
+    later. The hits of a confirmed track are no other's: potential tracks that share one end.
+    """
+
+    every_detection_starts: ClassVar[bool] = False
+    """Whether a detection that extends a potential track starts another as well."""
+
+    @abstractmethod
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+        """Potential tracks and detections that may extend them; and the pairs a limit left out."""
+
+    def choose(self, pairs: Pairs) -> Pairs:
+        """The pairs that become potential tracks: for each track the best.
+
+        A first hit, of which no motion is known yet, is extended by every detection it may be.
+        """
+        single = self.potential.hit_count[pairs.parent] == 1
+        return Pairs.joined(pairs[single], best_of_each(pairs[~single]))
+
+    @property
+    def ends_when_missed(self) -> bool:
+        """Whether a potential track that no detection extends ends at once."""
+        return False
+
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        super().forget()
+        self.potential = self.started(np.zeros(0, np.int64), np.zeros(0, DETECTION))
+
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options; a shorter window ends tracks, another number of hits starts over.
+
+        See `Method.configure`.
+        """
+        unlike = options.min_hits != self.options.min_hits
+        super().configure(sensor, common, options)
+        if unlike:
+            self.forget()
+            return False
+        self.potential = self.potential[~self.expired(self.potential.first_scan)]
+        return True
+
+    def step(self, observed: Observation) -> Step:
+        """Extend the potential tracks, confirm those of M hits, start new ones.
+
+        See `Method.step`.
+        """
+        detections = observed.detections
+        ids = self.begin(observed)
+        pairs, cut_pairs = self.pairs(detections)
+        pairs = self._resembling(pairs, observed)
+        extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
+        row = extending.row
+        children = self.extended(extending.parent, ids[row], taken(detections, row))
+        reached = pruning.confirmed(children.hit_count, self.options.min_hits)
+        confirmation = self.confirm(children[reached])
+        missed = np.ones(len(self.potential), bool)
+        missed[extending.parent] = False
+        waiting, terminated = self._waiting(
+            children[~reached], self.potential[missed], confirmation.hits
+        )
+        is_free = ~np.isin(ids, confirmation.hits)
+        if not self.every_detection_starts:
+            is_free[row] = False
+        free = np.flatnonzero(is_free)
+        beyond = max(len(free) - self.max_tracks, 0)
+        begun = free[: self.max_tracks]
+        started = self.started(ids[begun], taken(detections, begun))
+        self.potential, surplus = self._limit(type(started).joined(waiting, started))
+        self.detections.forget(self.scan_index + 2 - self.options.window)
+        return Step(
+            confirmation.tracks,
+            ScanStatistics(
+                scans=1,
+                detections=len(detections),
+                potential_tracks=len(self.potential),
+                started=len(started),
+                terminated=terminated,
+                raw_confirmations=int(np.count_nonzero(reached)) + cut_raw,
+                pruned=confirmation.pruned,
+                merged=confirmation.merged,
+                confirmed=len(confirmation.tracks),
+                cut_potential_tracks=cut_pairs + cut_potential + beyond + surplus,
+                cut_confirmations=cut_raw,
+            ),
+        )
+
+    def _resembling(self, pairs: Pairs, observed: Observation) -> Pairs:
+        """The pairs but those in a clutter zone whose detection is unlike the track's hits."""
+        if not self.common.plot_features:
+            return pairs
+        zone = np.flatnonzero(observed.in_clutter_zone[pairs.row])
+        hits = self.potential.hits[pairs.parent[zone]]
+        some = hits != NO_HIT
+        features = np.full((*hits.shape, 3), np.nan)
+        features[some] = self.detections[hits[some]]["features"]
+        kept = np.ones(len(pairs), bool)
+        kept[zone] = Histories.of(features).resembled_by(
+            observed.detections["features"][pairs.row[zone]]
+        )
+        return pairs[kept]
+
+    def potential_tracks(self, observed: Observation) -> TrackArrays:
+        """Hypotheses with at least two hits; `evaluation` is the figure of the hits so far.
+
+        See `Method.potential_tracks`.
+        """
+        several = self.potential[self.potential.hit_count > 1]
+        estimates = self.estimate(several)
+        accepted = self.accept(estimates)
+        tracks = self.tracks(several[accepted], estimates[accepted])
+        return tracks.numbered(np.arange(len(tracks)))
+
+    def _waiting(self, growing: Paths, missed: Paths, taken: IntArray) -> tuple[Paths, int]:
+        """The potential tracks that go on, of those with and without a new hit; and how many end.
+
+        Those end whose scans are over, and those with a hit that a confirmed track has taken.
+        """
+        waiting = growing if self.ends_when_missed else type(growing).joined(growing, missed)
+        ended = self.expired(waiting.first_scan) | self._uses(waiting, taken)
+        going_on = waiting[~ended]
+        return going_on, len(growing) + len(missed) - len(going_on)
+
+    @property
+    def max_tracks(self) -> int:
+        """Potential tracks held at most."""
+        return self.common.max_potential_tracks
+
+    def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:
+        """New potential tracks of one hit each, from detections (n,) and their ids."""
+        return starting(ids, self.scan_index, self.options.min_hits)
+
+    def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Paths:
+        """Potential tracks that each add a detection; see `Paths.extended`."""
+        return self.potential.extended(parent, ids)
+
+    @staticmethod
+    def _uses(paths: Paths, hits: IntArray) -> BoolArray:
+        """Which paths have one of some hits, (n,)."""
+        return np.asarray(np.isin(paths.hits, hits[hits != NO_HIT]).any(axis=1))
+
+    def reachable(
+        self, detections: NDArray[np.void], margin: FloatArray
+    ) -> tuple[IntArray, IntArray, int]:
+        """Potential tracks and detections within ``v_max |dt|`` and a margin of their last hits.
+
+        Parameters
+        ----------
+        detections : (n,) ndarray of DETECTION
+        margin : (n,) ndarray
+            Of each potential track, the same where the last hit is the same, m.
+
+        Returns
+        -------
+        parent, row : (p,) ndarray of int
+            Ascending.
+        cut : int
+            Pairs that a limit left out.
+        """
+        last_hits, first, gate = np.unique(
+            self.potential.last_hit, return_index=True, return_inverse=True
+        )
+        hits = self.detections[last_hits]
+        gated = splitting.gate_within(
+            hits,
+            detections,
+            self.common.max_speed,
+            margin[first],
+            late=self.late_after(GATING_SHARE),
+        )
+        owner = np.ascontiguousarray(hits["position"])
+
+        def length(parent: IntArray, row: IntArray) -> FloatArray:
+            displacement = detections["position"][row] - owner[gate[parent]]
+            return np.hypot(displacement[:, 0], displacement[:, 1])
+
+        most = TIMED_PAIRS if self.time_limit.finite else MAX_PAIRS
+        parent, row, cut = splitting.split_within(
+            gate, gated, most, length, self.late_after(PAIRING_SHARE)
+        )
+        return parent, row, cut + gated.cut
+
+    def displacements(
+        self, detections: NDArray[np.void], gate_sigmas: float
+    ) -> tuple[IntArray, IntArray, Displacements, BoolArray, int]:
+        """The displacements to reachable detections from the last two hits of the potential tracks.
+
+        Parameters
+        ----------
+        detections : (n,) ndarray of DETECTION
+        gate_sigmas : float
+            Margin of the reach, in standard deviations of the last hit.
+
+        Returns
+        -------
+        parent, row : (p,) ndarray of int
+            Rows of potential tracks and detections.
+        displacements : Displacements
+        first : (p,) ndarray of bool
+            Whether the track has one hit only; it then counts as both.
+        cut : int
+            Pairs that a limit left out.
+        """
+        tracks = self.potential
+        sigma = self.detections[tracks.last_hit]["major_sigma"]
+        parent, row, cut = self.reachable(detections, gate_sigmas * sigma)
+        before = tracks.hits[np.arange(len(tracks)), np.maximum(tracks.hit_count - 2, 0)]
+        known = self.detections[np.stack([before, tracks.last_hit], axis=1)]
+        position = np.concatenate(
+            [known["position"][parent], detections["position"][row, None]], axis=1
+        )
+        time = np.concatenate([known["time"][parent], detections["time"][row, None]], axis=1)
+        return parent, row, Displacements.of(position, time), tracks.hit_count[parent] == 1, cut
+
+    def _within_limits(self, pairs: Pairs) -> tuple[Pairs, int, int]:
+        """The best pairs within the limits, and how many potential and complete tracks are cut."""
+        complete = self.potential.hit_count[pairs.parent] == self.options.min_hits - 1
+        kept = []
+        for part, limit in (
+            (pairs[~complete], self.max_tracks),
+            (pairs[complete], self.common.max_raw_confirmations),
+        ):
+            kept.append(part[keep_best(part.cost, limit)])
+        counts = np.count_nonzero(~complete), np.count_nonzero(complete)
+        cut = [int(count) - len(part) for count, part in zip(counts, kept, strict=True)]
+        return Pairs.joined(*kept), cut[0], cut[1]
+
+    def _limit(self, tracks: Paths) -> tuple[Paths, int]:
+        """Keep the potential tracks of the most hits; returns them and the number cut."""
+        kept = keep_best(-tracks.hit_count.astype(float), self.max_tracks)
+        return tracks[kept], len(tracks) - len(kept)

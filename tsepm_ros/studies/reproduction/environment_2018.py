@@ -1,0 +1,361 @@
+"""Environment 2018: Fig. 4, the time of closest approach, and the decision of Table 1."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.studies.reproduction import published as published
+from tsepm_ros.studies.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.studies.reproduction.runs import FAILS, HOLDS, Setting
+from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion
+from tsepm_ros.tracker.maintenance.features import closest_approach, distance_at
+from tsepm_ros.tracker.measurement import decision
+
+FEATURES = 3
+TRIALS = 50
+"""Simulated decisions per run."""
+OFFSETS = (0.5, 1.0, 2.0, 3.0)
+"""Differences between the targets' features, standard deviations of one plot."""
+HISTORIES = ((10, 10), (3, 3), (30, 5))
+"""Numbers of earlier plots of the tracks A and B."""
+TIME_STEP = 1.0
+"""Interval of the curves, s."""
+
+
+def reproduce(setting: Setting) -> list[Part]:
+    """Parts of the source's chapter."""
+    return [*_encounter_parts(), *_decision_parts(setting)]
+
+
+def encounter(azimuth_from: str = "y") -> FloatArray:
+    """States of A and B at the beginning, (2, 4).
+
+    Parameters
+    ----------
+    azimuth_from : {"y", "x"}
+        Whether the azimuths of the positions are clockwise from north, as the headings, or
+        counter-clockwise from the x axis.
+    """
+    distance, azimuth, speed, heading = np.array(published.ENCOUNTER).T
+    azimuth, heading = np.radians(azimuth), np.radians(heading)
+    first, second = np.sin(azimuth), np.cos(azimuth)
+    x, y = (first, second) if azimuth_from == "y" else (second, first)
+    return np.stack(
+        [distance * x, speed * np.sin(heading), distance * y, speed * np.cos(heading)], axis=1
+    )
+
+
+@dataclass(frozen=True)
+class Equations:
+    """A reading of Eqs. 2, 8 and 9.
+
+    Attributes
+    ----------
+    name : str
+    slope : callable
+        Numerator and denominator of Eq. 2 from the targets' velocities (2, 2) as x, y.
+    quadrants : bool
+        Whether both arctangents take account of the quadrant.
+    time : callable
+        T_cpa from ``R cos(phi_r - theta) / v_r``.
+    """
+
+    name: str
+    slope: Callable[[FloatArray], tuple[float, float]]
+    quadrants: bool
+    time: Callable[[FloatArray], FloatArray]
+
+    def times(self, states: FloatArray, times: FloatArray) -> FloatArray:
+        """T_cpa (s) at each time (n,) of two targets (2, 4), Eqs. 1-9."""
+        velocity = states[:, 1::2]
+        position = states[1, 0::2] - states[0, 0::2]
+        relative = velocity[1] - velocity[0]
+        x, y = (position + times[:, None] * relative).T  # Eqs. 5 and 6
+        angle = np.arctan2 if self.quadrants else _principal
+        across, along = self.slope(velocity)
+        direction = angle(across, along) - angle(x, y)
+        along_course = np.hypot(x, y) * np.cos(direction) / np.hypot(*relative)  # Eqs. 1 and 7
+        return np.asarray(self.time(along_course))
+
+
+def _principal(across: Any, along: Any) -> Any:
+    return np.arctan(across / along)
+
+
+def _as_printed(velocity: FloatArray) -> tuple[float, float]:
+    (x1, y1), (x2, y2) = velocity
+    return y2 * y1, x2 - x1
+
+
+def _with_minus(velocity: FloatArray) -> tuple[float, float]:
+    (x1, y1), (x2, y2) = velocity
+    return y2 - y1, x2 - x1
+
+
+def _from_north(velocity: FloatArray) -> tuple[float, float]:
+    (x1, y1), (x2, y2) = velocity
+    return x2 - x1, y2 - y1
+
+
+EQUATIONS = (
+    Equations("as printed", _as_printed, False, np.abs),
+    Equations("Eq. 2 with its minus", _with_minus, False, np.abs),
+    Equations("and phi_r from y, as theta", _from_north, False, np.abs),
+    Equations("and without the bars", _from_north, False, np.positive),
+    Equations("and with quadrants", _from_north, True, np.positive),
+    Equations("and with the other sign", _from_north, True, np.negative),
+)
+"""Readings; each adds a correction to the previous reading."""
+
+
+def all_equations() -> list[Equations]:
+    """Every combination of the readings of Eqs. 2, 8 and 9."""
+    slopes = {
+        "Eq. 2 as printed": _as_printed,
+        "Eq. 2 with its minus": _with_minus,
+        "phi_r from y": _from_north,
+    }
+    angles = {"without quadrants": False, "with quadrants": True}
+    signs = {
+        "with bars": np.abs,
+        "without bars": np.positive,
+        "with a minus instead of bars": np.negative,
+    }
+    return [
+        Equations(", ".join(names), slopes[names[0]], angles[names[1]], signs[names[2]])
+        for names in itertools.product(slopes, angles, signs)
+    ]
+
+
+def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
+    """Whether T_cpa (n,) is as in the text: >= 0 before, < 0 after, |T_cpa| falls, then rises."""
+    before, after = times < closest, times > closest
+    size = np.abs(values)
+    conditions = (
+        (values[before] >= 0.0).all(),
+        (values[after] < 0.0).all(),
+        (np.diff(size[before]) <= 0.0).all(),
+        (np.diff(size[after]) >= 0.0).all(),
+    )
+    return HOLDS if all(conditions) else FAILS
+
+
+def _encounter_parts() -> list[Part]:
+    states = encounter()
+    time, distance = (float(value) for value in closest_approach(states[0], states[1]))
+    start = float(np.hypot(*(states[1] - states[0])[0::2]))
+    separating = closest_approach(*encounter("x"))
+    times = np.arange(0.0, 2.0 * time, TIME_STEP)
+    exact = np.array(
+        [closest_approach(*_moved(states, elapsed))[0] for elapsed in times], np.float64
+    )
+    curves = {"closest approach, -r.v / |v|^2": exact}
+    curves |= {equations.name: equations.times(states, times) for equations in EQUATIONS}
+    combinations = all_equations()
+    valid = [
+        equations
+        for equations in combinations
+        if holds(times, equations.times(states, times), time) == HOLDS
+    ]
+    return [
+        "### Fig. 4: the time of closest approach",
+        f"With azimuths and headings clockwise from north the targets are {start:.0f} m apart at "
+        f"first and meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths "
+        "counter-clockwise from the x axis and headings from north they only separate (closest "
+        f"{-float(separating[0]):.0f} s before). The text: t_c is at least 0 at first, gets "
+        "smaller, is below 0 when the targets separate, and then grows in size. Each line of the "
+        "table corrects one thing more in Eqs. 2, 8 and 9; the last is the usual formula. Of all "
+        f"{len(combinations)} combinations the text's description holds for: "
+        f"{'; '.join(equations.name for equations in valid)}.",
+        Table(
+            "environment_2018_figure_4",
+            [
+                Column("reading"),
+                Column("at first, s", ".1f"),
+                Column("just before the closest, s", ".1f"),
+                Column("just after, s", ".1f"),
+                Column("at the end, s", ".1f"),
+                Column("the text's description"),
+            ],
+            [_figure_4_row(name, times, values, time) for name, values in curves.items()],
+        ),
+        "The equations have three errors besides the missing minus: Eq. 2 measures phi_r from the "
+        "x axis and Eq. 8 theta from the y axis; an arctangent without quadrant does not "
+        "distinguish approach from separation; and the argument of the bars in Eq. 9 is *negative* "
+        "during the approach. T_cpa is a time without a distance: it is small for two targets that "
+        "pass at any distance, so T_cpa alone does not measure density.",
+        _figure_4(states, times, curves, time),
+    ]
+
+
+def _moved(states: FloatArray, time: float) -> FloatArray:
+    moved = states.copy()
+    moved[:, 0::2] += time * states[:, 1::2]
+    return moved
+
+
+def _figure_4_row(name: str, times: FloatArray, values: FloatArray, closest: float) -> list[Any]:
+    before, after = (int(np.searchsorted(times, closest + side)) for side in (-1.0, 1.0))
+    return [
+        name,
+        float(values[0]),
+        float(values[before]),
+        float(values[after]),
+        float(values[-1]),
+        holds(times, values, closest),
+    ]
+
+
+def _figure_4(
+    states: FloatArray, times: FloatArray, curves: dict[str, FloatArray], closest: float
+) -> Picture:
+    def draw(figure: Any) -> None:
+        left, right = figure.subplots(1, 2)
+        lines = (":", "--", "-.", (0, (5, 5)), (0, (1, 1)), "--")
+        left.plot(times, next(iter(curves.values())), lw=5, alpha=0.3, color="k")
+        for (name, values), line in zip(list(curves.items())[1:], lines, strict=True):
+            left.plot(times, values, label=name, ls=line, lw=1.8)
+        left.axhline(0.0, color="k", lw=0.5)
+        left.set(xlabel="time, s", ylabel="T_cpa, s", title="By reading; thick: -r.v / |v|^2")
+        left.legend(fontsize=7)
+        for name, state in zip("AB", states, strict=True):
+            x, y = (state[k] + times * state[k + 1] for k in (0, 2))
+            right.plot(x, y, label=name)
+            right.plot(x[0], y[0], "ko", ms=4)
+        place = int(np.searchsorted(times, closest))
+        x, y = _moved(states, float(times[place]))[:, 0::2].T
+        distance = distance_at(states[0], states[1], np.array(closest))
+        right.plot(x, y, "k:.", label=f"closest: {closest:.0f} s, {distance:.0f} m")
+        right.set(xlabel="x (east), m", ylabel="y (north), m", title="The encounter")
+        right.set_aspect("equal", adjustable="datalim")
+        right.legend(fontsize=8)
+
+    return Picture(
+        "environment_2018_figure_4",
+        "Fig. 4 of Environment 2018: the time of closest approach by reading of Eqs. 1-9, and the "
+        "targets' courses",
+        draw,
+    )
+
+
+@dataclass(frozen=True)
+class DecisionShares:
+    """Shares of right decisions.
+
+    Attributes
+    ----------
+    each : Estimate
+        Share of the plots, if each goes to the track of its smaller J.
+    pairs : Estimate
+        Share of the encounters, if the pair of the smallest J is taken first and the other plot
+        goes to the other track.
+    """
+
+    each: Estimate
+    pairs: Estimate
+
+
+def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Whether plot 1 goes to A and plot 2 to B, by two rules.
+
+    Parameters
+    ----------
+    distances : (..., 2, 2) ndarray
+        J of each plot (row) with each track, A and B.
+
+    Returns
+    -------
+    each : (..., 2) ndarray of bool
+        Whether plot 1 goes to A and plot 2 to B by the smaller J of each plot.
+    pairs : (...) ndarray of bool
+        Whether both do, if the pair of the smallest J of all is taken first.
+    """
+    each = np.stack(
+        [
+            distances[..., 0, 0] < distances[..., 0, 1],
+            distances[..., 1, 1] < distances[..., 1, 0],
+        ],
+        axis=-1,
+    )
+    straight = np.minimum(distances[..., 0, 0], distances[..., 1, 1])
+    return each, straight < np.minimum(distances[..., 0, 1], distances[..., 1, 0])
+
+
+def decide(
+    rng: np.random.Generator, trials: int, offset: float, histories: tuple[int, int]
+) -> DecisionShares:
+    """Simulate encounters of a target A and a target B, a plot of each, decided by Eqs. 10-11.
+
+    The three features are independent and Gaussian, in units of one plot's standard deviation.
+
+    Parameters
+    ----------
+    rng : Generator
+    trials : int
+    offset : float
+        Difference of each feature of B from that of A.
+    histories : (int, int)
+        Numbers of earlier plots of A and of B.
+    """
+    centres = (0.0, offset)
+    plots = rng.standard_normal((trials, 2, FEATURES)) + np.array(centres)[:, None]
+    earlier = [
+        rng.standard_normal((trials, 1, count, FEATURES)) + centre
+        for count, centre in zip(histories, centres, strict=True)
+    ]
+    distances = np.stack([decision(history, plots) for history in earlier], axis=-1)
+    each, pairs = smallest(distances)
+    # The two plots of an encounter meet the same histories.
+    return DecisionShares(mean(each.mean(axis=1)), proportion(int(pairs.sum()), trials))
+
+
+def _decision_parts(setting: Setting) -> list[Part]:
+    table = np.array(published.ENVIRONMENT_TABLE_1)
+    each, pairs = smallest(table)
+    rng = np.random.default_rng(setting.seed)
+    trials = TRIALS * setting.runs
+    rows = []
+    for histories in HISTORIES:
+        for offset in OFFSETS:
+            shares = decide(rng, trials, offset, histories)
+            rows.append(["{}, {}".format(*histories), offset, shares.each, shares.pairs])
+    (a1, b1), (a2, b2) = table
+    alone = ", ".join(
+        f"plot {number} to {right if own else other}"
+        for number, right, other, own in zip(
+            (1, 2), published.DECISION, reversed(published.DECISION), each, strict=True
+        )
+    )
+    return [
+        "### Table 1: association of the plots",
+        f"Published: J of plot 1 is {a1:g} with A and {b1:g} with B, of plot 2 {a2:g} and {b2:g}; "
+        "plot 1 is said to be A's, plot 2 B's. By the smaller J of each plot alone it would be "
+        f"{alone}; that each track takes the plot of its smaller J, or the pair of the smallest J "
+        "of all first and each plot and track once, "
+        f"{'gives' if pairs else 'does not give'} the published decision ({a1:g} + {b2:g} is also "
+        f"the smaller sum). A threshold epsilon must then be at least {max(a1, b2):g}, and lets "
+        f"plot 1 ({b1:g}) pass for B's too.",
+        "The source prints neither the units nor the variances of the features, so the numbers "
+        "cannot be reproduced. Simulated instead: three independent Gaussian features, in units of "
+        "one plot's standard deviation, each with an offset between the targets; "
+        f"{trials} encounters with a plot of each target; J by Eqs. 10 and 11.",
+        Table(
+            "environment_2018_table_1",
+            [
+                Column("plots of A, B before"),
+                Column("offset", "g"),
+                Column("plots right, smaller J of each plot", ".3f"),
+                Column("encounters right, smallest J first", ".3f"),
+            ],
+            rows,
+        ),
+        "J falls with the square of the number of earlier plots (u' moves by 1/(n+1) of the "
+        "difference). With unequal histories the longer history attracts all plots, and no single "
+        "epsilon fits both. J also adds squares of different units.",
+    ]

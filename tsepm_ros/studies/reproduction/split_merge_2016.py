@@ -1,0 +1,266 @@
+"""Split-merge 2016: the merging conditions on Table I, and the scene with four targets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.studies.reproduction.document import Column, Part, Picture, Table
+from tsepm_ros.studies.reproduction.monte_carlo import run_four_targets
+from tsepm_ros.studies.reproduction.published import (
+    AFTER_MERGING,
+    AFTER_SPLITTING,
+    SAID_NOT_TO_MERGE,
+    SAID_TO_MERGE,
+    SAID_TO_SPLIT,
+    TABLE_I,
+    TABLE_I_RULE,
+    TABLE_II,
+    TRUE_TRACK,
+)
+from tsepm_ros.studies.reproduction.runs import Result, Setting, column
+from tsepm_ros.tools.evaluation.intervals import mean_count, proportion
+from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tracker import merging
+
+
+def track_ids() -> IntArray:
+    """Detection ids of Table I's tracks, (13, 5)."""
+    return np.array([[100 * scan + row for scan, row in track] for track in TABLE_I.values()])
+
+
+def confirmed_in() -> IntArray:
+    """Scan in which each track of Table I is confirmed, (13,)."""
+    return track_ids()[:, -1] // 100
+
+
+def shared_hits() -> IntArray:
+    """Number of measurements that each pair of tracks shares, (13, 13)."""
+    ids = track_ids()
+    return (ids[:, None, :, None] == ids[None, :, None, :]).sum(axis=(2, 3))
+
+
+def may_merge(first_track: int, second_track: int) -> bool:
+    """Whether two tracks of Table I, by their indices there, meet conditions (i) and (iii).
+
+    Condition (ii), close states, needs the positions, which are not printed.
+    """
+    first, second = np.array([first_track - 1]), np.array([second_track - 1])
+    same_scan = bool(np.all(confirmed_in()[first] == confirmed_in()[second]))
+    return bool(same_scan and merging.overlap(track_ids(), first, second)[0])
+
+
+def table_i_groups() -> list[tuple[int, ...]]:
+    """Groups of Table I's tracks by the package's merging, if all states are close."""
+    groups = []
+    index, ids, scans = np.array(list(TABLE_I)), track_ids(), confirmed_in()
+    for scan in np.unique(scans):
+        rows = np.flatnonzero(scans == scan)
+        states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
+        labels, _ = merging.groups(ids[rows], states, covariances, 0.9)
+        for members in grouped.members_of_groups(labels):
+            groups.append(tuple(index[rows[members]].tolist()))
+    return groups
+
+
+def disjoint_pairs() -> list[tuple[int, int]]:
+    """Pairs that the text merges, in its order, without pairs that share a track."""
+    used: set[int] = set()
+    pairs = []
+    for pair in SAID_TO_MERGE:
+        if not used & set(pair):
+            used |= set(pair)
+            pairs.append(pair)
+    return pairs
+
+
+def chained() -> int:
+    """Number of tracks of Table I after chaining of the text's pairs to groups."""
+    label = {track: track for track in TABLE_I}
+    for first, second in SAID_TO_MERGE:
+        kept, merged = label[first], label[second]
+        label = {track: kept if name == merged else name for track, name in label.items()}
+    return len(set(label.values()))
+
+
+def reproduce(setting: Setting) -> list[Part]:
+    """Parts of the source's chapter."""
+    scenario = load_scenario("four_targets", {"scans": TABLE_I_RULE[1]})
+    [runs] = setting.results(run_four_targets, [scenario])
+    return [*_table_i_parts(), *_scene_parts(runs)]
+
+
+def _table_i_parts() -> list[Part]:
+    groups = table_i_groups()
+    shared, scans = shared_hits(), confirmed_in()
+    claims = [*((pair, "merge") for pair in SAID_TO_MERGE)]
+    claims += [(pair, "do not merge") for pair in SAID_NOT_TO_MERGE]
+    rows = [
+        [
+            f"{first}, {second}",
+            verdict,
+            int(shared[first - 1, second - 1]),
+            f"{scans[first - 1]}, {scans[second - 1]}",
+            "may merge" if may_merge(first, second) else "do not merge",
+        ]
+        for (first, second), verdict in claims
+    ]
+    left = AFTER_SPLITTING - len(disjoint_pairs())
+    majority = [t for t in TABLE_II if 2 * shared[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
+    return [
+        "### Table I: thirteen tracks of one run",
+        "Two tracks merge if (i) they are confirmed in the same scan, (ii) their states are close, "
+        "(iii) they share more than M/2 measurements. The table has labels, not positions, so "
+        "that (i) and (iii) can be checked and (ii) cannot: what follows is an upper bound.",
+        Table(
+            "split_merge_2016_pairs",
+            [
+                Column("tracks"),
+                Column("the text says"),
+                Column("shared measurements", "d"),
+                Column("confirmed in scans"),
+                Column("conditions (i) and (iii)"),
+            ],
+            rows,
+        ),
+        "Tracks left, published and by reading:",
+        Table(
+            "split_merge_2016_left",
+            [Column("reading"), Column("tracks left", "d"), Column("groups")],
+            [
+                ["published", AFTER_MERGING, "not listed"],
+                [
+                    "the text's pairs, each track in one pair at most",
+                    left,
+                    "; ".join(f"{a}, {b}" for a, b in disjoint_pairs()),
+                ],
+                ["the text's pairs, chained to groups", chained(), "8, 9, 11 are one"],
+                [
+                    "the package's groups (connected components), all states close",
+                    len(groups),
+                    "; ".join(", ".join(map(str, group)) for group in groups),
+                ],
+            ],
+        ),
+        f"Disjoint pairs give the published {AFTER_MERGING}, although "
+        "the text names both 8, 9 and 8, 11. The package takes connected components, as 2018 "
+        "merges n tracks (Eqs. 31-33). Of the tracks that the text lets split, "
+        + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
+        + f". Of Table II's tracks {', '.join(map(str, majority))} share more than half of their "
+        f"hits with the true track {TRUE_TRACK}: by this package's definition they are its "
+        "repetitions, where the text calls all but one false.",
+        _shared_picture(),
+    ]
+
+
+def _split_text(first: int, second: int) -> str:
+    pairs = zip(TABLE_I[first], TABLE_I[second], strict=True)
+    place = next(place for place, (hit, other) in enumerate(pairs) if hit != other)
+    if place == 0:
+        return f"{first} and {second} have different first measurements, so they never were one"
+    return f"{first} and {second} split at hit {place + 1}"
+
+
+def _shared_picture() -> Picture:
+    def draw(figure: Any) -> None:
+        axis = figure.subplots()
+        shared = shared_hits()
+        image = axis.imshow(shared, cmap="Blues")
+        names = list(TABLE_I)
+        for first in names:
+            for second in names:
+                if first != second and may_merge(first, second):
+                    axis.plot(first - 1, second - 1, "o", color="C1", ms=5)
+        axis.set_xticks(range(len(names)), names)
+        axis.set_yticks(range(len(names)), names)
+        axis.set_title("Measurements shared; dots: conditions (i) and (iii) hold", fontsize=10)
+        figure.colorbar(image)
+
+    return Picture(
+        "split_merge_2016_table_i",
+        "Table I of Split-merge 2016: measurements that its thirteen tracks share",
+        draw,
+        (6.0, 5.0),
+    )
+
+
+def _scene_parts(runs: list[Result]) -> list[Part]:
+    split, merged = (_per_area(runs, f"{name} areas") for name in ("split", "merged"))
+    near = [_per_area(runs, f"{name} near") for name in ("split", "merged")]
+    targets = split.shape[1]
+    detected = [int(column(runs, name, 1).sum()) for name in ("split", "merged")]
+    rows: list[list[Any]] = []
+    for what, published, counts in (
+        ("after splitting", AFTER_SPLITTING, split),
+        ("after merging", AFTER_MERGING, merged),
+        ("mostly the target's, after splitting", len(TABLE_II), near[0]),
+        ("mostly the target's, after merging", 3, near[1]),
+        ("others, after splitting", AFTER_SPLITTING - len(TABLE_II), split - near[0]),
+        ("others, after merging", AFTER_MERGING - 3, merged - near[1]),
+    ):
+        low, high = np.quantile(counts, (0.05, 0.95))
+        # The areas of one run are not independent.
+        average = mean_count(counts.mean(axis=1) * targets) / targets
+        rows.append([what, published, average, f"{low:.0f} to {high:.0f}"])
+    disc = [
+        [f"whole coverage, {text}", "-", mean_count(column(runs, name, 0)), "-"]
+        for name, text in (("split", "after splitting"), ("merged", "after merging"))
+    ]
+    return [
+        "### The scene with four targets",
+        f"The shipped scenario *four_targets* with {TABLE_I_RULE[1]} scans, rule 5/8; in the 3 km "
+        "square of interest round each target (a track counts if all its hits lie in it). The "
+        "published run is one, its targets' positions are not given, and its square reaches from "
+        "5.7 to 9.9 km, beyond the 9 km of its detection area. The published share near the target "
+        "after merging is by the text's pairs.",
+        Table(
+            "split_merge_2016_scene",
+            [
+                Column("tracks"),
+                Column("published, one run"),
+                Column("mean", ".2f"),
+                Column("5 % to 95 % of the squares"),
+            ],
+            [*rows, *disc],
+        ),
+        f"Targets found of {len(runs) * targets}: "
+        + ", ".join(
+            f"{text} {proportion(number, len(runs) * targets):.3f}"
+            for text, number in zip(("before merging", "after it"), detected, strict=True)
+        )
+        + ".",
+        _counts_picture(split, merged),
+    ]
+
+
+def _per_area(runs: list[Result], name: str) -> NDArray[np.float64]:
+    return np.array([run[name] for run in runs])
+
+
+def _counts_picture(split: NDArray[np.float64], merged: NDArray[np.float64]) -> Picture:
+    def draw(figure: Any) -> None:
+        axes = figure.subplots(1, 2, sharey=True)
+        for axis, counts, published, text in (
+            (axes[0], split, AFTER_SPLITTING, "after splitting"),
+            (axes[1], merged, AFTER_MERGING, "after merging"),
+        ):
+            top = int(np.quantile(counts, 0.98)) + 2
+            weights = np.full(counts.size, 1.0 / counts.size)
+            axis.hist(np.minimum(counts.ravel(), top), np.arange(top + 2) - 0.5, weights=weights)
+            axis.axvline(published, color="C1", label=f"published run: {published}")
+            axis.set_title(f"Tracks in the square of interest, {text}", fontsize=10)
+            axis.set_xlabel("tracks (the last bar: that many or more)")
+            axis.xaxis.get_major_locator().set_params(integer=True)
+            axis.legend()
+        axes[0].set_ylabel("share of squares")
+
+    return Picture(
+        "split_merge_2016_counts",
+        "Split-merge 2016: tracks in the 3 km square round a target, and those of the published "
+        "run",
+        draw,
+    )

@@ -1,0 +1,1 @@
+"""Tools around the node: page, replay, simulation, design, evaluation, commands."""

@@ -1,0 +1,561 @@
+"""The command `tsepm init`, and its questions.
+
+Questions of the first set-up in the wordings of data sheets, and what follows from the answers.
+
+Answers are numbers by the names of `QUESTIONS`, in the units that data sheets use: angles in
+degrees, shares in percent. The parameters that follow are in SI units and radians.
+
+The command `tsepm init`: asks what a sonar is, and writes its parameter file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import shlex
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.parameters import Value
+from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
+from tsepm_ros.settings.parameter_files import section, yaml_text
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
+from tsepm_ros.tools.design.design_case import Case
+from tsepm_ros.tools.design.search import FirstEstimate, first_estimate
+from tsepm_ros.tools.terminal import text_table
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.whole_files import write_text
+
+Answers = Mapping[str, float]
+
+CELL_TO_STD = 1.0 / math.sqrt(12.0)
+"""Standard deviation of a value anywhere in a cell, as a share of the cell's width."""
+ALL_ROUND = 360.0
+FALSE_DETECTIONS = (10.0, 50.0, 250.0)
+"""False detections per ping for which the performance is estimated: they are not known before."""
+MIN_STALE, STALE_PINGS = 5.0, 5.0
+"""Silence after which the sonar counts as silent: at least so many seconds, and so many pings."""
+ESTIMATED_SCANS = 32
+"""Scans within which a target should be found, in the estimate."""
+MOUNTING = (
+    ("x", "ahead of the vessel's reference point", "m", 1e4),
+    ("y", "to port of the vessel's reference point", "m", 1e4),
+    ("yaw", "turned from the bow to port", "degrees", 180.0),
+    ("roll", "rolled about its axis ahead, 180 if it hangs upside down", "degrees", 180.0),
+)
+"""Name, wording, unit and bound of the parts of the mounting that are asked for."""
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question about the sonar, its targets or the operator's wish.
+
+    Attributes
+    ----------
+    name : str
+        Name of the answer and, with hyphens, of the command's argument.
+    text : str
+        What is asked for, as a data sheet has it.
+    unit : str
+    explanation : str
+        One sentence: what the answer is used for, or where it is found.
+    default : callable
+        The answer that is taken if none is given, from the answers so far.
+    minimum, maximum : float
+        Inclusive bounds.
+    positive : bool
+        The answer must be above 0.
+    choices : tuple of str
+        The words to choose from, if any; the answer is the place of one.
+    """
+
+    name: str
+    text: str
+    unit: str
+    explanation: str
+    default: Callable[[Answers], float]
+    minimum: float = 0.0
+    maximum: float = math.inf
+    positive: bool = False
+    choices: tuple[str, ...] = ()
+
+    @property
+    def argument(self) -> str:
+        """Argument of the command line."""
+        return "--" + self.name.replace("_", "-")
+
+    def read(self, text: str) -> float:
+        """An answer from its text, with or without the unit.
+
+        Raises
+        ------
+        ValueError
+            If it is no number in the unit, or out of bounds; the message names the argument.
+        """
+        if self.choices:
+            if text.strip() in self.choices:
+                return float(self.choices.index(text.strip()))
+            raise ValueError(
+                f"{self.argument} must be one of {', '.join(self.choices)}; got {text.strip()!r}"
+            )
+        match = NUMBER.fullmatch(text)
+        if match is None or match[2] not in ("", self.unit, *UNIT_NAMES.get(self.unit, ())):
+            unit = f" of {self.unit}" if self.unit else ""
+            raise ValueError(f"{self.argument} must be a number{unit}; got {text.strip()!r}")
+        return self.checked(float(match[1]))
+
+    def shown(self, value: float) -> str:
+        """An answer as `read` takes it."""
+        return self.choices[int(value)] if self.choices else f"{value:.12g}"
+
+    def checked(self, value: float) -> float:
+        """The answer, if it is within the bounds; else ValueError."""
+        inside = self.minimum <= value <= self.maximum and not (self.positive and value <= 0.0)
+        if not inside or not math.isfinite(value):
+            low = "above 0" if self.positive else f"at least {self.minimum:g}"
+            high = f" and at most {self.maximum:g}" if self.maximum < math.inf else ""
+            raise ValueError(f"{self.argument} must be {low}{high}; got {value:g}")
+        return value
+
+
+UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
+
+
+def _constant(value: float) -> Callable[[Answers], float]:
+    return lambda answers: value
+
+
+def _of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
+    return lambda answers: _rounded(answers[name] * CELL_TO_STD) or unknown
+
+
+def _ping_interval(answers: Answers) -> float:
+    """Two-way travel time to the farthest range, rounded up to two digits."""
+    if not answers["sound_speed"]:
+        return Case(sensor=SensorModel()).interval
+    travel = 2.0 * answers["max_range"] / answers["sound_speed"]
+    step = 10.0 ** (math.floor(math.log10(travel)) - 1)
+    return float(f"{math.ceil(travel / step - 1e-9) * step:.2g}")
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+_SENSOR, _COMMON = SensorModel(), CommonOptions()
+
+QUESTIONS = (
+    Question(
+        "max_range",
+        "Range setting, the farthest range",
+        "m",
+        "Detections far beyond it are not used.",
+        _constant(_SENSOR.max_range),
+        positive=True,
+    ),
+    Question(
+        "min_range",
+        "Blanking distance, the nearest range",
+        "m",
+        "Nearer targets cannot be detected.",
+        _constant(_SENSOR.min_range),
+    ),
+    Question(
+        "sector",
+        "Swath or sector, the full angle covered",
+        "degrees",
+        f"{ALL_ROUND:g}: all round.",
+        _constant(ALL_ROUND),
+        maximum=ALL_ROUND,
+        positive=True,
+    ),
+    Question(
+        "sector_centre",
+        "Middle of the sector",
+        "degrees",
+        "From the sensor's x axis, mostly ahead; left is positive.",
+        _constant(0.0),
+        minimum=-180.0,
+        maximum=180.0,
+    ),
+    Question(
+        "beam_width",
+        "Beam width",
+        "degrees",
+        "Horizontal, at -3 dB; echoes nearer in bearing may be one target's. 0: not known.",
+        _constant(0.0),
+        maximum=math.degrees(1.0),
+    ),
+    Question(
+        "bearing_accuracy",
+        "Bearing accuracy, one standard deviation",
+        "degrees",
+        "An echo anywhere in a beam has the beam width / 3.5.",
+        _of_cell("beam_width", 1.0),
+        maximum=math.degrees(1.0),
+        positive=True,
+    ),
+    Question(
+        "range_cell",
+        "Range resolution, the length of a resolution cell",
+        "m",
+        "Sound speed times pulse length / 2 if it is not stated. 0: not known.",
+        _constant(0.0),
+        maximum=1e4,
+    ),
+    Question(
+        "range_accuracy",
+        "Range accuracy, one standard deviation",
+        "m",
+        "An echo anywhere in a cell has the cell / 3.5.",
+        _of_cell("range_cell", 0.0),
+        maximum=1e5,
+    ),
+    Question(
+        "range_error",
+        "Range error that grows with range, one standard deviation",
+        "%",
+        "Mostly of the sound speed: 1.5 where it is assumed, 0.5 where it is measured.",
+        _constant(100.0 * _SENSOR.range_std_fraction),
+        maximum=100.0,
+    ),
+    Question(
+        "sound_speed",
+        "Sound speed",
+        "m/s",
+        "Gives each echo its time. 0: no sonar, or the driver gives the times.",
+        _constant(1500.0),
+        maximum=1e4,
+    ),
+    Question(
+        "interval",
+        "Time between pings",
+        "s",
+        "For diagnostics and the estimate below; the tracker measures it.",
+        _ping_interval,
+        positive=True,
+    ),
+    Question(
+        "max_speed",
+        "Maximum speed of targets",
+        "m/s",
+        "Swimmer 2, underwater vehicle 5, ship 15; faster targets are not found.",
+        _constant(_COMMON.max_speed),
+        maximum=1e4,
+        positive=True,
+    ),
+    Question(
+        "extent",
+        "Extent of targets, their length",
+        "m",
+        "Echoes so near to each other become one. 0: learned from the detections.",
+        _constant(_COMMON.target_extent),
+        maximum=1e3,
+    ),
+    Question(
+        "false_detections",
+        "False detections per ping, over the whole coverage",
+        "per ping",
+        "The start of what the node learns. 0: not known.",
+        _constant(0.0),
+        maximum=1e6,
+    ),
+    Question(
+        "own_ship",
+        "Own ship: where the pose of a moving sonar comes from",
+        "none, odometry or tf",
+        "none: the sonar does not move.",
+        _constant(0.0),
+        choices=OWN_SHIP_SOURCES,
+    ),
+    *(
+        Question(
+            f"mounting_{name}",
+            f"Mounting: the sonar {where}",
+            unit,
+            "With odometry only; tf has it.",
+            _constant(0.0),
+            minimum=-bound,
+            maximum=bound,
+        )
+        for name, where, unit, bound in MOUNTING
+    ),
+    Question(
+        "false_tracks",
+        "Acceptable false tracks per hour, over the whole coverage",
+        "per hour",
+        "The only wish: fewer false tracks need more pings to confirm a target.",
+        _constant(ScoreOptions().false_tracks_per_hour),
+        maximum=1e6,
+        positive=True,
+    ),
+)
+"""In the order in which they are asked; a default depends on earlier answers only."""
+
+
+def completed(given: Answers) -> dict[str, float]:
+    """All answers: those given, checked, and the defaults of the others.
+
+    Raises
+    ------
+    ValueError
+        If an answer is not allowed; the message names the argument.
+    """
+    answers: dict[str, float] = {}
+    for question in QUESTIONS:
+        value = given[question.name] if question.name in given else question.default(answers)
+        answers[question.name] = question.checked(value)
+    return answers
+
+
+def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, Value]:
+    """Parameters of the node `track_initiator` that follow from all answers.
+
+    With a `known_interval` these include the diagnostics of the time between pings.
+
+    Raises
+    ------
+    ValueError
+        If the answers contradict each other; the message has the parameter's name.
+    """
+    values: dict[str, Value] = {
+        "method": "score",
+        "sensor.max_range": answers["max_range"],
+        "sensor.min_range": answers["min_range"],
+        "sensor.azimuth_std": math.radians(answers["bearing_accuracy"]),
+        "sensor.azimuth_resolution": math.radians(answers["beam_width"]),
+        "sensor.range_std": answers["range_accuracy"],
+        "sensor.range_std_fraction": answers["range_error"] / 100.0,
+        "sensor.range_resolution": answers["range_cell"],
+        "sound_speed": answers["sound_speed"],
+        "max_speed": answers["max_speed"],
+        "target_extent": answers["extent"],
+        "score.false_tracks_per_hour": answers["false_tracks"],
+        "clutter_density": "estimated",
+        "detection_probability": "estimated",
+        "own_ship_source": OWN_SHIP_SOURCES[int(answers["own_ship"])],
+    }
+    if answers["sector"] < ALL_ROUND:
+        half = 0.5 * answers["sector"]
+        values["sensor.azimuth_min"] = math.radians(answers["sector_centre"] - half)
+        values["sensor.azimuth_max"] = math.radians(answers["sector_centre"] + half)
+    if answers["extent"]:
+        values["plots"] = "on"
+    if answers["false_detections"]:
+        sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
+        values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area
+    for name, _, unit, _ in MOUNTING:
+        if answer := answers[f"mounting_{name}"]:
+            values[f"mounting.{name}"] = math.radians(answer) if unit == "degrees" else answer
+    if known_interval:
+        values["diagnostics.scan_period"] = answers["interval"]
+        values["diagnostics.stale_time"] = max(MIN_STALE, STALE_PINGS * answers["interval"])
+    values = {
+        name: float(f"{value:.6g}") if isinstance(value, float) else value
+        for name, value in values.items()
+    }
+    make_groups(TRACK_INITIATOR, values)
+    return values
+
+
+def expected(answers: Answers) -> list[tuple[float, FirstEstimate]]:
+    """First estimate of the performance for the given false detections per ping.
+
+    If they are not known, for each of `FALSE_DETECTIONS`.
+
+    Targets have half the maximum speed; detection probability 0.9.
+    """
+    values = parameters(answers)
+    groups = make_groups(TRACK_INITIATOR, values)
+    area = groups[SensorModel].coverage_area
+    estimates = []
+    given = answers["false_detections"]
+    for number in (given,) if given else FALSE_DETECTIONS:
+        dense = make_groups(TRACK_INITIATOR, {**values, "sensor.clutter_density": number / area})
+        case = Case(
+            sensor=dense[SensorModel],
+            common=groups[CommonOptions],
+            interval=answers["interval"],
+            scans=ESTIMATED_SCANS,
+            target_speed=0.5 * answers["max_speed"],
+        )
+        options = groups[ScoreOptions]
+        estimates.append((number, first_estimate(case, options, given_window=True)))
+    return estimates
+
+
+ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
+LEARNED = """the node learns the clutter density by place, the detection probability, and whether
+targets have several detections in a ping"""
+
+
+def add_init_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add an argument for each question."""
+    parser.add_argument("file", nargs="?", default="my_sonar.yaml", help="default my_sonar.yaml")
+    parser.add_argument(
+        "--yes", action="store_true", help="ask nothing: defaults for what is not given"
+    )
+    parser.add_argument("--force", action="store_true", help="overwrite the file if it exists")
+    for question in QUESTIONS:
+        parser.add_argument(
+            question.argument,
+            dest=question.name,
+            metavar="|".join(question.choices)
+            or question.unit.upper().replace("%", "PERCENT").replace(" ", "_"),
+            help=f"{question.text}, {question.unit}. {question.explanation}".replace("%", "%%"),
+        )
+
+
+def run_init(options: argparse.Namespace) -> None:
+    """Ask for the answers that are not given, write the parameter file and say what to expect.
+
+    Nothing is asked where the input or the output is no terminal.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        From `add_init_arguments`.
+
+    Raises
+    ------
+    ValueError
+        If an answer is not allowed, or the file exists.
+    """
+    path = Path(options.file)
+    if path.exists() and not options.force:
+        raise ValueError(f"{path} exists; give another name, or --force to overwrite it")
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"there is no folder for {path}")
+    given = {
+        question.name: question.read(text)
+        for question in QUESTIONS
+        if (text := getattr(options, question.name)) is not None
+    }
+    if not options.yes and sys.stdin.isatty() and sys.stdout.isatty():
+        print("The sonar's data sheet has most answers. Enter alone takes the value in [ ].\n")
+        given = asked(given, input)
+    answers = completed(given)
+    values = parameters(answers, known_interval="interval" in given)
+    write_text(path, file_text(values, _line(path, answers, given)))
+    missing = [question for question in QUESTIONS if question.name not in given]
+    if missing:
+        print("not given, defaults taken:")
+        for question in missing:
+            print(
+                f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
+            )
+    print(f"{LEARNED}\n\n{expectation_text(answers, path)}\n")
+    source = values["own_ship_source"]
+    more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
+    print(f"written: {path}; run it with\n  {_run_line(path)}{more.get(str(source), '')}")
+    if source == "none":
+        print("on a moving vessel give --own-ship odometry, or tf")
+
+
+def asked(given: Answers, ask: Callable[[str], str]) -> dict[str, float]:
+    """Answers to the questions that are not given, each asked until it is allowed.
+
+    Parameters
+    ----------
+    given : mapping of str to float
+    ask : callable
+        Shows a text and returns the answer.
+
+    Raises
+    ------
+    ValueError
+        If the input ends.
+    """
+    answers: dict[str, float] = {}
+    for question in QUESTIONS:
+        if question.name in given:
+            answers[question.name] = question.checked(given[question.name])
+        elif question.name.startswith("mounting") and answers["own_ship"] != ODOMETRY:
+            answers[question.name] = question.default(answers)
+        else:
+            answers[question.name] = _asked_one(question, question.default(answers), ask)
+    return answers
+
+
+def _asked_one(question: Question, default: float, ask: Callable[[str], str]) -> float:
+    shown = question.shown(default)
+    prompt = f"{question.text} ({question.unit})\n  {question.explanation}\n  [{shown}]: "
+    while True:
+        try:
+            text = ask(prompt).strip()
+        except EOFError:
+            raise ValueError(f"no answer to {question.argument}: the input has ended") from None
+        try:
+            return question.read(text) if text else question.checked(default)
+        except ValueError as error:
+            print(f"  {error}")
+
+
+def file_text(values: dict[str, Value], line: str) -> str:
+    """The parameter file, for a node of any name in any namespace."""
+    lines = [
+        f"# {line}",
+        "# Clutter density and detection probability are learned; a density here is the start.",
+        *section(),
+        *(f"    {name}: {yaml_text(value)}" for name, value in values.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def expectation_text(answers: Answers, path: Path) -> str:
+    """Table of the estimated performance by the number of false detections; a more exact way."""
+    interval = answers["interval"]
+    rows = []
+    for number, estimate in expected(answers):
+        row = [f"{number:g}"]
+        for share in (0.5, 0.9):
+            scans = estimate.scans_until(share)
+            row += ["-", "-"] if scans is None else [f"{scans}", f"{(scans - 1) * interval:.3g} s"]
+        rows.append(row)
+    head = [
+        "false detections per ping",
+        "half found in pings",
+        "time",
+        "0.9 found in pings",
+        "time",
+    ]
+    return (
+        f"what to expect at {answers['false_tracks']:g} false tracks per hour, by theory,\n"
+        f"of targets at {0.5 * answers['max_speed']:g} m/s, seen in 9 of 10 pings, a ping every "
+        f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n{text_table(head, rows)}\n"
+        "more exact, with a required P_D: "
+        f"tsepm design --params-file {shlex.quote(str(path))} --interval {interval:g}"
+        + ("" if answers["false_detections"] else " --false-detections YOURS")
+    )
+
+
+def _line(path: Path, answers: Answers, given: Answers) -> str:
+    """The command line that writes the same file again: an interval only if it was given."""
+    words = ["tsepm", "init", str(path), "--yes"]
+    for question in QUESTIONS:
+        if question.name != "interval" or question.name in given:
+            words += [question.argument, question.shown(answers[question.name])]
+    return shlex.join(words)
+
+
+def _run_line(path: Path) -> str:
+    return (
+        shlex.join(
+            [
+                "ros2",
+                "run",
+                "tsepm_ros",
+                "track_initiator",
+                "--ros-args",
+                "--params-file",
+                str(path),
+            ]
+        )
+        + " -r detections:=YOUR_TOPIC"
+    )

@@ -1,0 +1,416 @@
+"""The command `tsepm run`, and its sources.
+
+The sources of `tsepm run` and `tsepm watch`: a recording, a bag or a simulated scenario.
+
+The command `tsepm run`: a recording, a bag or a simulated scenario, from messages to tracks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msg_adapters.message_input import MessageInput
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import Value
+from tsepm_ros.session.drop_reasons import reason_of
+from tsepm_ros.session.message_check import explained
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.sensor_check import questions
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.parameter_files import add_values, given_values
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder, scenario_names, seed
+from tsepm_ros.tools.evaluation.simulated_run import judge_starts, origins_of
+from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, truth_paths
+from tsepm_ros.tools.replay.bag import (
+    DETECTIONS,
+    LAND,
+    OWN_SHIP,
+    TRACKED,
+    TRUTH,
+    Bag,
+    find_topics,
+    moving_frames,
+)
+from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_results
+from tsepm_ros.tools.replay.recording import (
+    DETECTIONS_FILE,
+    METADATA,
+    read_recording,
+    simulated_recording,
+    source_of,
+)
+from tsepm_ros.tools.replay.track_files import (
+    CurrentTable,
+    TrackBag,
+    TrackListing,
+    TrackTable,
+    TrackWriter,
+)
+from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.tools.terminal import named_progress, with_progress
+from tsepm_ros.tools.viewer.page_state import write_page
+from tsepm_ros.tools.viewer.recorded_scene import RecordedScene
+from tsepm_ros.whole_files import naming, opened_whole
+
+TOPIC_OPTIONS = {
+    DETECTIONS: "detections",
+    OWN_SHIP: "odometry",
+    TRACKED: "tracked",
+    TRUTH: "ground-truth",
+    LAND: "land",
+}
+"""Names of the topic options of a bag, by role."""
+
+
+def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
+    """Add the arguments that say what is processed, and with which parameters."""
+    parser.add_argument(
+        "recording",
+        nargs=nargs,
+        help="folder with detections.csv, or a .csv file; bag: folder with metadata.yaml, .mcap or "
+        ".db3 file; "
+        f"or scenario to simulate: {scenario_names()}",
+    )
+    parser.add_argument(
+        "--seed", type=seed, default=1, help="seed of a simulated scenario; default 1"
+    )
+    for role, name in TOPIC_OPTIONS.items():
+        parser.add_argument(
+            f"--{name}",
+            dest=f"topic_{role}",
+            default="",
+            metavar="TOPIC",
+            help=f"topic of a bag to read as {role}",
+        )
+    add_values(parser)
+
+
+@dataclass
+class Run:
+    """A prepared run.
+
+    Attributes
+    ----------
+    title : str
+    session : Session
+    results : iterator of ScanResult
+    truth : list of (m, 3) ndarray
+        Time (s), x and y (m) of each target.
+    judge : callable, optional
+        Judges the starts of a scene, if the origin of the detections is known.
+    notes : dict of str to str
+        First message by reason.
+    scans : int or None
+        Number of scans of the recording, dropped ones included; None if it is not known.
+    processed : int
+        Number of scans that were processed so far.
+    mounting_yaw : float or None
+        As in `ScanView.of`.
+    """
+
+    title: str
+    session: Session
+    results: Iterator[ScanResult]
+    truth: list[FloatArray] = field(default_factory=list)
+    judge: Callable[[RunScene], None] = lambda scene: None
+    notes: dict[str, str] = field(default_factory=dict)
+    scans: int | None = None
+    processed: int = 0
+    mounting_yaw: float | None = 0.0
+
+    @property
+    def north(self) -> bool:
+        """Whether the axes of the tracks are known from north."""
+        return self.session.source != "none" or self.mounting_yaw is None
+
+    def recorded_scene(self) -> RecordedScene:
+        """An empty scene for a page of this run."""
+        return RecordedScene(self.title, self.north, self.truth, self.mounting_yaw)
+
+    def page_of(self, recorded: RecordedScene) -> str:
+        """The scene of the finished run, JSON."""
+        dropped = self.session.dropped
+        notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
+        return recorded.document(dropped, notes)
+
+
+def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
+    """Open what the arguments of `add_source_arguments` name; `stack` closes it.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not allowed, or a recording cannot be read.
+    """
+    name = options.recording
+    path = Path(name)
+    if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
+        name in shipped_scenarios() and not path.exists()
+    ):
+        return _simulation(load_scenario(name), options)
+    if not path.exists():
+        scenarios = ", ".join(shipped_scenarios())
+        raise ValueError(f"{name} is neither an existing path nor a shipped scenario: {scenarios}")
+    source, is_bag = source_of(path)
+    if is_bag:
+        return _bag(stack.enter_context(Bag(source)), options)
+    return _recording(source, options)
+
+
+def _session(
+    options: argparse.Namespace, defaults: dict[str, Value], known: Sequence[str] = ()
+) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
+    """Make a session from the arguments, with its node options and its notes by reason.
+
+    The notes begin with those that are `known` of the recording.
+    """
+    groups = make_groups(TRACK_INITIATOR, {**defaults, **given_values(options.parameter)})
+    notes = {sentence: sentence for sentence in known}
+
+    def note(reason: str, sentence: str) -> None:
+        notes.setdefault(reason, sentence)
+
+    settings = settings_from(groups)
+    for question in questions(settings.sensor, settings.mounting):
+        note(question, question)
+    if defaults["own_ship_source"] == "odometry" and settings.session.own_ship_source == "none":
+        note("own_ship_source", "own_ship_source is none: the own ship of the source is not used")
+    session = Session(settings, note)
+    if session.settings.session.own_ship_source == "tf":
+        raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
+    return session, groups[InitiatorNodeOptions], notes
+
+
+def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
+    return None if node.bearing_reference == "north" else session.settings.mounting.yaw
+
+
+def _recording(source: Path, options: argparse.Namespace) -> Run:
+    recording = read_recording(source)
+    source_of_poses = "odometry" if recording.own_ship else "none"
+    session, node, notes = _session(options, {"own_ship_source": source_of_poses}, recording.notes)
+    return Run(
+        title=_title(options, session),
+        session=session,
+        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
+        truth=truth_paths(recording.targets),
+        notes=notes,
+        scans=len(recording.scans),
+        mounting_yaw=_mounting_yaw(session, node),
+    )
+
+
+def _bag(bag: Bag, options: argparse.Namespace) -> Run:
+    given = {role: getattr(options, f"topic_{role}") for role in TOPIC_OPTIONS}
+    try:
+        topics = find_topics(bag.topics, given)
+    except ValueError as error:
+        names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
+        raise ValueError(f"{error} (topics are named by {names})") from None
+    moving = moving_frames(bag.topics)
+    if (
+        moving
+        and OWN_SHIP not in topics
+        and "own_ship_source" not in given_values(options.parameter)
+    ):
+        raise ValueError(
+            f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
+            "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
+            "give -p own_ship_source:=none if the sensor does not move"
+        )
+    source = "odometry" if OWN_SHIP in topics else "none"
+    session, node, notes = _session(options, {"own_ship_source": source}, bag.notes)
+    if session.settings.session.own_ship_source == "none":
+        topics.pop(OWN_SHIP, None)  # as in the node
+    message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
+    return Run(
+        title=_title(options, session),
+        session=session,
+        results=bag_results(bag, topics, session, message_input),
+        truth=bag_truth(bag, topics) if needs_scene(options) else [],
+        notes=notes,
+        scans=bag.count(topics[DETECTIONS]),
+        mounting_yaw=_mounting_yaw(session, node),
+    )
+
+
+def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
+    simulator = Simulator(scenario, options.seed)
+    recording, origins = simulated_recording(simulator)
+    sensor: dict[str, Value] = {
+        f"sensor.{name}": value for name, value in dataclasses.asdict(scenario.sensor).items()
+    }
+    session, node, notes = _session(options, {"own_ship_source": "odometry", **sensor})
+
+    def judge(scene: RunScene) -> None:
+        processed = [view.stamp for view in scene.scans]
+        stamps = [scan.time for scan in recording.scans]
+        scene.judged = judge_starts(simulator, scene.starts, origins_of(processed, stamps, origins))
+
+    return Run(
+        title=f"{scenario.name}, seed {options.seed}, method {session.settings.session.method}",
+        session=session,
+        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
+        truth=truth_paths(recording.targets),
+        judge=judge,
+        notes=notes,
+        scans=scenario.scans,
+    )
+
+
+def _title(options: argparse.Namespace, session: Session) -> str:
+    path = Path(options.recording)
+    name = path.parent.name if path.name in (DETECTIONS_FILE, METADATA) else path.stem
+    return f"{name or path.resolve().name}, method {session.settings.session.method}"
+
+
+def needs_scene(options: argparse.Namespace) -> bool:
+    """Whether the output that is asked for draws the scene."""
+    return bool(options.out or options.picture or options.animation or options.html)
+
+
+def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `tsepm run`."""
+    add_source_arguments(parser)
+    parser.add_argument(
+        "--out",
+        type=in_folder,
+        help="folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
+    )
+    parser.add_argument("--picture", type=in_folder, help="plan-position picture, such as run.png")
+    parser.add_argument("--animation", type=in_folder, help="plan-position animation, a .gif file")
+    parser.add_argument(
+        "--html", type=in_folder, help="self-contained page with a time slider, such as run.html"
+    )
+
+
+def run_recording(options: argparse.Namespace) -> None:
+    """Start tracks on a recording, a bag or a scenario, and write them.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not allowed, or a recording cannot be read.
+    """
+    if options.animation and options.animation.suffix != ".gif":
+        raise ValueError(f"--animation must be a .gif file; got {options.animation}")
+    if options.picture or options.animation:
+        _require_matplotlib()
+    with ExitStack() as stack:
+        run = open_run(options, stack)
+        if options.out:
+            options.out.mkdir(exist_ok=True)
+        recorded = run.recorded_scene() if options.html else None
+        begin = time.perf_counter()
+        scene = _process(run, options, recorded)
+        seconds = time.perf_counter() - begin
+    _report(run, scene, seconds, options)
+    _draw(run, scene, options)
+    if recorded is not None:
+        write_page(options.html, recorded.title, run.page_of(recorded))
+        print(f"page: {options.html}", file=sys.stderr)
+
+
+def _require_matplotlib() -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise ValueError("pictures and animations need matplotlib, see the extra plot") from None
+
+
+def _process(
+    run: Run, options: argparse.Namespace, recorded: RecordedScene | None = None
+) -> RunScene:
+    """Process the run and write the tracks; the scene is empty if no output needs it."""
+    scene = RunScene(run.title, truth=run.truth)
+    with_scene = needs_scene(options)
+    with ExitStack() as stack:
+        writers = _writers(options.out, run, stack)
+        for result in with_progress(run.results, run.scans, "scans", "scan"):
+            run.processed += 1
+            for path, writer in writers.items():
+                with naming(path):
+                    writer.write(result.in_frame())
+            if recorded is not None:
+                recorded.add(result, run.session.initiator)
+            if with_scene:
+                scene.scans.append(
+                    ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)
+                )
+    run.judge(scene)
+    return scene
+
+
+def _writers(folder: Path | None, run: Run, stack: ExitStack) -> dict[Path, TrackWriter]:
+    """Writers of the files in a folder, or else of the standard output, by path."""
+    reason = run.session.settings.make_initiator().reason
+    if folder is None:
+        table = sys.stdout.isatty() and TrackListing(sys.stdout, reason, north=run.north)
+        return {Path("standard output"): table or TrackTable(sys.stdout, reason)}
+    tracks, current = folder / "tracks.csv", folder / "current.csv"
+    writers: dict[Path, TrackWriter] = {
+        tracks: TrackTable(stack.enter_context(opened_whole(tracks)), reason),
+        current: CurrentTable(stack.enter_context(opened_whole(current))),
+    }
+    try:
+        path = folder / "tracks.mcap"
+        writers[path] = stack.enter_context(TrackBag(path))
+    except ImportError:
+        print("no tracks.mcap: it needs rosbags, see the extra bags", file=sys.stderr)
+    return writers
+
+
+def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespace) -> None:
+    """Print notes, drops and the speed.
+
+    Raises
+    ------
+    CommandFailed
+        If every scan was dropped.
+    """
+    dropped = run.session.dropped
+    for reason, sentence in run.notes.items():
+        if reason not in dropped and (run.processed or not reason.startswith("lost ")):
+            print(f"note: {sentence}", file=sys.stderr)
+    for reason, number in sorted(dropped.items()):
+        sentence = run.notes.get(reason) or reason_of(reason).meaning
+        print(f"dropped: {number} {reason}: {sentence}", file=sys.stderr)
+    scans = [reason for reason in dropped if reason_of(reason).lost == "scan"]
+    if scans and not run.processed:
+        main = max(scans, key=dropped.__getitem__)
+        why = explained(main, dropped, run.notes)
+        raise CommandFailed(f"every scan was dropped, {dropped[main]} as {why}")
+    if options.out:
+        duration = scene.scans[-1].stamp - scene.scans[0].stamp if scene.scans else 0.0
+        print(
+            f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
+            f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
+        )
+
+
+def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:
+    picture = options.picture or (options.out and options.out / "picture.png")
+    if not picture and not options.animation:
+        return
+    try:
+        from tsepm_ros.tools.pictures.plan_position import animate, save
+    except ImportError:
+        print("no picture: it needs matplotlib, see the extra plot", file=sys.stderr)
+        return
+    if picture:
+        for path in with_progress([picture], 1, "picture", "file"):
+            save(scene, path)
+        print(f"picture: {picture}", file=sys.stderr)
+    if options.animation:
+        step = animate(scene, options.animation, progress=named_progress("animation"))
+        every = "" if step == 1 else f", a frame for every {step} scans"
+        print(f"animation: {options.animation}{every}", file=sys.stderr)

@@ -1,0 +1,462 @@
+"""The demonstration: a source and the track initiator, evaluated and drawn.
+
+A node that stores the messages of a detection source and of the track initiator.
+
+The table of the demonstration: each target with its true start and its errors.
+
+Evaluation and picture of a recorded run.
+
+The track messages do not contain the hits. The recorded messages are therefore processed offline
+by the same algorithm. The review checks that both give the same tracks, bit for bit.
+
+A source of scans and the track initiator as two processes, evaluated and drawn.
+
+With a scenario the source is `sonar_simulator`, with a recording it is `scan_player`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from nav_msgs.msg import Odometry
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import read_track_cloud, time_to_ns, track_states
+from msg_adapters.message_input import MessageInput
+from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, signals_held
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import Value
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.evaluation.simulated_run import judge_starts, origins_of
+from tsepm_ros.tools.pictures.plan_position import save
+from tsepm_ros.tools.pictures.run_scene import (
+    RunScene,
+    ScanView,
+    headline,
+    position_at,
+    target_name,
+    truth_paths,
+)
+from tsepm_ros.tools.replay.recording import Recording, read_recording
+from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
+from tsepm_ros.tools.terminal import progress_bar, text_table
+from tsepm_ros.tracker.tracks import ConfirmedTrack
+
+DEPTH = 1000
+
+
+class TopicCollector(Node):
+    """Keeps the messages of one run.
+
+    Attributes
+    ----------
+    detections, own_ship : list
+        Messages in order of arrival.
+    tracks : list of (int, record)
+        Stamp (ns) and record of each confirmed track.
+    processed : int
+        Scans that the initiator has processed.
+    heard : int
+        Number of all messages.
+    """
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("run_recorder", **node_options)
+        self.detections: list[PointCloud2] = []
+        self.own_ship: list[Odometry] = []
+        self.tracks: list[tuple[int, object]] = []
+        self.processed = 0
+        self.heard = 0
+        self.create_subscription(PointCloud2, "tracks", self._on_tracks, DEPTH)
+        self.create_subscription(Odometry, "own_ship/odometry", self._on_own_ship, DEPTH)
+        self.create_subscription(PointCloud2, "detections", self._on_detections, DEPTH)
+
+    def _on_detections(self, message: PointCloud2) -> None:
+        self.detections.append(message)
+        self.heard += 1
+
+    def _on_own_ship(self, message: Odometry) -> None:
+        self.own_ship.append(message)
+        self.heard += 1
+
+    def _on_tracks(self, message: PointCloud2) -> None:
+        stamp = time_to_ns(message.header.stamp)
+        records = read_track_cloud(message)
+        self.tracks.extend((stamp, record) for record in records[records["revision"] == 0])
+        self.processed += 1
+        self.heard += 1
+
+
+HEADER = ["target", "track", "found after [s]", "pings", "hits"]
+HEADER += ["position error [m]", "1 sigma [m]", "velocity error [m/s]", "1 sigma [m/s]"]
+
+
+def target_table(scene: RunScene) -> str:
+    """Table of each target's true start, with its errors and their standard deviations."""
+    header, *rows = target_rows(scene)
+    return text_table(header, rows)
+
+
+def target_rows(scene: RunScene) -> list[list[str]]:
+    """The header and a row per target of a judged run."""
+    return [HEADER, *(_row(target, scene) for target in range(len(scene.truth)))]
+
+
+def _row(target: int, scene: RunScene) -> list[str]:
+    start = scene.true_starts.get(target)
+    if start is None:
+        return [target_name(target), "none", *[""] * (len(HEADER) - 2)]
+    track = start.track
+    sigma = np.sqrt(np.diag(track.covariance))
+    return [
+        target_name(target),
+        str(track.track_id),
+        f"{track.stamp - scene.scans[0].stamp:.0f}",
+        str(scene.start_scans[track.track_id]),
+        str(len(track.hits)),
+        f"{start.position_error:.0f}",
+        f"{np.hypot(sigma[0], sigma[2]):.0f}",
+        f"{start.velocity_error:.1f}",
+        f"{np.hypot(sigma[1], sigma[3]):.1f}",
+    ]
+
+
+@dataclass
+class Review:
+    """Table and picture of a run.
+
+    Attributes
+    ----------
+    table : str
+    scene : RunScene
+        Content of the picture.
+    failure : str
+        Reason of the failure; empty if the run succeeded.
+    """
+
+    table: str
+    scene: RunScene
+    failure: str = ""
+
+
+def replay(
+    collector: TopicCollector, parameters: Mapping[str, Value]
+) -> tuple[list[ScanResult], Session]:
+    """Process the recorded messages offline.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or its value is not allowed.
+    """
+    groups = make_groups(TRACK_INITIATOR, parameters)
+    session = Session(settings_from(groups))
+    message_input = MessageInput(session, groups[InitiatorNodeOptions])
+    for message in collector.own_ship:
+        message_input.take_own_ship(message)
+    results: list[ScanResult] = []
+    for message in sorted(collector.detections, key=lambda m: time_to_ns(m.header.stamp)):
+        message_input.take_detections(message, now=0.0)
+        results.extend(session.process())
+    return results, session
+
+
+def review_simulation(
+    collector: TopicCollector, scenario: Scenario, seed: int, parameters: Mapping[str, Value]
+) -> Review:
+    """Evaluate a simulated run against its truth."""
+    results, session = replay(collector, parameters)
+    simulator = Simulator(scenario, seed)
+    scans = list(simulator)
+    tracks = [track for result in results for track in result.new]
+    processed = [result.stamp for result in results]
+    stamps = [simulated.scan.stamp for simulated in scans]
+    origins = origins_of(processed, stamps, [simulated.origin for simulated in scans])
+    scene = _run_scene(
+        f"{scenario.name}, seed {seed}, method {session.settings.session.method}", results, session
+    )
+    scene.judged = judge_starts(simulator, tracks, origins)
+    scene.truth = [
+        np.array([(one.scan.stamp, *one.truth[target][0::2]) for one in scans])
+        for target in range(len(simulator.targets))
+    ]
+    review = Review(table=target_table(scene), scene=scene)
+    missing = len(simulator.targets) - len(scene.true_starts)
+    if not _same_as_node(collector, tracks):
+        review.failure = "the node's tracks differ from the same messages processed offline"
+    elif missing:
+        review.failure = f"{missing} of {len(simulator.targets)} targets were not truly started"
+    return review
+
+
+def review_recording(
+    collector: TopicCollector,
+    recording: Recording,
+    parameters: Mapping[str, Value],
+    tolerance: float,
+) -> Review:
+    """Evaluate a recorded run by the distance of its starts from the recorded targets."""
+    results, session = replay(collector, parameters)
+    tracks = [track for result in results for track in result.new]
+    shift = results[0].stamp - recording.scans[0].time if results else 0.0
+    truth = [path + np.array([shift, 0.0, 0.0]) for path in truth_paths(recording.targets)]
+    distances = [_distance(track, truth) for track in tracks]
+    scene = _run_scene(f"recording, method {session.settings.session.method}", results, session)
+    scene.truth = truth
+    scene.elsewhere = {
+        track.track_id
+        for track, distance in zip(tracks, distances, strict=True)
+        if distance > tolerance
+    }
+    rows = [
+        [
+            str(track.track_id),
+            f"{track.stamp - results[0].stamp:.0f}",
+            str(scene.start_scans[track.track_id]),
+            f"{distance:.0f}",
+            f"{np.sqrt(np.trace(track.position_covariance)):.0f}",
+            f"{np.hypot(*track.velocity):.1f}",
+        ]
+        for track, distance in zip(tracks, distances, strict=True)
+        if distance <= tolerance
+    ]
+    header = ["track", "found after [s]", "pings", "distance [m]", "1 sigma [m]", "speed [m/s]"]
+    review = Review(
+        table=f"new tracks within {tolerance:g} m of a target\n" + text_table(header, rows),
+        scene=scene,
+    )
+    if not _same_as_node(collector, tracks):
+        review.failure = "the node's tracks differ from the same messages processed offline"
+    elif recording.targets and not rows:
+        review.failure = "no recorded target was started"
+    return review
+
+
+def _run_scene(title: str, results: Sequence[ScanResult], session: Session) -> RunScene:
+    settings = session.settings
+    views = [ScanView.of(result, settings.sensor, settings.mounting.yaw) for result in results]
+    return RunScene(title, views)
+
+
+def _same_as_node(collector: TopicCollector, tracks: Sequence[ConfirmedTrack]) -> bool:
+    if len(collector.tracks) != len(tracks):
+        return False
+    records = np.array([record for _, record in collector.tracks])
+    if not len(records):
+        return True
+    return bool((track_states(records) == np.array([track.state for track in tracks])).all())
+
+
+def _distance(track: ConfirmedTrack, truth: Sequence[FloatArray]) -> float:
+    """Distance from the nearest recorded target at the track's time, m; infinite if none."""
+    positions = (position_at(path, track.stamp) for path in truth)
+    return min(
+        (
+            float(np.hypot(*(track.position - position)))
+            for position in positions
+            if position is not None
+        ),
+        default=math.inf,
+    )
+
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # before rclpy.init
+
+
+MAX_IDLE_TIME = 20.0
+"""Time without a message after which a run has failed, s."""
+
+NAMESPACE = f"/tsepm_demo_{os.getpid()}"
+"""Separates the demonstration from other nodes on the machine."""
+PROCESS = "from tsepm_ros.ending_signals import {0}; raise SystemExit({0}())"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the demonstration.
+
+    Returns
+    -------
+    int
+        0 if both nodes ended without an error, every scan was processed, and every target has a
+        true start; 130 if interrupted, 143 if terminated.
+    """
+    options = _parse(arguments)
+    with ending_on_termination():
+        try:
+            return _demonstrate(options)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            return INTERRUPTED
+
+
+def _demonstrate(options: argparse.Namespace) -> int:
+    try:
+        options.parameter = {"own_ship_source": "odometry", **given_values(options.parameter)}
+        make_groups(TRACK_INITIATOR, options.parameter)
+        scene = _scene(options)
+    except ValueError as error:
+        print(f"refused: {error}", file=sys.stderr)
+        return 2
+    scans = scene.scans if isinstance(scene, Scenario) else len(scene.scans)
+    collector, codes = _run(options, scans)
+    if any(codes) or collector.processed < scans:
+        print(
+            f"failed: {collector.processed} of {scans} pings were processed; exit codes of the "
+            f"nodes: {' and '.join(map(str, codes))}",
+            file=sys.stderr,
+        )
+        return 1
+    if isinstance(scene, Scenario):
+        review = review_simulation(collector, scene, options.seed, options.parameter)
+    else:
+        review = review_recording(collector, scene, options.parameter, options.tolerance)
+    return _report(review, options.picture)
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="tsepm_demo", description=__doc__)
+    parser.add_argument("--scenario", default="four_targets", help="shipped name or .yaml file")
+    parser.add_argument("--seed", type=int, default=2, help="seed of the simulation")
+    parser.add_argument("--recording", help="folder of a recording, in place of a scenario")
+    parser.add_argument("--rate", type=float, default=60.0, help="speed relative to real time")
+    add_values(parser)
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=60.0,
+        help="maximum distance of a start from its recorded target, m",
+    )
+    parser.add_argument(
+        "--picture", type=Path, default=Path("build/demo.png"), help="default build/demo.png"
+    )
+    return parser.parse_args(arguments)
+
+
+def _scene(options: argparse.Namespace) -> Scenario | Recording:
+    if options.recording:
+        return read_recording(options.recording)
+    return load_scenario(options.scenario)
+
+
+def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[int]]:
+    """Run both nodes; returns the collected messages and the exit codes of those started."""
+    domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    source = ["sonar_simulator", "-p", f"scenario:={options.scenario}", "-p"]
+    source += [f"seed:={options.seed}"]
+    if options.recording:
+        source = ["scan_player", "-p", f"recording:={options.recording}"]
+    source += ["-p", f"rate_factor:={options.rate}", "-p", "wait_for_subscribers:=2"]
+    initiator = ["track_initiator"]
+    for name, value in options.parameter.items():  # a file's section need not fit the namespace
+        initiator += ["-p", f"{name}:={yaml_text(value)}"]
+    # Without the arguments of this command, which rclpy would read as remappings, and without
+    # its handlers: a signal is an exception, as in the other commands.
+    rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    collector = TopicCollector(namespace=NAMESPACE)
+    executor = SingleThreadedExecutor()
+    executor.add_node(collector)
+    try:
+        with _process(*initiator) as tracker:
+            _wait_for_initiator(executor, collector, tracker)
+            if tracker.poll() is not None:
+                return collector, [tracker.returncode]
+            with _process(*source) as player:
+                _watch(executor, collector, scans, tracker)
+                unfinished = collector.processed < scans  # the source would go on, or wait
+                codes = [_end(player, interrupt=unfinished), _end(tracker, interrupt=True)]
+    finally:
+        executor.shutdown()
+        collector.destroy_node()
+        rclpy.try_shutdown()
+    return collector, codes
+
+
+@contextmanager
+def _process(name: str, *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
+    command = [sys.executable, "-c", PROCESS.format(name), "--ros-args", *parameters]
+    command += ["--log-level", "warn", "-r", f"__ns:={NAMESPACE}"]
+    process = None
+    try:
+        with signals_held():
+            process = subprocess.Popen(command)
+        yield process
+    finally:
+        if process is not None and process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+def _watch(
+    executor: SingleThreadedExecutor,
+    collector: TopicCollector,
+    scans: int,
+    tracker: subprocess.Popen[bytes],
+) -> None:
+    """Spin until every scan is processed, or no message arrives any more."""
+    heard, last = -1, time.monotonic()
+    with progress_bar(scans, "pings", "ping", keep=True) as bar:
+        while collector.processed < scans:
+            executor.spin_once(timeout_sec=0.1)
+            if collector.heard != heard:
+                heard, last = collector.heard, time.monotonic()
+                bar.set_postfix_str(f"confirmed tracks: {len(collector.tracks)}", refresh=False)
+                bar.update(collector.processed - bar.n)
+            if time.monotonic() - last > MAX_IDLE_TIME or tracker.poll() is not None:
+                return
+
+
+def _wait_for_initiator(
+    executor: SingleThreadedExecutor, collector: TopicCollector, tracker: subprocess.Popen[bytes]
+) -> None:
+    """Spin until the initiator publishes tracks, or has ended."""
+    until = time.monotonic() + MAX_IDLE_TIME
+    while not collector.count_publishers("tracks") and time.monotonic() < until:
+        executor.spin_once(timeout_sec=0.1)
+        if tracker.poll() is not None:
+            return
+
+
+def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
+    """Wait for the end of a process, interrupted or not; returns its exit code."""
+    if interrupt:
+        process.send_signal(signal.SIGINT)
+    try:
+        return process.wait(timeout=MAX_IDLE_TIME)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
+
+
+def _report(review: Review, picture: Path) -> int:
+    save(review.scene, picture)
+    print(f"\n{headline(review.scene)}\n\n{review.table}\n\npicture: {picture}")
+    if review.failure:
+        print(f"failed: {review.failure}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""Design of a sonar's parameters at a false-track rate."""

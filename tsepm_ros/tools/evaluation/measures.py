@@ -1,0 +1,609 @@
+"""Measures of methods: summaries of runs, GOSPA, and bounds.
+
+The GOSPA metric: errors of position, missed targets and false tracks in one number.
+
+Cramer-Rao bound of the state of a confirmed track.
+
+Summary of a run: the data of every measure, after any number of scans.
+
+Measures of a method over many runs, each with its 95 % interval.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import linear_sum_assignment
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.evaluation.intervals import (
+    Estimate,
+    mean,
+    mean_count,
+    proportion,
+    quantile,
+    rms_ratio,
+    root,
+    root_mean_square,
+)
+from tsepm_ros.tools.evaluation.simulated_run import (
+    NO_TARGET,
+    SIGMAS,
+    Judged,
+    Outcome,
+    SimulatedRun,
+    measurement_sigma,
+)
+from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tracker.sensor import SensorModel
+
+POWER = 2.0
+"""p of the metric; its alpha is 2, which makes the parts below well defined."""
+
+
+@dataclass(frozen=True)
+class Gospa:
+    """The parts of the metric's p-th power, m^2 for p = 2; their sum is that power.
+
+    Attributes
+    ----------
+    localisation : float
+        Part of the targets with an assigned track.
+    missed, false : float
+        Parts of the targets without a track and of the tracks without a target.
+    """
+
+    localisation: float
+    missed: float
+    false: float
+
+    @property
+    def distance(self) -> float:
+        """The metric, m."""
+        return float((self.localisation + self.missed + self.false) ** (1.0 / POWER))
+
+
+def gospa(tracks: FloatArray, targets: FloatArray, cutoff: float) -> Gospa:
+    """Generalised optimal sub-pattern assignment metric with alpha = 2.
+
+    Over all assignments theta of some tracks to as many targets (Rahmathullah, Garcia-Fernandez,
+    Svensson, "Generalized optimal sub-pattern assignment metric", FUSION 2017, Proposition 1)::
+
+        d^p = min_theta [ sum_(i,j) in theta |x_i - y_j|^p + c^p / 2 (n + m - 2 |theta|) ]
+
+    Parameters
+    ----------
+    tracks : (n, 2) ndarray
+        Positions, m.
+    targets : (m, 2) ndarray
+        True positions, m.
+    cutoff : float
+        c, m: a track farther from a target than this is not assigned to it.
+
+    Returns
+    -------
+    Gospa
+    """
+    offset = tracks[:, None, :] - targets[None, :, :]
+    # A pair at the cutoff costs as much as an unassigned track and an unassigned target.
+    cost = np.minimum(np.hypot(offset[..., 0], offset[..., 1]), cutoff) ** POWER
+    pairs = linear_sum_assignment(cost)
+    assigned = cost[pairs][cost[pairs] < cutoff**POWER]
+    unassigned_cost = 0.5 * cutoff**POWER
+    return Gospa(
+        localisation=math.fsum(assigned),
+        missed=unassigned_cost * (len(targets) - len(assigned)),
+        false=unassigned_cost * (len(tracks) - len(assigned)),
+    )
+
+
+def cramer_rao(
+    positions: ArrayLike,
+    times: ArrayLike,
+    sensor_positions: ArrayLike,
+    sensor: SensorModel,
+    stamp: float,
+    relative_velocities: ArrayLike | None = None,
+) -> FloatArray:
+    """Cramer-Rao bound of the state ``[x, vx, y, vy]`` from ranges and azimuths.
+
+    No unbiased estimate from Gaussian ranges r and azimuths a of a constant-velocity target has a
+    smaller covariance than ``I^-1`` (Kay, "Fundamentals of Statistical Signal Processing:
+    Estimation Theory", 1993, Eq. 3.31)::
+
+        I = sum_i dr dr' (1/v + (dv/dr)^2 / (2 v^2)) + da da' / s_a^2
+
+    with dr and da the gradients of range and azimuth by the state. The second term is the
+    information in the size of a range error, whose variance v grows with range. A range rate c
+    adds ``dc dc' / s_c^2``.
+
+    Parameters
+    ----------
+    positions : (..., m, 2) array_like
+        True positions at the m hits, m.
+    times : (..., m) array_like
+        Times of the hits, s.
+    sensor_positions : (2,) or (..., m, 2) array_like
+        Positions of the sensor at the hits, m.
+    sensor : SensorModel
+        Range and azimuth errors.
+    stamp : float
+        Time of the state, s.
+    relative_velocities : (..., m, 2) array_like, optional
+        The target's velocity less the sensor's at each hit, m/s. Range rates count if they are
+        given and the sensor's `range_rate_std` is above 0.
+
+    Returns
+    -------
+    (..., 4, 4) ndarray
+        m^2, m^2/s, m^2/s^2.
+
+    Raises
+    ------
+    ValueError
+        If all hits of a target have one time: its velocity has no bound.
+    """
+    elapsed = np.asarray(times, float) - stamp
+    if not elapsed.shape[-1] or not np.ptp(elapsed, axis=-1).all():
+        raise ValueError("times: the hits must have at least two different times")
+    offset = np.asarray(positions, float) - np.asarray(sensor_positions, float)
+    range_ = np.hypot(offset[..., 0], offset[..., 1])
+    variance = sensor.range_variance(range_)
+    range_information = 1.0 / variance + 0.5 * np.square(
+        sensor.range_variance_slope(range_) / variance
+    )
+    along = offset / range_[..., None]
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    # Rows of a square root of I: both directions, each weighted by its information.
+    directions = np.stack(
+        [
+            along * np.sqrt(range_information)[..., None],
+            across / (range_ * sensor.azimuth_std)[..., None],
+        ],
+        axis=-2,
+    )
+    motion = np.stack([np.ones_like(elapsed), elapsed], axis=-1)
+    root = directions[..., None] * motion[..., None, None, :]  # (..., m, 2, axis, derivative)
+    root = root.reshape(*root.shape[:-4], -1, 4)
+    information = np.swapaxes(root, -1, -2) @ root
+    if relative_velocities is not None and sensor.range_rate_std > 0.0:
+        turn_rate = (across * np.asarray(relative_velocities, float)).sum(axis=-1) / range_
+        rate_root = (turn_rate[..., None] * across)[..., None] * motion[..., None, :]
+        rate_root[..., 1] += along
+        rate_root = rate_root.reshape(*rate_root.shape[:-2], 4) / sensor.range_rate_std
+        information = information + np.swapaxes(rate_root, -1, -2) @ rate_root
+    return np.asarray(np.linalg.inv(information), np.float64)
+
+
+@dataclass(frozen=True)
+class StartSummary:
+    """A start with more than half of its hits from one target.
+
+    Attributes
+    ----------
+    scan : int
+        Index of the scan that confirmed it, from the first in which the targets are there.
+    time : float
+        Time from that scan to that one, s.
+    outcome : Outcome
+    pure : bool
+        All hits come from the target.
+    position_error, velocity_error : float
+        m and m/s.
+    nees : float
+    position_bound, velocity_bound : float
+        Cramer-Rao bounds of the errors' root mean squares, m and m/s, for its own hits; nan unless
+        all hits are the target's and from two scans or more.
+    """
+
+    scan: int
+    time: float
+    outcome: Outcome
+    pure: bool
+    position_error: float
+    velocity_error: float
+    nees: float
+    position_bound: float
+    velocity_bound: float
+
+
+@dataclass(frozen=True)
+class ScanSummary:
+    """False starts in a scan, and the held tracks after it.
+
+    Attributes
+    ----------
+    false : int
+        False starts in this scan.
+    held : int
+        Targets with a held track within 3 sigma; -1 if the starter holds no tracks.
+    at : int
+        Targets within 3 sigma of which a track was started, in this scan or before.
+    corrections : int
+        Starts that were corrected in this scan.
+    right : int
+        Targets with a true start, or with a start that a correction made true, so far.
+    localisation, missed, false_held : float
+        Parts of the squared GOSPA metric of the held tracks, m^2; nan if the starter holds no
+        tracks.
+    """
+
+    false: int
+    held: int = -1
+    at: int = 0
+    corrections: int = 0
+    right: int = 0
+    localisation: float = math.nan
+    missed: float = math.nan
+    false_held: float = math.nan
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """Summary of one run.
+
+    Attributes
+    ----------
+    targets : int
+        Targets in the scene.
+    starts : tuple of StartSummary
+        In order of confirmation.
+    scans : tuple of ScanSummary
+    """
+
+    targets: int
+    starts: tuple[StartSummary, ...]
+    scans: tuple[ScanSummary, ...]
+
+    def first(self, scans: int) -> RunSummary:
+        """Summary of the run up to a number of scans.
+
+        The results of a scan do not depend on later scans. (A scenario draws its targets so that
+        they stay in their ranges for the whole run.)
+        """
+        starts = tuple(start for start in self.starts if start.scan < scans)
+        return RunSummary(self.targets, starts, self.scans[:scans])
+
+    def count(self, *outcomes: Outcome) -> int:
+        """Number of starts with one of the outcomes."""
+        false = sum(scan.false for scan in self.scans) if Outcome.FALSE in outcomes else 0
+        return false + sum(start.outcome in outcomes for start in self.starts)
+
+    @property
+    def wrong(self) -> int:
+        """Number of false and misplaced starts."""
+        return self.count(Outcome.FALSE, Outcome.MISPLACED)
+
+    def as_json(self) -> dict[str, Any]:
+        """The summary as lists of values, null for nan; see :meth:`from_json`."""
+        starts = [_values(start) for start in self.starts]
+        return {"targets": self.targets, "starts": starts, "scans": [*map(_values, self.scans)]}
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> RunSummary:
+        """The summary from the result of :meth:`as_json`."""
+        starts = (
+            StartSummary(scan, time, Outcome(outcome), pure, *_numbers(more))
+            for scan, time, outcome, pure, *more in content["starts"]
+        )
+        scans = (ScanSummary(*values[:-3], *_numbers(values[-3:])) for values in content["scans"])
+        return cls(content["targets"], tuple(starts), tuple(scans))
+
+
+def _values(summary: StartSummary | ScanSummary) -> list[Any]:
+    values = [getattr(summary, field.name) for field in dataclasses.fields(summary)]
+    values = [value.value if isinstance(value, Outcome) else value for value in values]
+    return [None if value != value else value for value in values]  # nan is not JSON
+
+
+def _numbers(values: Iterable[float | None]) -> list[float]:
+    return [math.nan if value is None else value for value in values]
+
+
+def summarise(run: SimulatedRun) -> RunSummary:
+    """Judge the starts of a run and summarise it; what was before its targets is left out."""
+    first = run.scenario.warm_up
+    judged = [
+        (scan - first, start)
+        for scan, start in zip(run.start_scans, run.judged(), strict=True)
+        if scan >= first
+    ]
+    corrected = [
+        (scan - first, revision)
+        for scan, revision in zip(run.correction_scans, run.judge(run.corrections), strict=True)
+        if scan >= first
+    ]
+    true = [
+        (scan, one.target)
+        for scan, one in [*judged, *corrected]
+        if one.outcome in (Outcome.TRUE, Outcome.REDUNDANT)
+    ]
+    scans = range(run.scenario.scans)
+    counts = zip(
+        _in_each_scan([scan for scan, one in judged if one.outcome is Outcome.FALSE], scans),
+        _so_far([(scan, target) for scan, one in judged for target in one.at], scans),
+        _in_each_scan([scan for scan, _ in corrected], scans),
+        _so_far(true, scans),
+        strict=True,
+    )
+    return RunSummary(
+        targets=len(run.simulator.targets),
+        starts=tuple(
+            _start_summary(run, one, scan)
+            for scan, one in judged
+            if one.outcome is not Outcome.FALSE
+        ),
+        scans=tuple(
+            _scan_summary(run, scan, *row) for scan, row in zip(scans, counts, strict=True)
+        ),
+    )
+
+
+def _in_each_scan(events: Sequence[int], scans: range) -> list[int]:
+    """Number of the events in each scan."""
+    return [events.count(scan) for scan in scans]
+
+
+def _so_far(events: Sequence[tuple[int, int]], scans: range) -> list[int]:
+    """Number of targets with an event, a scan and a target, up to each scan."""
+    return [len({target for at, target in events if at <= scan}) for scan in scans]
+
+
+def _start_summary(run: SimulatedRun, judged: Judged, scan: int) -> StartSummary:
+    bound = start_bound(run, judged)
+    return StartSummary(
+        scan=scan,
+        time=run.scans[run.scenario.warm_up + scan].stamp
+        - run.simulator.start
+        - run.scenario.target_start,
+        outcome=judged.outcome,
+        pure=judged.pure,
+        position_error=judged.position_error,
+        velocity_error=judged.velocity_error,
+        nees=judged.nees,
+        position_bound=math.sqrt(bound[0, 0] + bound[2, 2]),
+        velocity_bound=math.sqrt(bound[1, 1] + bound[3, 3]),
+    )
+
+
+def start_bound(run: SimulatedRun, judged: Judged) -> FloatArray:
+    """Cramer-Rao bound of a start, (4, 4), for hits at the target's true positions.
+
+    nan unless all hits are the target's and from two scans or more.
+    """
+    if (
+        not judged.pure
+        or judged.target == NO_TARGET
+        or len({scan for scan, _ in judged.track.hits}) < 2
+    ):
+        return np.full((4, 4), np.nan)
+    echoes = (_echo(run, scan, row) for scan, row in judged.track.hits)
+    times, sensors, velocities = zip(*echoes, strict=True)
+    states = np.array([run.simulator.truth(time)[judged.target] for time in times])
+    return cramer_rao(
+        states[:, 0::2],
+        times,
+        sensors,
+        run.scenario.sensor,
+        judged.track.stamp,
+        states[:, 1::2] - velocities,
+    )
+
+
+def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArray, FloatArray]:
+    """Time (s) of a detection, and the sensor's position and velocity then, (2,) each."""
+    scan = run.scans[scan_index]
+    offset = 0.0 if scan.time_offset is None else float(scan.time_offset[row])
+    poses = np.broadcast_to(scan.sensor_pose, (len(scan), 3))
+    velocities = np.broadcast_to(scan.sensor_velocity, (len(scan), 2))
+    return scan.stamp + offset, poses[row, :2], velocities[row]
+
+
+def _scan_summary(
+    run: SimulatedRun, scan: int, false: int, at: int, corrections: int, right: int
+) -> ScanSummary:
+    """Compare the held tracks with the truth; c is 3 sigma, the mean over the targets."""
+    index = run.scenario.warm_up + scan
+    held, stamp = run.held[index], run.scans[index].stamp
+    targets = run.simulator.truth(stamp)[:, 0::2]
+    if held is None or not len(targets):
+        return ScanSummary(false, -1, at, corrections, right)
+    sensor = run.sensor_position(stamp)
+    sigmas = [measurement_sigma(run.scenario.sensor, target - sensor) for target in targets]
+    parts = gospa(held, targets, SIGMAS * float(np.mean(sigmas)))
+    return ScanSummary(
+        false,
+        _targets_held(held, targets, sigmas),
+        at,
+        corrections,
+        right,
+        parts.localisation,
+        parts.missed,
+        parts.false,
+    )
+
+
+def _targets_held(held: FloatArray, targets: FloatArray, sigmas: Sequence[float]) -> int:
+    """Number of targets with a held track within 3 sigma."""
+    offset = held[:, None, :] - targets[None, :, :]
+    near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.asarray(sigmas)
+    return int(near.any(axis=0).sum())
+
+
+SECONDS_PER_HOUR = 3600.0
+
+
+def _shown(heading: str, spec: str) -> dict[str, str]:
+    """Metadata of a field: its heading in tables and its number format."""
+    return {"heading": heading, "spec": spec}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measures:
+    """Measures of a method over the runs of a scenario.
+
+    *Pure* starts have all hits from one target. Redundant starts are excluded; misplaced starts
+    are included, since without them the errors would be cut off at 3 sigma. GOSPA is that of the
+    held tracks, over scans and runs; the three parts of its root mean square add up in squares.
+
+    Attributes
+    ----------
+    runs, scans : int
+    detection : Estimate
+        P_D: share of (run, target) pairs with a true start by the end of the run.
+    detection_by_position : Estimate
+        Share of pairs with a start within 3 sigma of the target, whatever its hits.
+    detection_corrected : Estimate
+        Share of pairs with a true start, or a start that a correction made true. All other measures
+        are of starts as first published.
+    corrections_per_run : Estimate
+    false_per_run, false_density, false_per_hour : Estimate
+        False and misplaced starts: per run, per scan and km^2 of coverage, and per hour.
+    redundant_per_run : Estimate
+    held : Estimate
+        Share of targets with a held track within 3 sigma at the end.
+    confirmation_time, confirmation_median, confirmation_95 : Estimate
+        Time from the first scan to the true starts, s: mean, median and 95 % quantile.
+    position_error, velocity_error : Estimate
+        Root mean square over the true starts, m and m/s.
+    pure_position_error, pure_velocity_error : Estimate
+        Root mean square over the pure starts, m and m/s.
+    position_to_bound, velocity_to_bound : Estimate
+        Errors of the pure starts over the root mean square of their Cramer-Rao bounds.
+    nees, pure_nees : Estimate
+        Mean over the true and over the pure starts; 4 is ideal.
+    gospa_mean, gospa, gospa_localisation, gospa_missed, gospa_false : Estimate
+        Mean, root mean square and the parts of the latter, m.
+    """
+
+    runs: int
+    scans: int
+    detection: Estimate = field(metadata=_shown("P_D", ".4f"))
+    detection_by_position: Estimate = field(metadata=_shown("P_D by position", ".4f"))
+    detection_corrected: Estimate = field(metadata=_shown("P_D with corrections", ".4f"))
+    corrections_per_run: Estimate = field(metadata=_shown("corrections per run", ".2f"))
+    false_per_run: Estimate = field(metadata=_shown("false + misplaced per run", ".2f"))
+    false_density: Estimate = field(metadata=_shown("false + misplaced per scan and km^2", ".3g"))
+    false_per_hour: Estimate = field(metadata=_shown("false + misplaced per hour", ".1f"))
+    redundant_per_run: Estimate = field(metadata=_shown("redundant per run", ".2f"))
+    held: Estimate = field(metadata=_shown("targets held at the end", ".4f"))
+    confirmation_time: Estimate = field(metadata=_shown("time to confirm, mean [s]", ".1f"))
+    confirmation_median: Estimate = field(metadata=_shown("time to confirm, median [s]", ".0f"))
+    confirmation_95: Estimate = field(metadata=_shown("time to confirm, 95 % quantile [s]", ".0f"))
+    position_error: Estimate = field(metadata=_shown("position error, RMS [m]", ".1f"))
+    velocity_error: Estimate = field(metadata=_shown("velocity error, RMS [m/s]", ".2f"))
+    pure_position_error: Estimate = field(
+        metadata=_shown("position error of pure starts, RMS [m]", ".1f")
+    )
+    pure_velocity_error: Estimate = field(
+        metadata=_shown("velocity error of pure starts, RMS [m/s]", ".2f")
+    )
+    position_to_bound: Estimate = field(metadata=_shown("position error / Cramer-Rao bound", ".3f"))
+    velocity_to_bound: Estimate = field(metadata=_shown("velocity error / Cramer-Rao bound", ".3f"))
+    nees: Estimate = field(metadata=_shown("NEES of true starts (ideal 4)", ".2f"))
+    pure_nees: Estimate = field(metadata=_shown("NEES of pure starts (ideal 4)", ".2f"))
+    gospa_mean: Estimate = field(metadata=_shown("GOSPA, mean [m]", ".0f"))
+    gospa: Estimate = field(metadata=_shown("GOSPA, RMS [m]", ".0f"))
+    gospa_localisation: Estimate = field(metadata=_shown("of it localisation [m]", ".0f"))
+    gospa_missed: Estimate = field(metadata=_shown("of it missed [m]", ".0f"))
+    gospa_false: Estimate = field(metadata=_shown("of it false [m]", ".0f"))
+
+    def text(self, name: str, *, interval: bool = True) -> str:
+        """A measure as text in its format, or a dash without a value."""
+        text = getattr(self, name).text(SPECS[name])
+        return text if interval else text.partition(" ")[0]
+
+
+HEADINGS, SPECS = (
+    {part.name: part.metadata[key] for part in dataclasses.fields(Measures) if part.metadata}
+    for key in ("heading", "spec")
+)
+"""Heading and number format of each measure."""
+
+
+def measures_of(
+    scenario: Scenario, runs: Iterable[RunSummary], scans: int | None = None
+) -> Measures:
+    """Measures of a method over runs.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    runs : iterable of RunSummary
+    scans : int, optional
+        Number of scans after which the runs end; the scenario's if not given.
+    """
+    scans = scenario.scans if scans is None else scans
+    runs = [run.first(scans) for run in runs]
+    starts = [start for run in runs for start in run.starts]
+    true = [start for start in starts if start.outcome is Outcome.TRUE]
+    pure = [start for start in starts if start.pure and start.outcome is not Outcome.REDUNDANT]
+    times = [start.time for start in true]
+    return Measures(
+        runs=len(runs),
+        scans=scans,
+        **_counts(scenario, runs, scans),
+        confirmation_time=mean(times),
+        confirmation_median=quantile(times, 0.5),
+        confirmation_95=quantile(times, 0.95),
+        **_errors(true, pure),
+        **_gospa(runs),
+    )
+
+
+def _counts(scenario: Scenario, runs: Sequence[RunSummary], scans: int) -> dict[str, Estimate]:
+    false = mean_count([run.wrong for run in runs])
+    targets = sum(run.targets for run in runs)
+    held = [run.scans[-1].held for run in runs]
+    corrections = [sum(scan.corrections for scan in run.scans) for run in runs]
+    return {
+        "detection": proportion(sum(run.count(Outcome.TRUE) for run in runs), targets),
+        "detection_by_position": proportion(sum(run.scans[-1].at for run in runs), targets),
+        "detection_corrected": proportion(sum(run.scans[-1].right for run in runs), targets),
+        "corrections_per_run": mean_count(corrections),
+        "false_per_run": false,
+        "false_density": false / (scans * scenario.area / 1e6),
+        "false_per_hour": false.mapped(lambda v: v * SECONDS_PER_HOUR / (scans * scenario.period)),
+        "redundant_per_run": mean_count([run.count(Outcome.REDUNDANT) for run in runs]),
+        "held": proportion(sum(held), targets) if min(held) >= 0 else Estimate.unknown(),
+    }
+
+
+def _errors(true: Sequence[StartSummary], pure: Sequence[StartSummary]) -> dict[str, Estimate]:
+    bounded = [start for start in pure if not math.isnan(start.position_bound)]
+    return {
+        "position_error": root_mean_square([start.position_error for start in true]),
+        "velocity_error": root_mean_square([start.velocity_error for start in true]),
+        "pure_position_error": root_mean_square([start.position_error for start in pure]),
+        "pure_velocity_error": root_mean_square([start.velocity_error for start in pure]),
+        "position_to_bound": rms_ratio(
+            [start.position_error for start in bounded],
+            [start.position_bound for start in bounded],
+        ),
+        "velocity_to_bound": rms_ratio(
+            [start.velocity_error for start in bounded],
+            [start.velocity_bound for start in bounded],
+        ),
+        "nees": mean([start.nees for start in true]),
+        "pure_nees": mean([start.nees for start in pure]),
+    }
+
+
+def _gospa(runs: Sequence[RunSummary]) -> dict[str, Estimate]:
+    """Means over the scans of each run, then over the runs."""
+    parts = np.array(
+        [[[scan.localisation, scan.missed, scan.false_held] for scan in run.scans] for run in runs]
+    )  # (run, scan, part)
+    square = parts.sum(axis=-1)
+    names = ("gospa_localisation", "gospa_missed", "gospa_false")
+    return {
+        "gospa_mean": mean(np.sqrt(square).mean(axis=1)),
+        "gospa": root(mean(square.mean(axis=1))),
+        **{name: root(mean(parts[..., k].mean(axis=1))) for k, name in enumerate(names)},
+    }

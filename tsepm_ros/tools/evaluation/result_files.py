@@ -1,0 +1,259 @@
+"""Files of runs and of results, and what they depend on.
+
+What a figure depends on: the release, its golden outputs, and the code of this very moment.
+
+Files of runs, with which an interrupted study continues.
+
+A file is JSON lines: a header with what its runs depend on, then a line per run. Its name has a
+digest of the header, so that other options, another seed or another version have other files.
+
+Result files: the tables of a command, with everything that is needed to repeat them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import hashlib
+import json
+import platform
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import tsepm_ros
+from tsepm_ros.tools.terminal import Progress, silent
+from tsepm_ros.whole_files import write_text, written_whole
+
+PACKAGE = Path(tsepm_ros.__file__).parent
+GOLDENS = PACKAGE.parent / "test" / "golden"
+
+
+def goldens_digest() -> str:
+    """Digest of the golden outputs, with which figures are measured; empty outside a source tree.
+
+    It changes where results change on purpose, not where code is renamed, moved or made faster.
+    """
+    return _digest(GOLDENS.glob("*.json")) if GOLDENS.is_dir() else ""
+
+
+@functools.cache
+def code_key(*files: Path) -> str:
+    """Digest of the package's modules, and of other files, by which stored runs are found again.
+
+    Any change of the code discards an unfinished study: its runs are of one code.
+    """
+    return _digest([*PACKAGE.rglob("*.py"), *files])
+
+
+def _digest(files: Iterable[Path]) -> str:
+    content = hashlib.sha256()
+    for path in sorted(files):
+        content.update(path.name.encode() + path.read_bytes())
+    return content.hexdigest()[:8]
+
+
+class RunFile:
+    """The finished runs of a study.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the file.
+    names : sequence of str
+        Parts of the file's name.
+    header : mapping
+        Everything that the runs depend on: numbers, texts, arrays, lists and mappings of these.
+
+    Attributes
+    ----------
+    path : Path
+    results : dict
+        Result of each run, as JSON, by the run's index.
+
+    Raises
+    ------
+    ValueError
+        If the existing file has another header or is damaged before its last line.
+    """
+
+    def __init__(self, folder: Path, names: Sequence[str], header: Mapping[str, Any]) -> None:
+        text = json.dumps(header, default=np.ndarray.tolist)
+        code = hashlib.sha256(text.encode()).hexdigest()[:8]
+        name = "-".join(re.sub(r"\W+", "_", part) for part in names)
+        self.path = folder / f"{name}-{code}.jsonl"
+        folder.mkdir(parents=True, exist_ok=True)
+        lines = self._whole_lines()
+        if not lines:
+            write_text(self.path, text + "\n")
+        elif self._parsed(lines[0]) != json.loads(text):
+            raise ValueError(
+                f"{self.path} was made by another version, method, options, scenario or seed"
+            )
+        self.results: dict[int, Any] = dict(map(self._run, lines[1:]))
+
+    def append(self, index: int, result: Any) -> None:
+        """Add a run and write it at once."""
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps([index, result]) + "\n")
+        self.results[index] = result
+
+    def _whole_lines(self) -> list[bytes]:
+        """The file's lines; an incomplete last line is removed from the file."""
+        if not self.path.exists():
+            return []
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) < len(content):
+            with written_whole(self.path) as temporary:
+                temporary.write_bytes(whole)
+        return whole.splitlines()
+
+    def _parsed(self, line: bytes) -> Any:
+        try:
+            return json.loads(line)
+        except (ValueError, RecursionError):
+            raise self._damage(line) from None
+
+    def _run(self, line: bytes) -> tuple[int, Any]:
+        """The index and the result of a run."""
+        run = self._parsed(line)
+        if not isinstance(run, list) or len(run) != 2 or type(run[0]) is not int:
+            raise self._damage(line)
+        return run[0], run[1]
+
+    def _damage(self, line: bytes) -> ValueError:
+        return ValueError(
+            f"{self.path} is damaged: {line[:40]!r} is not a run; remove the line or the file"
+        )
+
+
+def complete(
+    files: Sequence[RunFile],
+    runs: int,
+    results_of: Callable[[list[tuple[int, int]]], Iterable[Any]],
+    progress: Progress = silent,
+) -> None:
+    """Do the missing runs of each file.
+
+    Parameters
+    ----------
+    files : sequence of RunFile
+    runs : int
+    results_of : callable
+        Results of runs, in the order of the given pairs (index of the file, index of the run).
+    progress : callable, optional
+        Shows the number of missing runs that are done.
+    """
+    missing = [
+        (row, index)
+        for row, file in enumerate(files)
+        for index in range(runs)
+        if index not in file.results
+    ]
+    done = progress(results_of(missing), len(missing))
+    for (row, index), result in zip(missing, done, strict=True):
+        files[row].append(index, result)
+
+
+Row = Mapping[str, Any]
+Table = tuple[list[str], list[list[str]]]  # header and rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """Figures of a command.
+
+    Attributes
+    ----------
+    command : str
+        The command that repeats them.
+    version : str
+        Release of the package.
+    goldens : str
+        Digest of the golden outputs, see `goldens_digest`.
+    seed, runs : int
+    parameters : mapping
+        Parameters that differ from the defaults.
+    header : list of str
+    rows : list of list of str
+        The table as printed.
+    measures : list of mapping, optional
+        The same figures as numbers, null for an unknown one.
+    numpy, python : str
+        Versions of what they were computed with.
+    """
+
+    command: str
+    seed: int
+    runs: int
+    header: list[str]
+    rows: list[list[str]]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    measures: Sequence[Row] = field(default_factory=list)
+    version: str = tsepm_ros.__version__
+    goldens: str = field(default_factory=goldens_digest)
+    numpy: str = np.__version__
+    python: str = field(default_factory=platform.python_version)
+
+
+def add_result(parser: argparse.ArgumentParser) -> None:
+    """Add the path of the result file."""
+    parser.add_argument(
+        "--result",
+        type=Path,
+        help="also write the figures to a JSON file, see docs/contributing.md",
+    )
+
+
+def write_result(path: Path, result: Result) -> None:
+    """Write a result file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(asdict(result), indent=1, ensure_ascii=False) + "\n")
+
+
+def read_result(path: Path) -> Result:
+    """Read a result file.
+
+    Raises
+    ------
+    ValueError
+        If it is not a result file.
+    """
+    try:
+        return Result(**json.loads(path.read_text(encoding="utf-8")))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path} is not a result file: {error}") from None
+
+
+def printed(rows: Iterable[Sequence[str]]) -> Table:
+    """Print rows as a Markdown table, each at once, and return the header and the others."""
+    table = []
+    for index, cells in enumerate(rows):
+        print(f"| {' | '.join(cells)} |", flush=True)
+        if not index:
+            print("|---" * len(cells) + "|", flush=True)
+        table.append(list(cells))
+    return table[0], table[1:]
+
+
+def write_table(path: Path | None, command: str, table: Table, *, seed: int, runs: int) -> None:
+    """Write a printed table as a result file, if `add_result`'s option names the file.
+
+    Parameters
+    ----------
+    path : Path or None
+        None: nothing is written.
+    command : str
+        The command that repeats the table.
+    table : header and rows
+        As `printed` returns them.
+    seed, runs : int
+    """
+    if path:
+        header, rows = table
+        write_result(path, Result(command=command, seed=seed, runs=runs, header=header, rows=rows))

@@ -1,0 +1,386 @@
+"""Simulated runs of an operating point, judged by truth.
+
+Judgement of confirmed tracks by known truth.
+
+A confirmed track belongs to a target that gave more than half of its hits. Each confirmed track of
+a run has one outcome: *true* (the first track of a target within 3 sigma of it, sigma being the
+larger axis of the measurement error there), *redundant* (a later track within 3 sigma of the
+target), *misplaced* (a track farther from its target), *false* (a track without a target). Apart
+from its hits, a track is *at* each target that is within 3 sigma of it.
+
+Operating points: a method at one setting, as a factory of track starters.
+
+One simulated run: its scans, the tracks started on them, and the held tracks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.methods.registry import make_initiator, method_class, option_names
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.own_ship.pose_history import echo_poses
+from tsepm_ros.tools.evaluation.result_files import code_key
+from tsepm_ros.tools.simulation import Scenario, Simulator
+from tsepm_ros.tools.simulation.scenario import Motion
+from tsepm_ros.tracker.measurement import major_sigma, position_covariance
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracks import ConfirmedTrack
+
+NO_TARGET = -1
+SIGMAS = 3.0
+
+
+class Outcome(enum.Enum):
+    """Outcome of a confirmed track."""
+
+    TRUE = "true"
+    REDUNDANT = "redundant"
+    MISPLACED = "misplaced"
+    FALSE = "false"
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A confirmed track with its outcome and errors.
+
+    Attributes
+    ----------
+    track : ConfirmedTrack
+    outcome : Outcome
+    target : int
+        Index of the target that gave more than half of the hits, or NO_TARGET.
+    pure : bool
+        All hits come from that target.
+    position_error, velocity_error : float
+        Distance from that target's state, m and m/s; nan without a target.
+    nees : float
+        Normalised estimation error squared, ideally 4 on average; nan without a target.
+    at : frozenset of int
+        Targets within 3 sigma of the track at its stamp, whatever its hits.
+    """
+
+    track: ConfirmedTrack
+    outcome: Outcome
+    target: int
+    pure: bool
+    position_error: float
+    velocity_error: float
+    nees: float
+    at: frozenset[int] = frozenset()
+
+
+def measurement_sigma(sensor: SensorModel, offset: FloatArray) -> float:
+    """Larger axis of the measurement error, m, for a target at `offset` (2,) from the sensor."""
+    range_ = float(np.hypot(*offset))
+    covariance = position_covariance(
+        range_, np.arctan2(offset[1], offset[0]), sensor.range_variance(range_), sensor.azimuth_std
+    )
+    return float(major_sigma(covariance))
+
+
+def nees(error: FloatArray, covariance: FloatArray) -> float:
+    """Normalised estimation error squared, ``e' P^-1 e``."""
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+def judge(
+    tracks: Sequence[ConfirmedTrack],
+    origins: Sequence[NDArray[np.int64]],
+    truth_at: Callable[[float], FloatArray],
+    sensor: SensorModel,
+    sensor_position_at: Callable[[float], FloatArray],
+) -> list[Judged]:
+    """Judge the confirmed tracks of one run.
+
+    Parameters
+    ----------
+    tracks : sequence of ConfirmedTrack
+        In the order of confirmation.
+    origins : sequence of (n,) ndarray of int
+        Per scan, the target index of each detection, negative for clutter.
+    truth_at : callable
+        States (k, 4) of all targets at a stamp, s.
+    sensor : SensorModel
+        Measurement errors.
+    sensor_position_at : callable
+        Sensor position (2,) at a stamp, s.
+
+    Returns
+    -------
+    list of Judged
+        In the order of the tracks.
+    """
+    started: set[int] = set()
+    judged = []
+    for track in tracks:
+        sources = np.array([origins[scan][index] for scan, index in track.hits])
+        target = _majority(sources)
+        truths, sensor_position = truth_at(track.stamp), sensor_position_at(track.stamp)
+        at = frozenset(
+            index
+            for index, truth in enumerate(truths)
+            if _distance(track, truth) <= SIGMAS * _sigma_at(truth, sensor, sensor_position)
+        )
+        if target == NO_TARGET:
+            judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan, at))
+            continue
+        error = track.state - truths[target]
+        outcome = Outcome.MISPLACED
+        if target in at:
+            outcome = Outcome.REDUNDANT if target in started else Outcome.TRUE
+            started.add(target)
+        judged.append(
+            Judged(
+                track,
+                outcome,
+                target,
+                bool((sources == target).all()),
+                _distance(track, truths[target]),
+                float(np.hypot(error[1], error[3])),
+                nees(error, track.covariance),
+                at,
+            )
+        )
+    return judged
+
+
+def origins_of(
+    processed: Sequence[float], stamps: Sequence[float], origins: Sequence[IntArray]
+) -> list[IntArray]:
+    """Origins of the processed scans, to which hits refer; dropped scans have none.
+
+    Parameters
+    ----------
+    processed : sequence of float
+        Stamps of the scans that were processed, s.
+    stamps : sequence of float
+        Stamps of all scans, s, ascending. The nearest stamp counts, since clocks round.
+    origins : sequence of (n,) ndarray of int
+        Origins of all scans.
+    """
+    middle = 0.5 * (np.array(stamps[1:]) + np.array(stamps[:-1]))
+    return [origins[index] for index in np.searchsorted(middle, processed)]
+
+
+def _distance(track: ConfirmedTrack, truth: FloatArray) -> float:
+    """Distance of a track from a target's state, m."""
+    error = track.state - truth
+    return float(np.hypot(error[0], error[2]))
+
+
+def _sigma_at(truth: FloatArray, sensor: SensorModel, sensor_position: FloatArray) -> float:
+    return measurement_sigma(sensor, truth[0::2] - sensor_position)
+
+
+def _majority(sources: NDArray[np.int64]) -> int:
+    """The target that gave more than half of the hits, or NO_TARGET."""
+    targets, counts = np.unique(sources[sources >= 0], return_counts=True)
+    if len(targets) and 2 * counts.max() > len(sources):
+        return int(targets[counts.argmax()])
+    return NO_TARGET
+
+
+class TrackStarter(Protocol):
+    """Interface of what is evaluated: an `Initiator`, or an object with the same `process`.
+
+    The evaluation reads `stamp`, `state`, `covariance` (nan if unknown) and `hits` of its tracks.
+    With the optional attribute `current`, tracks with a `state` (n, 4) at the last scan's
+    stamp, the held tracks are evaluated too.
+    """
+
+    def process(self, scan: Scan) -> Sequence[ConfirmedTrack]:
+        """Process the next scan and return the tracks newly confirmed by it."""
+
+
+def make_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Initiator:
+    """Make one of the package's own methods for a scenario's sensor."""
+    return make_initiator(method, sensor=scenario.sensor, **options)
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """A method at one setting.
+
+    Attributes
+    ----------
+    method, label : str
+        Names of the method and of the setting in its sweep.
+    options : mapping
+        All options given to the method.
+    factory : callable
+        Makes a `TrackStarter` from a scenario, `method` and `options`; importable by its name, so
+        that other processes can make it too.
+    version : str
+        Version of the code that the results depend on; results of another version are not reused.
+    """
+
+    method: str
+    label: str = "default"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    factory: Callable[[Scenario, str, Mapping[str, Any]], TrackStarter] = make_method
+    version: str = ""
+
+    def make(self, scenario: Scenario) -> TrackStarter:
+        """Make a new track starter for a run."""
+        return self.factory(scenario, self.method, self.options)
+
+
+def operating_points(
+    methods: Iterable[str], given: Mapping[str, Any] | None = None
+) -> list[OperatingPoint]:
+    """Operating points of the methods' sweeps, from few to many false tracks.
+
+    Parameters
+    ----------
+    methods : iterable of str
+    given : mapping, optional
+        Options for the methods that have them. A method whose sweep varies a given option is
+        evaluated at the given value only.
+
+    Raises
+    ------
+    ValueError
+        If no method has a given option; the message names the option.
+    """
+    given = given or {}
+    methods = list(methods)
+    for name in given:
+        if not any(name in option_names(method) for method in methods):
+            raise ValueError(f"{name} is not an option of {' or '.join(methods)}")
+    return [point for method in methods for point in _sweep(method, given)]
+
+
+def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
+    own = {name: value for name, value in given.items() if name in option_names(method)}
+    sweep = method_class(method).operating_points
+    if any(name in options for options in sweep.values() for name in own):
+        sweep = {"as given": {}}
+    return [
+        OperatingPoint(method, label, {**own, **options}, version=code_key())
+        for label, options in sweep.items()
+    ]
+
+
+def judge_starts(
+    simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
+) -> list[Judged]:
+    """Judge tracks that were started on a simulator's scans, see `judge`.
+
+    `origins` are those of the processed scans, to which the tracks' hits refer.
+    """
+    scenario = simulator.scenario
+    return judge(
+        tracks,
+        origins,
+        simulator.truth,
+        scenario.sensor,
+        lambda stamp: scenario.own_ship.pose(stamp)[:2],
+    )
+
+
+@dataclass
+class SimulatedScene:
+    """The scans of a simulated run, and the origins of their detections.
+
+    Attributes
+    ----------
+    simulator : Simulator
+        With the scenario and the truth.
+    scans : list of Scan
+        With sensor poses from the exact own-ship motion.
+    origins : list of (n,) ndarray of int
+        Target of each detection of a scan, negative for clutter.
+    """
+
+    simulator: Simulator
+    scans: list[Scan]
+    origins: list[IntArray]
+
+    @classmethod
+    def drawn(cls, scenario: Scenario, seed: list[int]) -> Self:
+        """Simulate the scans of a run."""
+        simulator = Simulator(scenario, seed)
+        simulated = list(simulator)
+        scans = [with_poses(item.scan, scenario.own_ship) for item in simulated]
+        return cls(simulator, scans, [item.origin for item in simulated])
+
+    @property
+    def scenario(self) -> Scenario:
+        """The simulator's scenario."""
+        return self.simulator.scenario
+
+    def sensor_position(self, stamp: float) -> FloatArray:
+        """Position of the sensor at a time (s), (2,)."""
+        return self.scenario.own_ship.pose(stamp)[:2]
+
+    def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
+        """Judge tracks that were started on the scans, see the function `judge`."""
+        return judge_starts(self.simulator, tracks, self.origins)
+
+
+@dataclass
+class SimulatedRun(SimulatedScene):
+    """The scans, starts and held tracks of one run.
+
+    Attributes
+    ----------
+    starts : list of ConfirmedTrack
+    start_scans : list of int
+        Index of the scan that confirmed each start.
+    corrections : list of ConfirmedTrack
+        Later revisions of starts.
+    correction_scans : list of int
+        Index of the scan that brought each.
+    held : list of (n, 2) ndarray or None
+        Positions of the held tracks after each scan; None if the starter holds no tracks.
+    """
+
+    starts: list[ConfirmedTrack] = field(default_factory=list)
+    start_scans: list[int] = field(default_factory=list)
+    corrections: list[ConfirmedTrack] = field(default_factory=list)
+    correction_scans: list[int] = field(default_factory=list)
+    held: list[FloatArray | None] = field(default_factory=list)
+
+    def judged(self) -> list[Judged]:
+        """Judge the starts, as first published: revision 0."""
+        return self.judge(self.starts)
+
+
+def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> SimulatedRun:
+    """Simulate a run and start tracks on it."""
+    run = SimulatedRun.drawn(scenario, seed)
+    starter = point.make(scenario)
+    for index, scan in enumerate(run.scans):
+        started = list(starter.process(scan))
+        run.starts += started
+        run.start_scans += [index] * len(started)
+        corrected = list(getattr(starter, "revised", ()))
+        run.corrections += corrected
+        run.correction_scans += [index] * len(corrected)
+        run.held.append(_held_positions(starter))
+    return run
+
+
+def with_poses(scan: Scan, own_ship: Motion) -> Scan:
+    """A simulated scan with the sensor poses of its echoes, from the exact own-ship motion."""
+
+    def poses_at(times: FloatArray) -> FloatArray:
+        return np.array([own_ship.pose(time) for time in times]).reshape(-1, 3)
+
+    pose = echo_poses(poses_at, scan.stamp, scan.time_offset, scan.azimuth)
+    return dataclasses.replace(scan, sensor_pose=pose)
+
+
+def _held_positions(starter: TrackStarter) -> FloatArray | None:
+    held = getattr(starter, "current", None)
+    return None if held is None else np.array(held.state)[:, 0::2]

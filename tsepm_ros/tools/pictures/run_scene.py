@@ -1,0 +1,256 @@
+"""Content of a plan-position picture or animation of a run, by scan."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.session.result import ScanResult, vessel_pose
+from tsepm_ros.session.scan_queue import Arrival
+from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
+from tsepm_ros.tools.replay.recording import RecordedMotion
+from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+
+
+@dataclass(frozen=True)
+class ScanView:
+    """One scan in the fixed frame.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    detections : (n, 2) ndarray
+        Positions, m.
+    sensor : (3,) ndarray or None
+        Position of the sensor at the nearest echo, m, and the heading of the vessel, rad, nan if
+        unknown; None without a sensor pose.
+    new, held : TrackArrays
+        Tracks confirmed in this scan; all held tracks after it.
+    fixed_echoes : (n, 2) ndarray
+        Positions of fixed echoes, with `min_speed`, m.
+    restart : bool
+        All tracks were discarded before this scan, and the scans of hits count from it.
+    """
+
+    stamp: float
+    detections: FloatArray
+    sensor: FloatArray | None
+    new: TrackArrays
+    held: TrackArrays
+    fixed_echoes: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    restart: bool = False
+
+    @classmethod
+    def of(
+        cls, result: ScanResult, sensor: SensorModel, mounting_yaw: float | None = 0.0
+    ) -> ScanView:
+        """View of a processed scan.
+
+        `mounting_yaw` is that of `vessel_pose`.
+        """
+        return cls(
+            stamp=result.stamp,
+            detections=convert(result.scan, sensor, 0)["position"],
+            sensor=vessel_pose(result.scan, mounting_yaw),
+            new=result.new,
+            held=result.current,
+            fixed_echoes=result.fixed_echoes.state[:, 0::2].reshape(-1, 2),
+            restart=result.arrival is Arrival.RESTART,
+        )
+
+
+@dataclass
+class RunScene:
+    """A whole run.
+
+    Attributes
+    ----------
+    title : str
+        Source and method.
+    scans : list of ScanView
+        In the order in which they were processed.
+    truth : list of (m, 3) ndarray
+        Time (s), x and y (m) of each target.
+    judged : list of Judged, optional
+        Outcome of each start, if the origin of the detections is known.
+    elsewhere : set of int, optional
+        Ids of the starts far from every recorded target, if recorded targets are compared.
+    """
+
+    title: str
+    scans: list[ScanView] = field(default_factory=list)
+    truth: list[FloatArray] = field(default_factory=list)
+    judged: list[Judged] | None = None
+    elsewhere: set[int] | None = None
+
+    @property
+    def starts(self) -> list[ConfirmedTrack]:
+        """All confirmed tracks, with their states at confirmation."""
+        return [track for view in self.scans for track in view.new]
+
+    def starts_by(self, true: bool) -> list[ConfirmedTrack]:
+        """True starts, or those with another outcome; starts without judgement count as true."""
+        if self.judged is not None:
+            return [
+                judgement.track
+                for judgement in self.judged
+                if (judgement.outcome is Outcome.TRUE) is true
+            ]
+        elsewhere = self.elsewhere or set()
+        return [track for track in self.starts if (track.track_id not in elsewhere) is true]
+
+    @property
+    def true_starts(self) -> dict[int, Judged]:
+        """The true start of each target that has one, by the target's index."""
+        true = [found for found in self.judged or [] if found.outcome is Outcome.TRUE]
+        return {judgement.target: judgement for judgement in true}
+
+    @property
+    def true_places(self) -> list[FloatArray]:
+        """Place of each target with a true start at the time of that start, (2,) m."""
+        places = [
+            position_at(self.truth[target], found.track.stamp)
+            for target, found in self.true_starts.items()
+        ]
+        return [place for place in places if place is not None]
+
+    @property
+    def start_scans(self) -> dict[int, int]:
+        """Number of the scan, from 1, that confirmed each start, by the track's id."""
+        return {
+            track_id: number
+            for number, view in enumerate(self.scans, start=1)
+            for track_id in view.new.track_id.tolist()
+        }
+
+    @property
+    def hits(self) -> dict[int, FloatArray]:
+        """Hits of each start, oldest first, by the track's id.
+
+        Each is an (m, 3) array: number of the scan, from 1, x and y (m).
+        """
+        first, hits = 0, {}
+        for index, view in enumerate(self.scans):
+            if view.restart:
+                first = index
+            for track in view.new:
+                places = [
+                    (first + scan + 1, *self.scans[first + scan].detections[row])
+                    for scan, row in track.hits
+                    if first + scan <= index and row < len(self.scans[first + scan].detections)
+                ]
+                hits[track.track_id] = np.array(places).reshape(-1, 3)
+        return hits
+
+    def trails(self, scans: int | None = None) -> dict[int, FloatArray]:
+        """Positions of each held track, (m, 2), by its id; of the first scans if given."""
+        ways = self.ways(scans).items()
+        return {track_id: way[np.isfinite(way[:, 2]), :2] for track_id, way in ways}
+
+    def ways(self, scans: int | None = None) -> dict[int, FloatArray]:
+        """Way of each held track by its id; of the first scans if given.
+
+        Each is an (m, 3) array: x and y (m), and the time since its target was detected (s). A row
+        of nan stands for scans in which the track was withheld.
+        """
+        ways: dict[int, list[list[float]]] = {}
+        before: set[int] = set()
+        for view in self.scans[:scans]:
+            points = np.column_stack([view.held.state[:, 0::2], view.held.time_since_hit])
+            for track_id, point in zip(view.held.track_id.tolist(), points.tolist(), strict=True):
+                way = ways.setdefault(track_id, [])
+                way += [point] if track_id in before or not way else [[np.nan] * 3, point]
+            before = set(view.held.track_id.tolist())
+        return {track_id: np.array(way) for track_id, way in ways.items()}
+
+    @property
+    def insets(self) -> list[FloatArray]:
+        """Points to enlarge, (2,) m: the targets' mid-run positions, if the starts are judged."""
+        if self.judged is None:
+            return []
+        return [path[len(path) // 2, 1:] for path in self.truth]
+
+    @property
+    def own_ship(self) -> FloatArray:
+        """Path of the sensor, (m, 3): x, y (m) and heading (rad, nan if unknown)."""
+        return own_ship_path(self.scans)
+
+
+def headline(scene: RunScene) -> str:
+    """The result of a run in a sentence, such as "4 of 4 targets in 11 pings, no false track"."""
+    pings = _pings(len(scene.scans))
+    if scene.judged is None:
+        held = f"{len(scene.scans[-1].held) if scene.scans else 0} held at the end"
+        if scene.elsewhere is None:
+            return f"{_tracks(len(scene.starts))} in {pings}, {held}"
+        near = len(scene.starts_by(true=True))
+        return f"{_tracks(near)} on a target, {len(scene.elsewhere)} elsewhere, in {pings}, {held}"
+    starts, start_scans = scene.true_starts, scene.start_scans
+    if starts:
+        last = max(start_scans[judgement.track.track_id] for judgement in starts.values())
+        pings = _pings(last)
+    counts = Counter(judgement.outcome for judgement in scene.judged)
+    parts = [
+        f"{len(starts)} of {len(scene.truth)} targets in {pings}",
+        _tracks(counts[Outcome.FALSE], "false "),
+    ]
+    if counts[Outcome.MISPLACED]:
+        parts.append(f"{counts[Outcome.MISPLACED]} misplaced")
+    if counts[Outcome.REDUNDANT]:
+        parts.append(f"{counts[Outcome.REDUNDANT]} redundant")
+    return ", ".join(parts)
+
+
+def _pings(number: int) -> str:
+    return f"{number} ping{'' if number == 1 else 's'}"
+
+
+def _tracks(number: int, kind: str = "") -> str:
+    return f"{number or 'no'} {kind}track{'' if number == 1 or not number else 's'}"
+
+
+def target_name(index: int) -> str:
+    """Name of a target in tables and pictures: A to Z, then by number. Tracks have numbers."""
+    return chr(ord("A") + index) if index < 26 else f"T{index}"
+
+
+def own_ship_path(scans: Iterable[ScanView]) -> FloatArray:
+    """Positions of the sensor in some scans, with headings, (m, 3)."""
+    return np.array([view.sensor for view in scans if view.sensor is not None]).reshape(-1, 3)
+
+
+def truth_paths(targets: Mapping[int, Sequence[RecordedMotion]]) -> list[FloatArray]:
+    """Time (s), x and y (m) of recorded targets, (m, 3) each."""
+    return [
+        np.array([(motion.time, motion.state[0], motion.state[2]) for motion in path])
+        for path in targets.values()
+    ]
+
+
+def position_at(path: FloatArray, stamp: float) -> FloatArray | None:
+    """Position of a target at a time (s), (2,) m; None outside of the path."""
+    if not path[0, 0] <= stamp <= path[-1, 0]:
+        return None
+    return np.array([np.interp(stamp, path[:, 0], path[:, axis]) for axis in (1, 2)])
+
+
+ROUND_SECONDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
+
+
+def velocity_seconds(scene: RunScene) -> float:
+    """Time of the velocity arrows, s, round: a fast track's arrow is a 30th of the scene."""
+    points = [view.detections for view in scene.scans] + [path[:, 1:] for path in scene.truth]
+    everything = np.concatenate([*points, np.zeros((0, 2))])
+    speeds = [float(np.hypot(*track.velocity)) for track in scene.starts]
+    if not len(everything) or not speeds:
+        return 60.0
+    extent = float(np.ptp(everything, axis=0).max())
+    wanted = extent / 30.0 / max(float(np.quantile(speeds, 0.9)), 1e-3)
+    return max((second for second in ROUND_SECONDS if second <= wanted), default=ROUND_SECONDS[0])

@@ -1,0 +1,1 @@
+"""Nodes that publish what a sonar driver would."""

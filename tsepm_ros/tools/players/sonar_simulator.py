@@ -1,0 +1,124 @@
+"""The simulator of a sonar as a node.
+
+A simulated scenario, published as a sonar driver's messages.
+
+The node that simulates a sonar: detections, own ship and truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from std_msgs.msg import Header
+
+from msg_adapters import make_header, message_class, write_detections
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode, refusing
+from tsepm_ros.nodes.running import clock_time, run
+from tsepm_ros.settings.node_options import PlaybackOptions, SimulatorNodeOptions
+from tsepm_ros.settings.settings import SONAR_SIMULATOR, help_text
+from tsepm_ros.tools.players.playback import DriverTopics, Event, Playback
+from tsepm_ros.tools.simulation import SimulatedScan, Simulator, load_scenario
+from tsepm_ros.tracker.scan import Scan
+
+
+class PlayedScenario:
+    """Publishes the scans, the own ship and the truth of a scenario.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    options : SimulatorNodeOptions
+
+    Attributes
+    ----------
+    detections : Publisher
+    publishers : list of Publisher
+        Publishers whose messages must be acknowledged.
+
+    Raises
+    ------
+    ParameterError
+        If the scenario or the type of the detections is unknown.
+    """
+
+    def __init__(self, node: Node, options: SimulatorNodeOptions) -> None:
+        self._node = node
+        self._options = options
+        with refusing():
+            self._scenario = load_scenario(options.scenario)
+            Simulator(self._scenario, options.seed)  # raises if targets cannot be drawn
+        with refusing("detections_type"):
+            self._message(make_header(0, ""), Scan(0.0, np.zeros(0), np.zeros(0)))
+            kind = message_class(options.detections_type)
+        self._start = options.start_stamp if options.start_stamp >= 0 else clock_time(node)
+        self._topics = DriverTopics(node, kind, options.fixed_frame, options.sensor_frame)
+        self.detections, self.publishers = self._topics.detections, self._topics.publishers
+
+    def close(self) -> None:
+        """Do nothing: no file is open."""
+
+    def events(self) -> Iterator[Event]:
+        """Own-ship poses at their rate; each scan after its last echo."""
+        interval = 1.0 / self._options.own_ship_rate
+        samples = 0
+        simulator = Simulator(self._scenario, self._options.seed, self._start)
+        number = self._options.messages_per_scan
+        for index, scan in enumerate(simulator if number == 1 else simulator.parts(number)):
+            while self._start + (samples - 1) * interval < scan.complete:
+                stamp = self._start + samples * interval
+                yield stamp, partial(self._publish_own_ship, stamp)
+                samples += 1
+            # After the first pose beyond the last echo: the poses span the whole scan.
+            due = max(scan.complete, self._start + (samples - 1) * interval)
+            yield due, partial(self._publish_scan, scan, index + 1)
+
+    def _publish_own_ship(self, stamp: float) -> None:
+        time = stamp - self._start
+        x, y, yaw = self._scenario.own_ship.pose(time)
+        wrapped = float(np.remainder(yaw + np.pi, 2 * np.pi) - np.pi)
+        rates = self._scenario.own_ship.rates(time).tolist()
+        self._topics.publish_own_ship(stamp, (float(x), float(y), wrapped), rates)
+
+    def _publish_scan(self, simulated: SimulatedScan, index: int) -> None:
+        scan = simulated.scan
+        number, rest = divmod(index - 1, self._options.messages_per_scan)
+        if rest == 0:
+            self._topics.publish_truth(scan.stamp, simulated.truth)
+        self.detections.publish(self._message(self._topics.sensor_header(scan.stamp), scan))
+        if rest == 0:
+            content = f"{len(scan)} detections"
+            if self._options.messages_per_scan > 1:
+                content = f"{self._options.messages_per_scan} messages"
+            self._node.get_logger().info(f"scan {number + 1} of {self._scenario.scans}: {content}")
+
+    def _message(self, header: Header, scan: Scan) -> Any:
+        return write_detections(
+            self._options.detections_type,
+            header,
+            scan,
+            sound_speed=self._scenario.sound_speed,
+        )
+
+
+class SonarSimulator(ParameterisedNode):
+    """Publishes the scans of a scenario as a sonar driver would."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("sonar_simulator", **node_options)
+        options = NodeParameters(self, SONAR_SIMULATOR).options
+        played = PlayedScenario(self, options[SimulatorNodeOptions])
+        self.finished = Playback(self, played, options[PlaybackOptions]).finished
+        self.refuse_unused_overrides()
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(SonarSimulator, args, help_text("sonar_simulator", __doc__))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

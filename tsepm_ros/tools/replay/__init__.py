@@ -1,0 +1,1 @@
+"""Replay of recordings and bags without ROS."""

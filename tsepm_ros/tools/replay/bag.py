@@ -1,0 +1,359 @@
+"""Recorded messages in rosbag2 bags, sqlite3 or MCAP, read by rosbag2_py or the library rosbags."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from msg_adapters import MessageError, message_class, supported_types
+from tsepm_ros.tools.replay.recording import MCAP, SQLITE, kind_of
+
+DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
+LAND = "land"
+"""Roles of a bag's topics, named after the topics of the nodes."""
+
+ROLES = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH, LAND)
+
+POINTS, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
+GRID = "nav_msgs/msg/OccupancyGrid"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_OUTPUTS = (
+    *(TRACKED, TRUTH, "tracks", "tracks/current", "tracks/odometry"),
+    *("potential_tracks", "fixed_echoes"),
+)
+"""Topics that are never taken for the topic of a driver."""
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """A recorded message.
+
+    Attributes
+    ----------
+    topic, type_name : str
+    log_ns : int
+        Time of reception, ns.
+    data : bytes
+        Serialised content, CDR.
+    """
+
+    topic: str
+    type_name: str
+    log_ns: int
+    data: bytes
+
+
+class Bag:
+    """A bag that is open for reading; closed at the end of its `with` block.
+
+    Where ROS is sourced, rosbag2_py reads it; else, and for message types that are not installed
+    there, the library rosbags. That uses the bag's own message definitions, else those of ROS 2
+    Jazzy and `LAYOUTS`.
+
+    Parameters
+    ----------
+    path : path
+        As `source_of` returns it: a folder with metadata.yaml, or the file of a bag.
+
+    Attributes
+    ----------
+    topics : dict of str to str
+        Message types by topic.
+    start_ns, end_ns : int
+        Times of the first and last message, ns; equal if the bag has no messages.
+    notes : list of str
+        Sentences about what the bag lacks and what is assumed instead.
+
+    Raises
+    ------
+    ValueError
+        If no library can read bags, or this bag cannot be read.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self._path = Path(path)
+        self._open = ExitStack()
+        with self._reading():
+            self._storage = _storage(self._path, self._open)
+        self.topics = {name: kind for name, (kind, _) in self._storage.topics.items()}
+        self.start_ns, self.end_ns = self._storage.span_ns
+        self._assumed = set(self._storage.undefined & set(LAYOUTS))
+        self.notes = [
+            f"the bag has no definition of {name}: its messages are read by a layout of this "
+            "package"
+            for name in sorted(self._assumed)
+        ]
+
+    def __enter__(self) -> Bag:
+        """Return the bag itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the bag; no more messages can be read."""
+        self._open.close()
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last message, s."""
+        return 1e-9 * (self.end_ns - self.start_ns)
+
+    def count(self, topic: str) -> int:
+        """Return the number of messages of a topic."""
+        return self._storage.topics[topic][1]
+
+    def messages(
+        self, topics: Collection[str], start_ns: int | None = None
+    ) -> Iterator[BagMessage]:
+        """Iterate over the messages of some topics in the order of reception.
+
+        Parameters
+        ----------
+        topics : collection of str
+        start_ns : int, optional
+            Leave out messages received before this time, ns.
+
+        Raises
+        ------
+        ValueError
+            If the bag is damaged.
+        """
+        known = [topic for topic in topics if topic in self.topics]
+        if not known:  # the libraries would return all topics
+            return
+        with self._reading():
+            for topic, log_ns, data in self._storage.messages(known, start_ns):
+                yield BagMessage(topic, self.topics[topic], log_ns, data)
+
+    def read(self, message: BagMessage) -> Any:
+        """Return the content of a message, with the fields of its type as attributes.
+
+        Raises
+        ------
+        MessageError
+            If it is not a message of its type.
+        ValueError
+            If the bag has no definition of its type, and no known layout fits.
+        """
+        name = message.type_name
+        try:
+            content = self._storage.deserialize(message.data, name)
+        except Exception as error:  # the parsers raise errors of many kinds
+            if name in self._storage.undefined - LAYOUTS.keys() | self._assumed:
+                raise ValueError(
+                    f"the bag {self._path} has no definition of {name}, and its messages do not "
+                    "have a layout that this package knows: convert the bag to MCAP by ros2 bag "
+                    f"convert on a machine with {name.partition('/')[0]}"
+                ) from error
+            raise MessageError(
+                "message_corrupt",
+                f"a message on {message.topic} is not a valid {name}: {error}",
+            ) from error
+        self._assumed.discard(name)  # the layout fits
+        return content
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Convert any exception of the libraries and their storages to a ValueError."""
+        try:
+            yield
+        except ImportError as error:
+            raise ValueError(f"{self._path} is a bag, {error}") from None
+        except Exception as error:
+            raise ValueError(
+                f"the bag {self._path} cannot be read: {error or type(error).__name__} (ros2 bag "
+                "reindex and mcap recover repair a bag whose recording was interrupted)"
+            ) from error
+
+
+def _storage(path: Path, stack: ExitStack) -> _RosbagsStorage | _Rosbag2Storage:
+    """Open a bag by rosbag2_py if it is there and all types are installed, else by rosbags."""
+    with suppress(ImportError, MessageError):  # rosbags reads more
+        return _Rosbag2Storage(path)
+    return _RosbagsStorage(path, stack)
+
+
+class _Rosbag2Storage:
+    """A bag read by ROS itself; its messages are those of the installed packages."""
+
+    def __init__(self, path: Path) -> None:
+        # By name: nothing here imports ROS unless it is sourced.
+        self._library = import_module("rosbag2_py")
+        self._deserialize = import_module("rclpy.serialization").deserialize_message
+        # A folder's metadata name the storage.
+        storage = {MCAP: "mcap", SQLITE: "sqlite3"}[kind_of(path)] if path.is_file() else ""
+        self._options = self._library.StorageOptions(uri=str(path), storage_id=storage)
+        information = self._library.Info().read_metadata(str(path), storage)
+        self._compressed = bool(information.compression_mode)
+        self.topics: dict[str, tuple[str, int]] = {
+            topic.topic_metadata.name: (topic.topic_metadata.type, topic.message_count)
+            for topic in information.topics_with_message_count
+        }
+        self.undefined: frozenset[str] = frozenset()
+        for name in {kind for kind, _ in self.topics.values()} & set(supported_types()):
+            message_class(name)
+        start_ns = information.starting_time.nanoseconds if information.message_count else 0
+        self.span_ns: tuple[int, int] = start_ns, start_ns + information.duration.nanoseconds
+
+    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[tuple[str, int, bytes]]:
+        kind = "SequentialCompressionReader" if self._compressed else "SequentialReader"
+        reader = getattr(self._library, kind)()
+        reader.open(self._options, self._library.ConverterOptions("", ""))
+        reader.set_filter(self._library.StorageFilter(topics=topics))
+        if start_ns is not None:
+            reader.seek(start_ns)
+        while reader.has_next():
+            topic, data, log_ns = reader.read_next()
+            yield topic, log_ns, bytes(data)
+
+    def deserialize(self, data: bytes, type_name: str) -> Any:
+        package, _, name = type_name.split("/")
+        return self._deserialize(data, getattr(import_module(f"{package}.msg"), name))
+
+
+class _RosbagsStorage:
+    """A bag read by the library rosbags, without ROS."""
+
+    def __init__(self, path: Path, stack: ExitStack) -> None:
+        try:
+            from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        except ImportError:
+            raise ImportError(
+                "which requires ROS with the packages of its message types, or the library "
+                "rosbags; it is not installed: pip install rosbags (with Python from apt: "
+                "docs/python_and_command_line.md)"
+            ) from None
+        if path.is_file() and path.suffix != kind_of(path):  # rosbags goes by the suffix
+            link = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind_of(path)}")
+            link.symlink_to(path.resolve())
+            path = link
+        store = get_typestore(Stores.ROS2_JAZZY)
+        standard = set(store.fielddefs)
+        for name, text in LAYOUTS.items():
+            store.register(get_types_from_msg(text, name))
+        reader = AnyReader([path], default_typestore=store)
+        reader.open()
+        stack.callback(reader.close)
+        defined = {c.msgtype for c in reader.connections if c.msgdef.data}
+        missing = store.fielddefs.keys() - reader.typestore.fielddefs.keys()
+        reader.typestore.register({name: store.fielddefs[name] for name in missing})
+        self._reader = reader
+        self.topics = {
+            name: (topic.msgtype or "", int(topic.msgcount))
+            for name, topic in reader.topics.items()
+        }
+        self.undefined = {kind for kind, _ in self.topics.values()} - defined - standard
+        # The reader's end is 1 ns after the last message.
+        self.span_ns: tuple[int, int] = (0, 0)
+        if reader.message_count:
+            self.span_ns = (reader.start_time, reader.end_time - 1)
+
+    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[tuple[str, int, bytes]]:
+        connections = [c for c in self._reader.connections if c.topic in topics]
+        for connection, log_ns, data in self._reader.messages(connections, start=start_ns):
+            yield connection.topic, log_ns, bytes(data)
+
+    def deserialize(self, data: bytes, type_name: str) -> Any:
+        return self._reader.deserialize(data, type_name)
+
+
+LAYOUTS = {
+    "marine_acoustic_msgs/msg/PingInfo": "float32 frequency\nfloat32 sound_speed\n"
+    "float32[] tx_beamwidths\nfloat32[] rx_beamwidths\n",
+    "marine_acoustic_msgs/msg/DetectionFlag": "uint8 flag\n",
+    "marine_acoustic_msgs/msg/SonarDetections": "std_msgs/Header header\nPingInfo ping_info\n"
+    "DetectionFlag[] flags\nfloat32[] two_way_travel_times\nfloat32[] tx_delays\n"
+    "float32[] intensities\nfloat32[] tx_angles\nfloat32[] rx_angles\n",
+    "marine_acoustic_msgs/msg/SonarRanges": "std_msgs/Header header\nPingInfo ping_info\n"
+    "DetectionFlag[] flags\nfloat32[] transmit_delays\nfloat32[] intensities\n"
+    "geometry_msgs/Vector3[] beam_unit_vec\nfloat32[] ranges\n",
+    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
+    "float32 doppler_velocity\nfloat32 amplitude\n",
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nRadarReturn[] returns\n",
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
+    "vision_msgs/msg/ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\n"
+    "geometry_msgs/PoseWithCovariance pose\n",
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
+    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
+    "BoundingBox3D bbox\nstring id\n",
+    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections\n",
+}
+"""Definitions of the supported message types that ROS itself does not have, for bags without."""
+
+
+def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+    """Find the topics of a bag that a run needs.
+
+    Parameters
+    ----------
+    topics : mapping of str to str
+        Message types by topic, as in `Bag`.
+    given : mapping of str to str
+        Topics by role (one of ROLES). An empty or missing topic is replaced by the topic with the
+        role's name, in any namespace; else, for detections and the own ship, by the only topic of
+        a supported type.
+
+    Returns
+    -------
+    dict of str to str
+        Topics by role; roles without a topic are missing.
+
+    Raises
+    ------
+    ValueError
+        If a given topic is missing or has another type, if a role has several candidates, or if
+        the detections have none; the message names them.
+    """
+    by_role = {role: _find(topics, role, given.get(role, "")) for role in ROLES}
+    if not by_role[DETECTIONS]:
+        available = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
+        raise ValueError(f"the bag has no topic of detections; it has {available or 'no topics'}")
+    return {role: topic for role, topic in by_role.items() if topic}
+
+
+def moving_frames(topics: Mapping[str, str]) -> str:
+    """The topic of a bag with transforms that may move, by its type; empty if there is none."""
+    moving = (
+        topic
+        for topic, kind in sorted(topics.items())
+        if kind == TRANSFORMS and not _is_called(topic, "tf_static")
+    )
+    return next(moving, "")
+
+
+def _find(topics: Mapping[str, str], role: str, given: str) -> str:
+    others = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,), LAND: (GRID,)}
+    types = others.get(role, (POINTS,))
+    if given:
+        topic = given if given in topics else f"/{given}"
+        if topic not in topics:
+            available = ", ".join(sorted(topics))
+            raise ValueError(f"the bag has no topic {given}; it has {available or 'no topics'}")
+        if topics[topic] not in types:
+            raise ValueError(
+                f"{topic} has the type {topics[topic]}; the type of {role} must be "
+                f"{' or '.join(types)}"
+            )
+        return topic
+    candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
+    named = [topic for topic in candidates if _is_called(topic, role)]
+    if role in (DETECTIONS, OWN_SHIP) and not named:
+        named = [
+            topic for topic in candidates if not any(_is_called(topic, name) for name in _OUTPUTS)
+        ]
+    if len(named) > 1:
+        raise ValueError(f"the bag has several topics for {role}: {', '.join(named)}")
+    return named[0] if named else ""
+
+
+def _is_called(topic: str, name: str) -> bool:
+    return f"/{topic}".endswith(f"/{name}")

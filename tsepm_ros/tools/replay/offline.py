@@ -1,0 +1,153 @@
+"""Processing of recordings and bags by a session, without ROS."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from msg_adapters import MessageError, read_track_cloud, seconds_to_ns, time_to_ns
+from msg_adapters.message_input import MessageInput
+from msg_adapters.ping import ReadingOptions
+from msg_adapters.point_cloud_detections import detections_of_fields
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.attitude import stated_axes
+from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD, PoseSample, known_rates
+from tsepm_ros.own_ship.registration import SensorScan, usable_echoes
+from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
+from tsepm_ros.tools.replay.recording import RecordedMotion, Recording
+
+FRAME = "recording"
+UNKNOWN_YAW_VARIANCE = 1e6
+"""Variance of an unrecorded heading, rad^2."""
+
+
+def process_recording(
+    recording: Recording, settings: Settings, bearing_reference: str, sound_speed: float = 0.0
+) -> tuple[list[ScanResult], Counter[str]]:
+    """Process every scan of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    settings : Settings
+    bearing_reference : {"bow", "north"}
+        Reference direction of recorded bearings, which are positive clockwise.
+    sound_speed : float, optional
+        Sound speed, m/s. Detections without times are valid range / sound_speed after the stamp;
+        0: at the stamp.
+
+    Returns
+    -------
+    results : list of ScanResult
+    dropped : Counter
+        Drops by reason.
+    """
+    session = Session(settings)
+    results = list(recording_results(recording, session, bearing_reference, sound_speed))
+    return results, session.dropped
+
+
+def recording_results(
+    recording: Recording, session: Session, bearing_reference: str, sound_speed: float = 0.0
+) -> Iterator[ScanResult]:
+    """Process the scans of a recording one by one, see `process_recording`."""
+    motions = deque(recording.own_ship)
+    options = ReadingOptions(bearing_reference, sound_speed)
+    for recorded in recording.scans:
+        ping = detections_of_fields(seconds_to_ns(recorded.time), FRAME, recorded.fields, options)
+        # As live: the poses up to the scan's last echo have arrived, not much later poses.
+        # The extra period ensures that the thinned-out samples reach the last echo.
+        until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
+        last = session.own_ship_stamp
+        while motions and (last is None or last < until):
+            last = motions[0].time
+            session.add_own_ship(_pose(motions.popleft(), session.fixed_frame or FRAME))
+        session.dropped.update(ping.dropped)
+        session.add_scan(ping.sensor_scan, now=-math.inf)  # no clock is recorded
+        yield from session.process()
+    yield from session.process(last=True)
+
+
+def bag_results(
+    bag: Bag, topics: Mapping[str, str], session: Session, given: MessageInput
+) -> Iterator[ScanResult]:
+    """Process the messages of a bag in the order of reception, as the node does.
+
+    The times of reception determine how long a scan waits for own-ship data.
+
+    Parameters
+    ----------
+    bag : Bag
+    topics : mapping of str to str
+        Topics by role, as from `tsepm_ros.tools.replay.bag.find_topics`.
+    session : Session
+    given : MessageInput
+        Input of that session. Corrupt messages are dropped and counted.
+
+    Raises
+    ------
+    ValueError
+        If the bag is damaged.
+    """
+    roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED, LAND) if role in topics}
+    for message in bag.messages(roles):
+        now = 1e-9 * message.log_ns
+        yield from session.process(now)  # what was due before this message arrived
+        try:
+            content = bag.read(message)
+        except MessageError as error:
+            session.drop(error.reason, str(error))
+            continue
+        role = roles[message.topic]
+        if role == DETECTIONS:
+            given.take_detections(content, now)
+        elif role == OWN_SHIP:
+            given.take_own_ship(content)
+        elif role == LAND:
+            given.take_land(content)
+        else:
+            given.take_tracked(content)
+        yield from session.process(now)
+    yield from session.process(last=True)
+
+
+def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
+    """Time (s), x and y (m) of the targets of a bag's ground truth, (m, 3) each."""
+    paths: dict[int, list[tuple[float, float, float]]] = {}
+    for message in bag.messages([topics[TRUTH]] if TRUTH in topics else []):
+        try:
+            cloud = bag.read(message)
+            points = read_track_cloud(cloud)
+            stamp = 1e-9 * time_to_ns(cloud.header.stamp)
+        except MessageError:
+            continue  # only pictures use the truth
+        for point in points:
+            x, y = float(point["state_x"]), float(point["state_y"])
+            row = (stamp, y, x) if stated_axes(cloud.header.frame_id) == "down" else (stamp, x, y)
+            paths.setdefault(int(point["track_id"]), []).append(row)
+    return [np.array(path) for path in paths.values()]
+
+
+def _longest_echo(sensor_scan: SensorScan) -> float:
+    """Time from the transmit to the arrival of the last usable echo, s."""
+    time_offset = sensor_scan.scan.time_offset
+    if time_offset is None:
+        return 0.0
+    return 2.0 * float(time_offset[usable_echoes(sensor_scan)].max(initial=0.0))
+
+
+def _pose(motion: RecordedMotion, frame_id: str) -> PoseSample:
+    x, vx, y, vy = motion.state.tolist()
+    yaw, covariance = motion.yaw, None
+    if yaw is None:
+        yaw, covariance = 0.0, np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
+    rates = known_rates(vx, vy, 0.0)
+    return PoseSample(
+        motion.time, x, y, yaw, covariance, rates, motion.roll, motion.pitch, frame_id
+    )

@@ -1,0 +1,537 @@
+"""Recordings: CSV files, simulated recordings, and what a path names.
+
+What a path names: a CSV recording, a bag, or a file that is neither, with its remedy.
+
+Recorded detections in CSV files.
+
+A recording is a CSV file, by default ``detections.csv``, and two optional files beside it:
+
+- ``detections.csv``: a row per detection; columns ``time_s``, ``range_m``, and ``azimuth_rad``
+  (counter-clockwise from the sensor's x axis) or ``bearing_rad`` (clockwise); optionally ``scan``
+  (consecutive rows with the same number are one scan, at the least of their times, and each
+  detection is valid at its own; without it, rows with the same time are one scan),
+  ``elevation_rad`` (above the sensor's x-y plane; the range is then the slant range),
+  ``range_std_m``, ``azimuth_std_rad``, ``time_offset_s`` (after ``time_s``; or
+  ``two_way_travel_time_s``, twice that, which is used if there is no ``time_offset_s``),
+  ``intensity``, ``range_width_m``, ``azimuth_width_rad`` and ``range_rate_mps``;
+- optionally ``own_ship.csv``: ``time_s``, ``east_m``, ``north_m``; optionally ``east_mps``,
+  ``north_mps``, ``heading_rad`` (clockwise from north), ``roll_rad`` (above 0 with the port side
+  up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.attitude`, and ``scan``:
+  a scan that appears here and has no detections is then an empty scan;
+- optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
+
+The rows of a file, or of a target, are in the order of time.
+
+A simulated scenario as a recording.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import shown
+from tsepm_ros.tools.simulation.simulator import Simulator
+
+METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
+CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
+EXPECTED = (
+    f"expected a .csv file of detections, a folder with {DETECTIONS_FILE}, or a bag: its folder "
+    f"with {METADATA}, or its {MCAP} or {SQLITE} file"
+)
+
+_ROS_1 = "is a ROS 1 bag: convert it by rosbags-convert --src {path} --dst {path.stem}"
+_PACKED = (
+    "is compressed: unpack it ({tool}), or name the folder of a compressed bag, if it has "
+    f"{METADATA}"
+)
+_STARTS = (
+    (b"\x89MCAP0\r\n", MCAP),
+    (b"SQLite format 3\0", SQLITE),
+    (b"#ROSBAG V", ".bag"),
+    (b"\x28\xb5\x2f\xfd", ".zst"),
+    (b"\x1f\x8b", ".gz"),
+    (b"\x04\x22\x4d\x18", ".lz4"),
+    (b"BZh", ".bz2"),
+    (b"\xfd7zXZ", ".xz"),
+    (b"PK\x03\x04", ".zip"),
+)
+"""First bytes of files, and the suffix that stands for their kind."""
+_TOOLS = {
+    **{".zst": "unzstd", ".zstd": "unzstd", ".gz": "gunzip", ".lz4": "unlz4"},
+    **{".bz2": "bunzip2", ".xz": "unxz", ".zip": "unzip"},
+}
+_MAX_LISTED = 8
+"""Most names of a folder's content in a message."""
+
+
+def kind_of(path: Path) -> str:
+    """Kind of a file by its first bytes, else by its name, as a suffix in lower case."""
+    with path.open("rb") as file:
+        start = file.read(16)
+    return next((kind for first, kind in _STARTS if start.startswith(first)), path.suffix.lower())
+
+
+def source_of(path: Path | str) -> tuple[Path, bool]:
+    """Find what a path names.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file of detections, a bag's file, the metadata.yaml of a bag, or a folder.
+
+    Returns
+    -------
+    source : Path
+        The CSV file, or the file or folder of the bag.
+    is_bag : bool
+
+    Raises
+    ------
+    ValueError
+        If it is no recording; the message says what was found, what was expected, and the remedy.
+    """
+    path = Path(path)
+    if path.name == METADATA:
+        path = path.parent
+    try:
+        return _in_folder(path) if path.is_dir() else _file(path)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {error.strerror}; {EXPECTED}") from None
+
+
+def _file(path: Path) -> tuple[Path, bool]:
+    kind = kind_of(path)
+    if kind in (CSV, MCAP, SQLITE):
+        return path, kind != CSV
+    remedy = (
+        _ROS_1 if kind == ".bag" else _PACKED if kind in _TOOLS else f"is no recording; {EXPECTED}"
+    )
+    raise ValueError(f"{path} {remedy.format(path=path, tool=f'{_TOOLS.get(kind)} {path}')}")
+
+
+def _in_folder(folder: Path) -> tuple[Path, bool]:
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+    whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
+    if len(whole) == 1:
+        return (folder, True) if whole == [METADATA] else (folder / DETECTIONS_FILE, False)
+    paths = [folder / name for name in names]
+    kinds = {path: kind_of(path) for path in paths if path.is_file()}
+    candidates = [path for path in kinds if kinds[path] in (CSV, MCAP, SQLITE, ".bag", *_TOOLS)]
+    if len(candidates) == 1 and CSV not in kinds.values():
+        return _file(candidates[0])
+    listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
+    remedy = "name one of its files" if kinds else "name a folder or a file in it"
+    if not whole and {MCAP, SQLITE} & set(kinds.values()):
+        remedy += f", or write {METADATA} by ros2 bag reindex {folder}"
+    raise ValueError(f"{folder} holds {listed or 'nothing'}; {EXPECTED}: {remedy}")
+
+
+DETECTION_COLUMNS = {
+    "range_m": "range",
+    "azimuth_rad": "azimuth",
+    "bearing_rad": "bearing",
+    "elevation_rad": "elevation",
+    "range_std_m": "range_std",
+    "azimuth_std_rad": "azimuth_std",
+    "time_offset_s": "time_offset",
+    "two_way_travel_time_s": "two_way_travel_time",
+    "intensity": "intensity",
+    "range_width_m": "range_width",
+    "azimuth_width_rad": "azimuth_width",
+    "range_rate_mps": "range_rate",
+}
+"""Columns of ``detections.csv`` and the corresponding fields."""
+
+MAX_TIME = 2.0**31
+"""Bound of times, s: stamps of ROS messages have 32-bit seconds."""
+MIN_RETURN = 4
+"""Pings after which a scan number may come again: the counter has started anew."""
+MAX_SAME = 0.25
+"""Largest part of the pings with the time of the ping before that is dropped, not refused."""
+MAX_SPAN = 3.0
+"""Longest time from the first to the last row of a scan, in median intervals of scans."""
+LONG_INTERVAL = 100.0
+"""Interval of pings that is asked about, s: the times may be in milliseconds."""
+STEPS = (60.0, 1.0, 0.1, 0.01)
+"""Resolutions of clocks that are asked about, s."""
+
+
+@dataclass(frozen=True)
+class RecordedScan:
+    """One scan of a recording.
+
+    Attributes
+    ----------
+    time : float
+        s.
+    fields : mapping of str to (n,) ndarray
+        Detections by field: range, azimuth or bearing, and optional fields; SI and radians.
+    """
+
+    time: float
+    fields: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """Recorded position, velocity and attitude at one time.
+
+    Attributes
+    ----------
+    time : float
+        s.
+    state : (4,) ndarray
+        ``[x, vx, y, vy]``, x east and y north, m and m/s.
+    yaw : float or None
+        Heading, rad, counter-clockwise from east; None if not recorded.
+    roll, pitch : float
+        Attitude, rad, as in `tsepm_ros.own_ship.attitude`; 0 if not recorded.
+    """
+
+    time: float
+    state: FloatArray
+    yaw: float | None = None
+    roll: float = 0.0
+    pitch: float = 0.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording.
+
+    Attributes
+    ----------
+    scans : list of RecordedScan
+        In order of time.
+    own_ship : list of RecordedMotion
+        In order of time; empty if not recorded.
+    targets : dict of int to list of RecordedMotion
+        The truth, by target; empty if not recorded.
+    notes : list of str
+        Sentences about files and times that were taken in one of several possible ways.
+    """
+
+    scans: list[RecordedScan]
+    own_ship: list[RecordedMotion] = field(default_factory=list)
+    targets: dict[int, list[RecordedMotion]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last recorded time, s."""
+        times = [scan.time for scan in self.scans]
+        times += [
+            motion.time for path in (self.own_ship, *self.targets.values()) for motion in path
+        ]
+        return (min(times), max(times)) if times else (0.0, 0.0)
+
+
+def read_recording(path: Path | str) -> Recording:
+    """Read a recording.
+
+    Parameters
+    ----------
+    path : path
+        The CSV file of the detections, or a folder with ``detections.csv``.
+
+    Raises
+    ------
+    ValueError
+        If a file is missing or malformed; the message names the file and the column or the line.
+    """
+    file, is_bag = source_of(path)
+    if is_bag:
+        raise ValueError(f"{path} is a bag; here a recording of CSV files is needed")
+    own_ship = _motion_table(file.parent / "own_ship.csv")
+    targets = _motion_table(file.parent / "target.csv")
+    # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
+    detections = _table(file, ("time_s", "range_m"), ("time_s", "scan"))
+    notes: list[str] = []
+    if file.name != DETECTIONS_FILE and own_ship is not None:
+        notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
+    if not len(detections["time_s"]):
+        notes.append(f"{file.name} has no detections")
+    return Recording(
+        scans=_scans(file.name, detections, own_ship, notes),
+        own_ship=_motions(own_ship),
+        targets=_targets(targets),
+        notes=notes,
+    )
+
+
+Table = dict[str, FloatArray]
+
+
+MOTION = ("time_s", "east_m", "north_m")
+ATTITUDE = ("roll_rad", "pitch_rad")
+FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
+
+
+def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            filled = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path.name} cannot be read: {error}") from None
+    names = [name.strip() for name in filled[0][1]] if filled else []
+    missing = [name for name in required if name not in names]
+    if missing:
+        raise ValueError(f"{path.name} has no column {missing[0]!r}; it has {shown(names)}")
+    lines = [line for line, _ in filled[1:]]
+    values = np.empty((len(lines), len(names)))
+    for number, (line, row) in enumerate(filled[1:]):
+        try:
+            if len(row) != len(names):
+                raise ValueError
+            values[number] = [float(cell) for cell in row]
+        except ValueError:
+            date = "; time_s is in seconds, as Unix time is" if ":" in "".join(row) else ""
+            raise ValueError(
+                f"{path.name}, line {line}: expected {len(names)} numbers, got {shown(row)}{date}"
+            ) from None
+    for name in names:
+        bad = np.flatnonzero(~np.isfinite(values[:, names.index(name)]))
+        if name in finite and len(bad):
+            raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
+    table = {name: values[:, column] for column, name in enumerate(names)}
+    _check_times(path.name, table, lines)
+    return table
+
+
+def _check_times(file: str, table: Table, lines: list[int]) -> None:
+    """Refuse times that are no seconds, or that step back by more than one scan."""
+    time = table["time_s"]
+    beyond = np.flatnonzero(np.abs(time) >= MAX_TIME)
+    if len(beyond):
+        value = abs(time[beyond[0]])
+        unit = "milli" if value < 1e14 else "micro" if value < 1e17 else "nano"
+        raise ValueError(
+            f"{file}, line {lines[beyond[0]]}: time_s is {time[beyond[0]]:.0f} s, and stamps must "
+            f"be within 32-bit seconds, as in ROS messages: is it in {unit}seconds?"
+        )
+    target = table.get("target", np.zeros_like(time))
+    for rows in (np.flatnonzero(target == value) for value in np.unique(target)):
+        starts = _changes(table.get("scan", time)[rows])
+        first = np.minimum.reduceat(time[rows], starts)
+        place = np.unique(first, return_inverse=True)[1]
+        late = np.flatnonzero(np.maximum.accumulate(place) - place > 1)
+        if len(late):
+            raise ValueError(
+                f"{file}, line {lines[rows[starts[late[0]]]]}: time_s steps back to "
+                f"{first[late[0]]:.10g} s from {first[: late[0]].max():.10g} s. Rows must be in "
+                "the order of time; add 86400 s after midnight if it is a time of day, and after "
+                "a restart of the clock the time before"
+            )
+
+
+def _changes(number: FloatArray) -> NDArray[np.intp]:
+    """Indices at which a value differs from the one before it, the first included."""
+    return np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]])[: len(number)])
+
+
+def _motion_table(path: Path) -> Table | None:
+    return _table(path, MOTION, FINITE_MOTION) if path.exists() else None
+
+
+def _scans(
+    file: str, detections: Table, own_ship: Table | None, notes: list[str]
+) -> list[RecordedScan]:
+    if ("azimuth_rad" in detections) == ("bearing_rad" in detections):
+        raise ValueError(f"{file} must have one of the columns azimuth_rad and bearing_rad")
+    columns = {
+        field: detections[name] for name, field in DETECTION_COLUMNS.items() if name in detections
+    }
+    time = detections["time_s"]
+    pings = _runs(detections)
+    starts = np.array([time[rows[0]] for rows in pings])
+    if "scan" in detections:
+        numbers = [float(detections["scan"][rows[0]]) for rows in pings]
+        spans = np.array([np.ptp(time[rows]) for rows in pings])
+        _check_scans(file, numbers, starts, spans, notes)
+        if spans.any():
+            after = np.empty_like(time)
+            for start, rows in zip(starts, pings, strict=True):
+                after[rows] = time[rows] - start
+            columns["time_offset"] = after + columns.get(
+                "time_offset", 0.5 * columns.pop("two_way_travel_time", np.zeros_like(time))
+            )
+            notes.append(
+                f"the rows of a scan have times up to {spans.max():g} s apart: each detection is "
+                "taken to be valid at its own time"
+            )
+    _ask_about_times(time, starts, "scan" in detections, notes)
+    scans = [
+        RecordedScan(float(start), {field: column[rows] for field, column in columns.items()})
+        for start, rows in zip(starts, pings, strict=True)
+    ]
+    if own_ship is not None and "scan" in own_ship and "scan" in detections:
+        no_detections = {field: np.zeros(0) for field in columns}
+        scans += [
+            RecordedScan(start, no_detections) for start in _empty_scans(own_ship, numbers, starts)
+        ]
+    return sorted(scans, key=lambda scan: scan.time)
+
+
+def _runs(table: Table) -> list[NDArray[np.intp]]:
+    """Rows of each scan in the order of time: those in a row with one number, or at one time."""
+    number = table.get("scan", table["time_s"])
+    order = np.lexsort((number, table["time_s"]))
+    return np.split(order, _changes(number[order])[1:]) if len(order) else []
+
+
+def _check_scans(
+    file: str, numbers: list[float], starts: FloatArray, spans: FloatArray, notes: list[str]
+) -> None:
+    """Refuse scan numbers that do not stand for one ping each, and note a counter's restart."""
+    remedy = "number the pings, or leave out the column scan if each has one time"
+    last: dict[float, int] = {}
+    restart = ""
+    for place, number in enumerate(numbers):
+        if place - last.get(number, -MIN_RETURN) < MIN_RETURN:
+            raise ValueError(
+                f"{file}: scan {number:g} has rows at {starts[last[number]]:.10g} and "
+                f"{starts[place]:.10g} s, with other scans between: {remedy}"
+            )
+        if number in last and not restart:
+            restart = (
+                f"the numbers of scan start again at {starts[place]:.10g} s: taken as new pings"
+            )
+            notes.append(restart)
+        last[number] = place
+    gaps = np.diff(starts)
+    longest = MAX_SPAN * float(np.median(gaps)) if len(gaps) else 0.0
+    if spans.max(initial=0.0) > longest:
+        place = int(np.argmax(spans))
+        raise ValueError(
+            f"{file}: the rows of scan {numbers[place]:g} have times from {starts[place]:.10g} to "
+            f"{starts[place] + spans[place]:.10g} s, longer than scans are apart: {remedy}"
+        )
+    same = int(np.count_nonzero(gaps == 0.0))
+    sentence = (
+        f"{same} of {len(starts)} pings have the same time as the ping before: each ping needs a "
+        "stamp of its own, finer than the interval of pings"
+    )
+    if same > MAX_SAME * len(starts):
+        raise ValueError(f"{file}: {sentence}")
+    if same:
+        notes.append(f"{sentence}; these are dropped")
+
+
+def _ask_about_times(
+    time: FloatArray, starts: FloatArray, numbered: bool, notes: list[str]
+) -> None:
+    """Note intervals of pings that may come from another unit, or from a coarse clock."""
+    interval = float(np.median(np.diff(starts))) if len(starts) > 1 else math.nan
+    if interval >= LONG_INTERVAL:
+        notes.append(f"pings are {interval:g} s apart: is time_s in milliseconds or microseconds?")
+    for step in STEPS:
+        whole = np.allclose(starts / step, np.round(starts / step), rtol=0.0, atol=1e-3)
+        if whole and interval < 1.5 * step and len(time) > len(starts) and not numbered:
+            notes.append(
+                f"time_s has steps of {step:g} s: the rows of each of {len(starts)} times are "
+                "taken as one ping; if several pings have the same time, each needs a stamp of "
+                "its own, or a number in the column scan"
+            )
+
+
+def _empty_scans(own_ship: Table, numbers: list[float], starts: FloatArray) -> list[float]:
+    """Times of the own ship's scans that have no detections, by number and nearest time."""
+    runs = _runs(own_ship)
+    times = [float(own_ship["time_s"][rows[0]]) for rows in runs]
+    by_number: dict[float, list[int]] = {}
+    for place, rows in enumerate(runs):
+        by_number.setdefault(float(own_ship["scan"][rows[0]]), []).append(place)
+    found = {
+        min(by_number[number], key=lambda place: abs(times[place] - start))
+        for number, start in zip(numbers, starts.tolist(), strict=True)
+        if number in by_number
+    }
+    return [time for place, time in enumerate(times) if place not in found]
+
+
+def _motions(table: Table | None) -> list[RecordedMotion]:
+    if table is None:
+        return []
+    zero = np.zeros_like(table["time_s"])
+    states = np.stack(
+        [
+            table["east_m"],
+            table.get("east_mps", zero),
+            table["north_m"],
+            table.get("north_mps", zero),
+        ],
+        axis=1,
+    )
+    headings = table.get("heading_rad")
+    yaws = [None] * len(zero) if headings is None else (math.pi / 2 - headings).tolist()
+    attitudes = (table.get(name, zero).tolist() for name in ATTITUDE)
+    motions = [
+        RecordedMotion(*row)
+        for row in zip(table["time_s"].tolist(), states, yaws, *attitudes, strict=True)
+    ]
+    return sorted(motions, key=lambda motion: motion.time)
+
+
+def _targets(table: Table | None) -> dict[int, list[RecordedMotion]]:
+    if table is None:
+        return {}
+    target = table.get("target", np.zeros_like(table["time_s"]))
+    return {
+        int(value): _motions({name: column[target == value] for name, column in table.items()})
+        for value in np.unique(target)
+    }
+
+
+OWN_SHIP_PERIOD = 1.0
+"""Time between own-ship poses, s, as in the node `sonar_simulator`."""
+
+
+def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[np.int64]]]:
+    """Simulate a scenario and record the scans, the own ship's poses and the truth.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        It is iterated once.
+
+    Returns
+    -------
+    recording : Recording
+        The own ship's poses reach beyond the last echo; the truth is at the scans' stamps.
+    origins : list of (n,) ndarray of int
+        Target of each scan's detections, as in `SimulatedScan`.
+    """
+    scans: list[RecordedScan] = []
+    origins: list[NDArray[np.int64]] = []
+    targets: dict[int, list[RecordedMotion]] = {n: [] for n in range(len(simulator.targets))}
+    last = simulator.start
+    for simulated in simulator:
+        scan = simulated.scan
+        fields = {"range": scan.range, "azimuth": scan.azimuth}
+        if scan.time_offset is not None:
+            fields["time_offset"] = scan.time_offset
+        scans.append(RecordedScan(scan.stamp, fields))
+        for target, state in enumerate(simulated.truth):
+            targets[target].append(RecordedMotion(scan.stamp, state))
+        origins.append(simulated.origin)
+        last = simulated.complete
+    return Recording(scans, _own_ship(simulator, last), targets), origins
+
+
+def _own_ship(simulator: Simulator, last: float) -> list[RecordedMotion]:
+    motions = []
+    for index in range(math.ceil((last - simulator.start) / OWN_SHIP_PERIOD) + 1):
+        time = index * OWN_SHIP_PERIOD
+        x, y, yaw = simulator.scenario.own_ship.pose(time).tolist()
+        state = np.array([x, 0.0, y, 0.0])
+        motions.append(RecordedMotion(simulator.start + time, state, yaw))
+    return motions

@@ -1,0 +1,465 @@
+"""Scenarios: sonar, clutter, targets with their amplitudes, and platform.
+
+Motion of a scenario's platform: at constant speed and turn rate, or along waypoints.
+
+Strengths of simulated echoes: laws of clutter, texture, and fluctuating targets.
+
+Strengths are powers; clutter's have the mean 1. The echo of a target of the mean power r (its
+signal-to-clutter ratio) interferes with the clutter C in its cell::
+
+    |sqrt(P) + sqrt(C) exp(i phi)|^2
+
+In Rayleigh clutter a Swerling I target is exponential of mean 1 + r, a steady one Rician.
+
+Scenario of a simulation: the sonar, its clutter, the targets and the platform.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.special import gammaincinv, ndtr
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tracker.sensor import SensorModel
+
+
+@dataclass(frozen=True)
+class OwnShipMotion:
+    """A platform at constant speed and turn rate.
+
+    Attributes
+    ----------
+    x, y : float
+        Position at time 0, m.
+    yaw : float
+        Heading at time 0, rad, counter-clockwise from east.
+    speed : float
+        m/s, along the heading.
+    turn_rate : float
+        rad/s, counter-clockwise.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    speed: float = 0.0
+    turn_rate: float = 0.0
+
+    def pose(self, time: float) -> FloatArray:
+        """Pose (x, y, yaw) at a time after the start, s."""
+        yaw = self.yaw + self.turn_rate * time
+        if abs(self.turn_rate) < 1e-9:
+            displacement = self.speed * time * np.array([math.cos(self.yaw), math.sin(self.yaw)])
+        else:
+            radius = self.speed / self.turn_rate
+            displacement = radius * np.array(
+                [math.sin(yaw) - math.sin(self.yaw), math.cos(self.yaw) - math.cos(yaw)]
+            )
+        return np.array([self.x + displacement[0], self.y + displacement[1], yaw])
+
+    def rates(self, time: float) -> FloatArray:
+        """Velocity (vx, vy), m/s, and yaw rate, rad/s, at a time after the start, s."""
+        yaw = self.yaw + self.turn_rate * time
+        return np.array([self.speed * math.cos(yaw), self.speed * math.sin(yaw), self.turn_rate])
+
+
+@dataclass(frozen=True)
+class WaypointMotion:
+    """A platform that moves from waypoint to waypoint at constant speed.
+
+    It starts at the first waypoint and cuts every corner on the arc of its turn.
+
+    Attributes
+    ----------
+    waypoints : tuple of (float, float)
+        x, y of at least two waypoints, m.
+    speed : float
+        m/s; 0: it stays at the first waypoint, with the heading to the second.
+    turn_rate : float
+        Rate of the turns, to either side, rad/s.
+    closed : bool
+        After the last waypoint it returns to the first and repeats the course; else it continues
+        straight.
+
+    Raises
+    ------
+    ValueError
+        If a turn does not fit between its neighbours.
+    """
+
+    waypoints: tuple[tuple[float, float], ...]
+    speed: float
+    turn_rate: float
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        if self.speed < 0 or self.turn_rate <= 0:
+            raise ValueError("speed must be at least 0 and turn_rate above 0")
+        if not isinstance(self.closed, bool):
+            raise ValueError(f"closed must be true or false; got {self.closed!r}")
+        if len(self.waypoints) < 2 or not np.diff(self._course, axis=0).any(axis=1).all():
+            raise ValueError("waypoints must be at least two, each apart from the one before")
+        if (self._legs[1] < 0).any():
+            radius = self.speed / self.turn_rate
+            raise ValueError(f"waypoints: turns of {radius:.0f} m radius do not fit between them")
+
+    def pose(self, time: float) -> FloatArray:
+        """Pose (x, y, yaw) at a time after the start, s."""
+        leg, since = self._at(time)
+        return leg.pose(since)
+
+    def rates(self, time: float) -> FloatArray:
+        """Velocity (vx, vy), m/s, and yaw rate, rad/s, at a time after the start, s."""
+        leg, since = self._at(time)
+        return leg.rates(since)
+
+    def _at(self, time: float) -> tuple[OwnShipMotion, float]:
+        """The current leg at a time, and the time since its beginning, s."""
+        legs, durations = self._legs
+        ends = np.cumsum(durations)
+        if self.closed and time > ends[-1]:
+            time = ends[0] + (time - ends[0]) % (ends[-1] - ends[0])
+        index = min(int(np.searchsorted(ends, time)), len(legs) - 1)
+        return legs[index], time - float(ends[index - 1] if index else 0.0)
+
+    @property
+    def _course(self) -> FloatArray:
+        """The corners of the course, (n, 2); a closed course ends with the first straight again.
+
+        The part after the first straight then repeats.
+        """
+        first_straight = self.waypoints[:2] if self.closed else ()
+        return np.array([*self.waypoints, *first_straight], float)
+
+    @cached_property
+    def _legs(self) -> tuple[list[OwnShipMotion], FloatArray]:
+        """Motion and duration (s) of each straight and each arc."""
+        course = self._course
+        straights = np.diff(course, axis=0)
+        lengths, yaws = np.hypot(*straights.T), np.arctan2(straights[:, 1], straights[:, 0])
+        turns = np.remainder(np.diff(yaws) + math.pi, 2 * math.pi) - math.pi
+        # Distance from the corner at which the arc touches each straight, at its end and begin.
+        radius = self.speed / self.turn_rate
+        last_turn = turns[:1] if self.closed else np.zeros(1)
+        at_end = radius * np.tan(np.abs(np.append(turns, last_turn)) / 2)
+        at_begin = np.append(0.0, at_end[:-1])
+        legs, durations = [], []
+        for k, yaw in enumerate(yaws.tolist()):
+            x, y = course[k] + straights[k] * at_begin[k] / lengths[k]
+            length = float(lengths[k] - at_begin[k] - at_end[k])
+            legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed))
+            durations.append(length / self.speed if self.speed else math.inf)
+            if k < len(turns):
+                x, y = course[k + 1] - straights[k] * at_end[k] / lengths[k]
+                rate = math.copysign(self.turn_rate, turns[k])
+                legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed, rate))
+                durations.append(abs(float(turns[k])) / self.turn_rate)
+        return legs, np.array(durations)
+
+
+Motion = OwnShipMotion | WaypointMotion
+
+LAWS = ("rayleigh", "k", "log_normal")
+FLUCTUATIONS = ("swerling_1", "swerling_3", "steady")
+WAVES = 256
+"""Waves of which a texture is the sum."""
+
+
+@dataclass(frozen=True)
+class TargetStrength:
+    """Strength of a target's echoes.
+
+    Attributes
+    ----------
+    ratio_db : float
+        Mean signal-to-clutter ratio, dB.
+    fluctuation : str
+        From ping to ping: swerling_1 (exponential), swerling_3 (chi-square of four degrees of
+        freedom) or steady.
+    """
+
+    ratio_db: float
+    fluctuation: str = "swerling_1"
+
+    def __post_init__(self) -> None:
+        if not -100.0 <= self.ratio_db <= 100.0:
+            raise ValueError(f"ratio_db must be from -100 to 100; got {self.ratio_db!r}")
+        if self.fluctuation not in FLUCTUATIONS:
+            raise ValueError(
+                f"fluctuation must be one of {', '.join(FLUCTUATIONS)}; got {self.fluctuation!r}"
+            )
+
+
+@dataclass(frozen=True)
+class ClutterStrength:
+    """Law of the strength of clutter.
+
+    Attributes
+    ----------
+    law : str
+        rayleigh (exponential power), k or log_normal.
+    shape : float
+        Shape of the gamma texture of k; standard deviation of ln(strength) of log_normal.
+    texture_length, texture_time : float
+        Distance (m) and time (s) over which the texture of k, or the strength of log_normal, is
+        common to detections; 0 m: each has its own. The correlation falls with the distance d and
+        the time t by ``exp(-(d / length)^2 / 2 - t / time)``.
+    """
+
+    law: str = "rayleigh"
+    shape: float = 1.0
+    texture_length: float = 0.0
+    texture_time: float = 600.0
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise ValueError(f"law must be one of {', '.join(LAWS)}; got {self.law!r}")
+        if not 0.01 <= self.shape <= 100.0:
+            raise ValueError(f"shape must be from 0.01 to 100; got {self.shape!r}")
+        if not 0.0 <= self.texture_length <= 1e6 or not 0.0 < self.texture_time <= 1e9:
+            raise ValueError(
+                "texture_length must be from 0 to 1e6 m and texture_time above 0 s, to 1e9; got "
+                f"{self.texture_length!r} and {self.texture_time!r}"
+            )
+
+
+class Strengths:
+    """Draws the strengths of a run.
+
+    Parameters
+    ----------
+    clutter : ClutterStrength
+    targets : sequence of TargetStrength or None
+        Of each target; without it a target's strength is not measured.
+    rng : numpy.random.Generator
+    """
+
+    def __init__(
+        self,
+        clutter: ClutterStrength,
+        targets: list[TargetStrength | None],
+        rng: np.random.Generator,
+    ) -> None:
+        self._clutter = clutter
+        self._targets = targets
+        self._rng = rng
+        # A sum of many waves is a Gaussian field; its spectrum gives the correlation.
+        length = clutter.texture_length or 1.0
+        self._wave_numbers = rng.standard_normal((WAVES, 2)) / length
+        self._rates = rng.standard_cauchy(WAVES) / clutter.texture_time
+        self._phases = rng.uniform(0.0, 2.0 * math.pi, WAVES)
+
+    def draw(self, position: FloatArray, origin: np.ndarray, time: float) -> FloatArray:
+        """Strengths of a scan's detections, (n,); nan of targets without a strength.
+
+        Parameters
+        ----------
+        position : (n, 2) ndarray
+            In the fixed frame, m.
+        origin : (n,) ndarray of int
+            Target of each; negative for clutter.
+        time : float
+            After the start, s.
+        """
+        strength = self._clutter_strength(position, time)
+        n = len(strength)
+        exponential = self._rng.exponential(size=(2, n))
+        phase = self._rng.uniform(0.0, 2.0 * math.pi, n)
+        for row in np.flatnonzero(origin >= 0):
+            target = self._targets[origin[row]]
+            if target is None:
+                strength[row] = math.nan
+                continue
+            power = 10.0 ** (target.ratio_db / 10.0)
+            if target.fluctuation == "swerling_1":
+                power *= exponential[0, row]
+            elif target.fluctuation == "swerling_3":
+                power *= 0.5 * exponential[:, row].sum()
+            cross = 2.0 * math.sqrt(power * strength[row]) * math.cos(phase[row])
+            strength[row] += power + cross
+        return strength
+
+    def _clutter_strength(self, position: FloatArray, time: float) -> FloatArray:
+        """Strength of clutter at positions (n, 2), of mean 1, (n,)."""
+        clutter, n = self._clutter, len(position)
+        speckle = self._rng.exponential(size=n)
+        normal = self._rng.standard_normal(n)
+        if clutter.texture_length:
+            normal = self._field(position, time)
+        if clutter.law == "k":
+            share = np.clip(ndtr(normal), 1e-300, 1.0 - 1e-16)
+            return np.asarray(speckle * gammaincinv(clutter.shape, share) / clutter.shape)
+        if clutter.law == "log_normal":
+            return np.asarray(np.exp(clutter.shape * normal - 0.5 * clutter.shape**2))
+        return speckle
+
+    def _field(self, position: FloatArray, time: float) -> FloatArray:
+        """The standard Gaussian field at positions (n, 2) and a time, (n,)."""
+        phase = position @ self._wave_numbers.T + self._rates * time + self._phases
+        return np.asarray(math.sqrt(2.0 / WAVES) * np.cos(phase).sum(axis=1))
+
+
+PLACEMENT_TRIES = 10_000
+
+Features = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation of plots' features, by name."""
+
+
+@dataclass(frozen=True)
+class ClutterPatch:
+    """A patch of additional clutter.
+
+    Attributes
+    ----------
+    box : (4,) tuple of float
+        x from, x to, y from, y to, m.
+    density : float
+        False detections per scan and m^2, in addition to the sensor's clutter density.
+    """
+
+    box: tuple[float, float, float, float]
+    density: float
+
+
+@dataclass(frozen=True)
+class TargetArea:
+    """Random targets in an area, with a given speed.
+
+    Initial positions are uniform in area, headings uniform. Each target is drawn again until it
+    stays within `ranges` for the whole run.
+
+    Attributes
+    ----------
+    count : int
+        Number of targets.
+    ranges : (float, float)
+        Nearest and farthest distance from the origin, m.
+    azimuths : (float, float)
+        Sector, rad.
+    speed : float
+        m/s.
+    features : mapping, optional
+        Features of their plots.
+    strength : TargetStrength, optional
+        Of their echoes, where the clutter has a strength.
+    """
+
+    count: int
+    ranges: tuple[float, float]
+    azimuths: tuple[float, float]
+    speed: float
+    features: Features = field(default_factory=dict)
+    strength: TargetStrength | None = None
+
+    def draw(self, rng: np.random.Generator, duration: float) -> list[FloatArray]:
+        """Draw the targets' states at time 0, (4,) each.
+
+        Raises
+        ------
+        ValueError
+            If no drawn target stays within the ranges.
+        """
+        return [self._draw_one(rng, duration) for _ in range(self.count)]
+
+    def _draw_one(self, rng: np.random.Generator, duration: float) -> FloatArray:
+        near, far = self.ranges
+        for _ in range(PLACEMENT_TRIES):
+            distance = math.sqrt(rng.uniform(near**2, far**2))
+            azimuth = rng.uniform(*self.azimuths)
+            heading = rng.uniform(-math.pi, math.pi)
+            position = distance * np.array([math.cos(azimuth), math.sin(azimuth)])
+            velocity = self.speed * np.array([math.cos(heading), math.sin(heading)])
+            if self._stays(position, velocity, duration):
+                return np.array([position[0], velocity[0], position[1], velocity[1]])
+        raise ValueError(f"targets: no target stays within {self.ranges} m for {duration} s")
+
+    def _stays(self, position: FloatArray, velocity: FloatArray, duration: float) -> bool:
+        closest_time = 0.0
+        if velocity.any():
+            closest_time = float(
+                np.clip(-position @ velocity / (velocity @ velocity), 0.0, duration)
+            )
+        distances = [np.linalg.norm(position + velocity * t) for t in (0.0, closest_time, duration)]
+        return bool(min(distances) >= self.ranges[0] and max(distances) <= self.ranges[1])
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scene to simulate.
+
+    Attributes
+    ----------
+    name : str
+    scans : int
+        Number of scans, from the first in which the targets are there.
+    period : float
+        Time between scans, s; scan k is sent at ``k * period``.
+    sensor : SensorModel
+        The true sensor, with the simulated clutter density and detection probability.
+    sound_speed : float
+        m/s; 0: echoes arrive at once.
+    targets : tuple of (4,) ndarray
+        States ``[x, vx, y, vy]`` when they appear: at time 0, or after the warm-up.
+    areas : tuple of TargetArea
+        Random targets, drawn for every run.
+    own_ship : OwnShipMotion or WaypointMotion
+    clutter_box : (4,) tuple of float, optional
+        x from, x to, y from, y to (m) of the clutter, instead of the sensor's whole coverage.
+    clutter_patches : tuple of ClutterPatch
+        Additional clutter inside the coverage.
+    target_features : tuple of mapping
+        Features of the plots of each of `targets`; Gaussian, widths at least 0.
+    clutter_features : mapping
+        Features of false detections, likewise.
+    clutter_strength : ClutterStrength, optional
+        Law of the strength of clutter, which detections then carry as `intensity`.
+    target_strengths : tuple of TargetStrength or None
+        Strength of the echoes of each of `targets`; None: not measured.
+    warm_up : int
+        Number of scans of clutter alone before the others: from a cold start the first scans hold
+        fewer false tracks than later ones.
+    """
+
+    name: str
+    scans: int = 16
+    period: float = 12.0
+    sensor: SensorModel = field(default_factory=SensorModel)
+    sound_speed: float = 0.0
+    targets: tuple[FloatArray, ...] = ()
+    areas: tuple[TargetArea, ...] = ()
+    own_ship: Motion = field(default_factory=OwnShipMotion)
+    clutter_box: tuple[float, float, float, float] | None = None
+    clutter_patches: tuple[ClutterPatch, ...] = ()
+    target_features: tuple[Features, ...] = ()
+    clutter_features: Features = field(default_factory=dict)
+    clutter_strength: ClutterStrength | None = None
+    target_strengths: tuple[TargetStrength | None, ...] = ()
+    warm_up: int = 0
+
+    @property
+    def total_scans(self) -> int:
+        """Number of scans with those of the warm-up."""
+        return self.warm_up + self.scans
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last scan, s."""
+        return (self.total_scans - 1) * self.period
+
+    @property
+    def target_start(self) -> float:
+        """Time at which the targets appear, s: that of the first scan after the warm-up."""
+        return self.warm_up * self.period
+
+    @property
+    def area(self) -> float:
+        """Area of the clutter, m^2."""
+        if self.clutter_box is None:
+            return self.sensor.coverage_area
+        x_min, x_max, y_min, y_max = self.clutter_box
+        return (x_max - x_min) * (y_max - y_min)

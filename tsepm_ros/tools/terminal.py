@@ -1,0 +1,103 @@
+"""Terminal: progress and tables.
+
+Progress of long work on a terminal; nothing is shown in a pipe or a file.
+
+Every command shows its progress by these functions.
+
+Tables as text, for the terminal and in Markdown.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TextIO
+
+from tqdm import tqdm
+
+Progress = Callable[[Iterable[Any], int], Iterable[Any]]
+"""Passes an iterable of a given length through and shows its progress."""
+
+MIN_UPDATE_TIME = 0.2
+"""Minimum time between two updates of a bar, s."""
+
+
+def silent(results: Iterable[Any], total: int) -> Iterable[Any]:
+    """Pass the results through without showing progress."""
+    return results
+
+
+def progress_bar(total: int | None, label: str | None, unit: str, keep: bool = False) -> Any:
+    """A bar on the standard error, if that is a terminal.
+
+    Parameters
+    ----------
+    total : int or None
+        Number of steps; None if it is not known.
+    label : str or None
+    unit : str
+        Name of a step.
+    keep : bool, optional
+        The finished bar stays on the terminal.
+    """
+    return tqdm(
+        total=total,
+        desc=label,
+        unit=unit,
+        leave=keep,
+        disable=None,
+        dynamic_ncols=True,
+        mininterval=MIN_UPDATE_TIME,
+    )
+
+
+def with_progress(
+    results: Iterable[Any], total: int | None, label: str | None = None, unit: str = "run"
+) -> Iterable[Any]:
+    """Pass the results through and show their number; a bar with a label is gone when it is done.
+
+    Parameters
+    ----------
+    results : iterable
+    total : int or None
+        Number of results; None if it is not known.
+    label : str, optional
+        Name of the work.
+    unit : str, optional
+        Name of a result.
+    """
+    with progress_bar(total, label, unit, keep=label is None) as bar:
+        for result in results:
+            yield result
+            bar.update()
+
+
+def named_progress(label: str) -> Progress:
+    """Progress of a part of the work by its name, as `with_progress`; gone when it is done."""
+    return functools.partial(with_progress, label=label)
+
+
+def write_line(text: str, file: TextIO) -> None:
+    """Write a line at once, above the bars of the same terminal."""
+    tqdm.write(text, file=file)
+    file.flush()
+
+
+def text_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Align the columns of a table, the first to the left and the others to the right."""
+    lines = [list(header), *(list(row) for row in rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+    texts = [
+        "  ".join(
+            cell.ljust(width) if column == 0 else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]
+    return "\n".join([texts[0], "-" * len(texts[0]), *texts[1:]])
+
+
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Format a table in Markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,0 +1,1 @@
+"""The page: live, replayed and in a file."""

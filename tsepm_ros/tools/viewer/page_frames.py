@@ -1,0 +1,323 @@
+"""What the page draws: scans and health.
+
+One scan as the page draws it: a JSON object, the same live, replayed and in a file.
+
+Numbers are integers, which are quicker to write than decimals: positions and semi-axes in cm,
+speeds in mm/s, angles in mrad, times in ms, evidence in percent. The page converts them to SI.
+
+============= ===================================================================================
+field         meaning
+============= ===================================================================================
+``number``    counts the frames of a source from 1
+``stamp``     the scan's stamp, s
+``frame_id``  the fixed frame of all positions
+``own_ship``  x, y and heading (from x, counter-clockwise; null: unknown), or null
+``detections``  x and y of each detection in turn
+``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
+``tracks``    a row per held track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the angle of
+              the major one, standard deviation of the speed, time since the last detection
+``fixed``     as ``tracks``, of fixed echoes
+``restart``   true if all tracks before it were discarded
+============= ===================================================================================
+
+What does not change from scan to scan is said once per track, in its facts, in SI: see
+`track_facts`.
+
+Health as the page shows it: levels, tasks and sentences of the diagnostics.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.track_markers import drawn_candidates, ellipses
+from tsepm_ros.diagnostics.health import ENTRIES
+from tsepm_ros.diagnostics.health_figures import ORDER, Level
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+
+Frame = dict[str, Any]
+"""A frame, or the facts of a track: what `json.dumps` takes."""
+
+MAX_POTENTIAL = 500
+"""Potential tracks of a frame, those nearest to confirmation."""
+
+CENTIMETERS, MILLIMETERS, MILLIRADIANS, MILLISECONDS, PERCENT = 100.0, 1e3, 1e3, 1e3, 100.0
+"""Integers of a frame per m, m/s, rad, s and 1."""
+
+_ELLIPSE_UNITS = np.array([CENTIMETERS, CENTIMETERS, MILLIRADIANS])
+_LARGEST = 1e15  # a larger number is drawn nowhere
+_SLOWEST = 1e-9  # m/s; slower velocities have no direction
+
+
+def make_frame(
+    stamp: float,
+    frame_id: str,
+    *,
+    detections: FloatArray | None = None,
+    tracks: Sequence[ConfirmedTrack] = (),
+    potential: Sequence[ConfirmedTrack] = (),
+    fixed: Sequence[ConfirmedTrack] = (),
+    own_ship: Sequence[float] | FloatArray | None = None,
+    restart: bool = False,
+) -> Frame:
+    """Make the frame of one scan.
+
+    Parameters
+    ----------
+    stamp : float
+        s.
+    frame_id : str
+        The fixed frame.
+    detections : (n, 2) ndarray, optional
+        Positions in the fixed frame, m. Positions that are not finite are left out.
+    tracks, potential, fixed : sequence of ConfirmedTrack, optional
+        Held tracks, potential tracks and fixed echoes at the stamp. Tracks with a state that is
+        not finite are left out.
+    own_ship : (x, y, heading), optional
+        m and rad; a heading of nan is unknown.
+    restart : bool, optional
+        Whether all earlier tracks were discarded before this scan.
+
+    Returns
+    -------
+    dict
+    """
+    frame: Frame = {
+        "stamp": stamp,
+        "frame_id": frame_id,
+        "own_ship": _pose(own_ship),
+        "detections": _positions(detections),
+        "potential": potential_rows(potential),
+        "tracks": track_rows(tracks),
+        "fixed": track_rows(fixed),
+    }
+    if restart:
+        frame["restart"] = True
+    return frame
+
+
+def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
+    """Rows of held tracks, see the module's table.
+
+    An ellipse of a covariance that is not finite has semi-axes of 0.
+    """
+    arrays = _finite(tracks)
+    if not len(arrays):
+        return []
+    numbers = np.hstack(
+        [
+            arrays.track_id[:, None],
+            _integers(arrays.state[:, 0::2], CENTIMETERS),
+            _integers(arrays.state[:, 1::2], MILLIMETERS),
+            _integers(ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
+            _integers(
+                speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
+            ),
+            _integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
+        ]
+    )
+    return list(numbers.tolist())
+
+
+def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | None]]:
+    """Rows of potential tracks, the least likely first, so that the likely ones are drawn on top.
+
+    The evidence is the score relative to the threshold for confirmation, as RViz shows it: see
+    `msg_adapters.track_markers.drawn_candidates`.
+    """
+    arrays = _finite(tracks)
+    if not len(arrays):
+        return []
+    scored = bool(np.isfinite(arrays.score).any())
+    rows, evidence = drawn_candidates(arrays)
+    order = np.argsort(evidence, kind="stable")[-MAX_POTENTIAL:]
+    state = arrays.state[rows[order]]
+    numbers = np.hstack(
+        [
+            _integers(state[:, 0::2], CENTIMETERS),
+            _integers(state[:, 1::2], MILLIMETERS),
+            _integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
+        ]
+    ).tolist()
+    return list(numbers) if scored else [[*row[:4], None] for row in numbers]
+
+
+def track_facts(
+    tracks: Sequence[ConfirmedTrack],
+    confirmed: float | None,
+    *,
+    reasons: Sequence[str] | None = None,
+    hits: Sequence[Sequence[Sequence[float]]] | None = None,
+) -> dict[str, Frame]:
+    """What the page says of each track besides its row, by its id.
+
+    Parameters
+    ----------
+    tracks : sequence of ConfirmedTrack
+    confirmed : float or None
+        Stamp of the confirmation, s; None: unknown, as of tracks older than the viewer.
+    reasons : sequence of str, optional
+        Reason of each confirmation; by default as far as the tracks themselves say it.
+    hits : sequence, optional
+        Time (s), x and y (m) of each hit of each track, oldest first.
+
+    Returns
+    -------
+    dict
+        ``first``: stamp of the first hit, s, or None; ``confirmed``, ``hits``, ``reason``,
+        ``revision``. A recording adds ``ended``: stamp, s, and reason.
+    """
+    arrays = TrackArrays.of(tracks)
+    return {
+        str(track.track_id): {
+            "first": round(track.stamp - track.age, 3) if math.isfinite(track.age) else None,
+            "confirmed": confirmed,
+            "hits": list(hits[row]) if hits is not None else [],
+            "reason": reasons[row]
+            if reasons is not None
+            else start_reason(track, int(arrays.hit_count[row])),
+            "revision": track.revision,
+        }
+        for row, track in enumerate(arrays)
+    }
+
+
+def start_reason(track: ConfirmedTrack, hit_count: int) -> str:
+    """Why a track of a message was confirmed, by its counts and figures; empty without hits."""
+    if not hit_count:
+        return ""
+    reason = f"{hit_count} hits in {track.scan_count} pings"
+    threshold = track.score - track.evaluation
+    if math.isfinite(threshold):
+        return f"{reason}; log-likelihood ratio {track.score:.1f}, threshold {threshold:.1f}"
+    if math.isfinite(track.evaluation):
+        return f"{reason}; evaluation {track.evaluation:.2f}"
+    return reason
+
+
+def encode(content: object) -> str:
+    """Encode as JSON; a number that is not finite is a ValueError."""
+    return json.dumps(content, separators=(",", ":"), allow_nan=False)
+
+
+def speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Standard deviations of speeds.
+
+    Parameters
+    ----------
+    velocity : (n, 2) ndarray
+        m/s.
+    covariance : (n, 2, 2) ndarray
+        m^2/s^2.
+
+    Returns
+    -------
+    (n, 1) ndarray
+        Standard deviation of the velocity along itself, m/s; 0 where the covariance is not finite.
+    """
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    along = velocity / np.maximum(speed, _SLOWEST)[:, None]
+    along[speed < _SLOWEST] = np.sqrt(0.5)
+    variance = np.einsum("ni,nij,nj->n", along, covariance, along)
+    variance = np.where(np.isfinite(variance), np.maximum(variance, 0.0), 0.0)
+    return np.asarray(np.sqrt(variance)[:, None], float)
+
+
+def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
+    return np.rint(np.clip(values * unit, -_LARGEST, _LARGEST)).astype(np.int64)
+
+
+def _finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
+    arrays = TrackArrays.of(tracks)
+    finite = np.isfinite(arrays.state).all(axis=1)
+    return arrays if finite.all() else arrays.where(np.flatnonzero(finite))
+
+
+def _positions(positions: FloatArray | None) -> list[int]:
+    if positions is None or not len(positions):
+        return []
+    finite = np.isfinite(positions).all(axis=1)
+    return list(_integers(positions[finite], CENTIMETERS).ravel().tolist())
+
+
+def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
+    if pose is None or not all(math.isfinite(value) for value in pose[:2]):
+        return None
+    x, y = _integers(np.array(pose[:2]), CENTIMETERS).tolist()
+    heading = float(pose[2])
+    if not math.isfinite(heading):
+        return [x, y, None]
+    return [x, y, round(math.remainder(heading, math.tau) * MILLIRADIANS)]
+
+
+def health_of_message(message: Any) -> Frame | None:
+    """Read a message of ``/diagnostics``.
+
+    Parameters
+    ----------
+    message : diagnostic_msgs.msg.DiagnosticArray
+
+    Returns
+    -------
+    dict or None
+        ``level``, 0 to 3, the worst of the ``entries`` with their ``task``, ``level``, ``message``
+        and ``values``; None if the message is not a track initiator's.
+    """
+    entries = []
+    for status in message.status:
+        task = status.name.rpartition(": ")[2]
+        if task in ENTRIES:
+            level = status.level
+            entries.append(
+                _entry(
+                    task,
+                    level[0] if isinstance(level, bytes) else int(level),
+                    status.message,
+                    ((value.key, value.value) for value in status.values),
+                )
+            )
+    return _health(entries) if entries else None
+
+
+def health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[str]) -> Frame:
+    """Health of a finished run offline: what was dropped and noticed.
+
+    Parameters
+    ----------
+    scans : int
+        Number of processed scans.
+    dropped : mapping of str to int
+        Drops by reason.
+    notes : iterable of str
+        Other notices.
+    """
+    entries = [_entry(INITIATION, Level.OK, f"{scans} scans processed")]
+    if not scans:
+        entries = [_entry(INITIATION, Level.WARN, "no scan was processed")]
+    for name, number in sorted(dropped.items()):
+        reason = reason_of(name)
+        lost = f"{number} {reason.lost}{'' if number == 1 else 's'} dropped"
+        remedy = f". Remedy: {reason.remedy}" if reason.remedy else ""
+        entries.append(_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}"))
+    entries += [_entry(DETECTIONS, Level.OK, note) for note in notes]
+    return _health(entries)
+
+
+def _entry(
+    task: str, level: int, message: str, values: Iterable[tuple[str, str]] = ()
+) -> dict[str, Any]:
+    pairs = [[key, value] for key, value in values if value]
+    return {"task": task, "level": int(level), "message": message, "values": pairs}
+
+
+def _health(entries: list[dict[str, Any]]) -> Frame:
+    worst = max((entry["level"] for entry in entries), key=ORDER.index)
+    return {"level": worst, "entries": entries}

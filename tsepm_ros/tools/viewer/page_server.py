@@ -1,0 +1,482 @@
+"""The server of the page, and who may see it.
+
+Who may see the page: tokens, and names under which a browser may ask for it.
+
+The server of the page: one page, its files, and a websocket with what changes.
+
+The library is tornado, which ROS has as ``python3-tornado`` (rosbridge uses it): HTTP, websockets
+with flow control, and nothing else to install.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import gzip
+import hmac
+import ipaddress
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode, urlsplit
+
+import tornado.web
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPConnection
+from tornado.netutil import bind_sockets
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from tsepm_ros.settings.node_options import ViewerNodeOptions
+from tsepm_ros.tools.viewer.page_state import (
+    LIVE,
+    RECORDING,
+    SCRIPTS,
+    STYLE,
+    PageState,
+    content_type,
+    page_file,
+    served_page,
+)
+
+
+def is_loopback(address: str) -> bool:
+    """Whether an IP address reaches this machine only."""
+    try:
+        return ipaddress.ip_address(address.partition("%")[0]).is_loopback
+    except ValueError:
+        return False
+
+
+def token_for(addresses: Iterable[str], given: str) -> str:
+    """Token that a server on some addresses demands; empty if it needs none.
+
+    Parameters
+    ----------
+    addresses : iterable of str
+        The addresses to which it is bound.
+    given : str
+        The token of the options; empty: a random token, unless all addresses are loopback ones.
+    """
+    if given or all(map(is_loopback, addresses)):
+        return given
+    return secrets.token_urlsafe(24)
+
+
+@dataclass(frozen=True)
+class Access:
+    """The checks of a request.
+
+    Attributes
+    ----------
+    token : str
+        Empty: none is demanded.
+    names : frozenset of str
+        Host names, in lower case, under which the page may be asked for, besides IP addresses.
+        Another name may have been pointed here by its owner, whose page a browser would then take
+        for the same site (DNS rebinding).
+    """
+
+    token: str
+    names: frozenset[str]
+
+    @classmethod
+    def to(cls, host: str, token: str) -> Access:
+        """Access to a server that was told to listen on `host`."""
+        name = socket.gethostname().lower()
+        own = {name, f"{name}.local", socket.getfqdn().lower()} if token else set()
+        return cls(token, frozenset({"localhost", host.lower(), *own}))
+
+    def allows_host(self, header: str) -> bool:
+        """Whether a Host header names this server."""
+        try:
+            name = urlsplit(f"//{header}").hostname or ""
+        except ValueError:
+            return False
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            return name in self.names
+        # Without a token, only those on this machine can be meant.
+        return bool(self.token) or address.is_loopback
+
+    def allows_origin(self, origin: str | None, host: str) -> bool:
+        """Whether a page from an Origin header's site may ask; programs send none."""
+        if origin is None:
+            return True
+        try:
+            return urlsplit(origin).netloc.lower() == host.lower()
+        except ValueError:
+            return False
+
+    def allows_token(self, given: str) -> bool:
+        """Whether a token is the one demanded, in a time that does not depend on where it differs.
+
+        True if none is demanded.
+        """
+        return not self.token or hmac.compare_digest(given.encode(), self.token.encode())
+
+
+MAX_BROWSERS = 32
+"""Maximum number of connected browsers; further ones are refused."""
+PING_INTERVAL, PING_TIMEOUT = 30.0, 30.0
+"""Times after which a silent browser is asked for a sign of life, and given up, s."""
+REQUEST_TIMEOUT = 20.0
+"""Time for a connection to send a whole request, s."""
+MAX_CONNECTIONS = 50
+"""Maximum number of connections without a websocket; the one that was quiet longest is closed."""
+ACCEPT_PAUSE = 0.1
+"""Pause in accepting connections while the process has no free file, s."""
+CLOSE_TIMEOUT = 2.0
+"""Time for connections to close at the end, s."""
+MAX_REQUEST = 4096
+"""Largest message and body that a browser may send, bytes."""
+
+ANY_ADDRESS = ("0.0.0.0", "::")
+
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+class PageServer:
+    """Serves the page in a thread of its own.
+
+    Parameters
+    ----------
+    options : ViewerNodeOptions
+    title : str
+    state : PageState, optional
+        Followed by the page while it changes; without it the page replays a recording.
+
+    Attributes
+    ----------
+    url : str
+        Where the page is, with the token if one is demanded.
+    loop : asyncio.AbstractEventLoop
+        Of its thread; see `call_later`.
+
+    Raises
+    ------
+    ValueError
+        If the server cannot be bound to the host and port of the options.
+    """
+
+    def __init__(
+        self, options: ViewerNodeOptions, title: str, state: PageState | None = None
+    ) -> None:
+        self._sockets = _bound(options.host, options.port)
+        addresses = [bound.getsockname()[0] for bound in self._sockets]
+        port = self._sockets[0].getsockname()[1]
+        token = token_for(addresses, options.token)
+        self.url = _url(options.host, port, token)
+        self._title = title
+        self._state = state
+        self._browsers: set[_Updates] = set()
+        self._settings: dict[str, Any] = {
+            "access": Access.to(options.host, token),
+            "cookie": f"tsepm_token_{port}",
+            "websocket_ping_interval": PING_INTERVAL,
+            "websocket_ping_timeout": PING_TIMEOUT,
+            "websocket_max_message_size": MAX_REQUEST,
+            "default_handler_class": _Nothing,
+            "log_function": lambda handler: None,
+        }
+        self.loop = asyncio.new_event_loop()
+        self._started = False
+        self._stopped = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="page server", daemon=True)
+
+    @property
+    def browsers(self) -> int:
+        """Number of connected browsers."""
+        return len(self._browsers)
+
+    def start(self, recording: str = "") -> None:
+        """Serve from now on; `recording`, JSON, is what a page without a state replays."""
+        page = served_page(RECORDING if self._state is None else LIVE, self._title)
+        texts = {"": (page, "page.html")} | {
+            name: (page_file(name), name) for name in (STYLE, *SCRIPTS)
+        }
+        routes: list[Any] = [
+            (f"/{path}", _Text, {"text": text, "name": name})
+            for path, (text, name) in texts.items()
+        ]
+        if self._state is None:
+            compressed = gzip.compress(recording.encode())
+            routes.append(("/recording", _Recording, {"recording": compressed}))
+        else:
+            source = {"state": self._state, "browsers": self._browsers}
+            routes.append(("/updates", _Updates, source))
+            self._state.changed = self._announce
+        self._application = tornado.web.Application(routes, **self._settings)
+        self._started = True
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Close all connections and end the thread, if it was started; free the port."""
+        if self._started:
+            self._call(self._stopped.set)
+            # An interrupt may have ended `start` before the thread runs, which then ends at once
+            # and closes the loop.
+            if self._thread.is_alive():
+                self._thread.join()
+        else:
+            self.loop.close()
+        for bound in self._sockets:
+            bound.close()
+
+    def call_later(self, seconds: float, function: Callable[[], None]) -> None:
+        """Call a function in the server's thread after some time, unless it is stopped before."""
+        self._call(self.loop.call_later, seconds, function)
+
+    def _call(self, function: Callable[..., object], *arguments: object) -> None:
+        """Call a function in the loop, from any thread; nothing after the end."""
+        if not self.loop.is_closed():
+            with contextlib.suppress(RuntimeError):  # closed since
+                self.loop.call_soon_threadsafe(function, *arguments)
+
+    def _announce(self) -> None:
+        if threading.current_thread() is self._thread:
+            self._wake()
+        else:
+            self._call(self._wake)
+
+    def _wake(self) -> None:
+        for browser in self._browsers:
+            browser.changed.set()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self.loop)
+        try:
+            self.loop.run_until_complete(self._serve())
+        finally:
+            self.loop.close()
+
+    async def _serve(self) -> None:
+        if self._stopped.is_set():
+            return  # the sockets may be closed
+        self._server = _Server(
+            self._application,
+            max_body_size=MAX_REQUEST,
+            idle_connection_timeout=REQUEST_TIMEOUT,
+            body_timeout=REQUEST_TIMEOUT,
+        )
+        for listening in self._sockets:
+            listening.make_room = self._server.make_room
+        self._server.add_sockets(self._sockets)
+        await self._stopped.wait()  # an event also counts when it is set before
+        await self._close()
+
+    async def _close(self) -> None:
+        self._server.stop()
+        for browser in list(self._browsers):
+            browser.close(1001)
+        with contextlib.suppress(asyncio.TimeoutError):  # a connection that just begins
+            await asyncio.wait_for(self._server.close_all_connections(), CLOSE_TIMEOUT)
+        tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class _Server(HTTPServer):
+    """A server with few connections at a time; websockets are counted apart, see `_Updates`."""
+
+    def initialize(self, *given: Any, **options: Any) -> None:
+        super().initialize(*given, **options)
+        self._quiet: dict[Any, None] = {}  # connections, the one that was quiet longest first
+
+    def start_request(self, server_conn: object, request_conn: HTTPConnection) -> Any:
+        """Note that a connection waits for a request, and close another if there are too many."""
+        self._quiet.pop(server_conn, None)
+        self._quiet[server_conn] = None
+        if len(self._quiet) > MAX_CONNECTIONS:
+            self.make_room()
+        return super().start_request(server_conn, request_conn)
+
+    def make_room(self) -> bool:
+        """Close the connection that was quiet longest; whether there was one."""
+        longest = next(iter(self._quiet), None)
+        if longest is not None:
+            del self._quiet[longest]
+            longest.stream.close()
+        return longest is not None
+
+    def on_close(self, server_conn: object) -> None:
+        """Forget a connection that is closed, or has become a websocket."""
+        self._quiet.pop(server_conn, None)
+        super().on_close(server_conn)
+
+
+class _Listening(socket.socket):
+    """A bound socket that makes room for a connection for which no file is free, or waits.
+
+    tornado logs the error and tries again at once, as fast as it can.
+    """
+
+    make_room: Callable[[], bool]
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        try:
+            return super().accept()
+        except OSError as error:
+            if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
+                raise
+            if not self.make_room():
+                time.sleep(ACCEPT_PAUSE)
+            raise BlockingIOError from None
+
+
+class _Guarded(tornado.web.RequestHandler):
+    """A handler behind the checks of `Access`."""
+
+    def set_default_headers(self) -> None:
+        for name, value in HEADERS.items():
+            self.set_header(name, value)
+        self.clear_header("Server")
+
+    def prepare(self) -> None:
+        access: Access = self.settings["access"]
+        host = self.request.headers.get("Host", "")
+        if not access.allows_host(host):
+            self.refuse(
+                f"The page is not served under the name {host!r}. Use the address that the viewer "
+                "printed, or start the viewer with that name as host."
+            )
+        elif not access.allows_origin(self.request.headers.get("Origin"), host):
+            self.refuse("A page of another site may not ask.")
+        elif not access.allows_token(self.given_token()):
+            self.refuse("The token is missing or wrong. Use the address that the viewer printed.")
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code}\n")
+
+    def given_token(self) -> str:
+        """Token of the request: in its address, or as the cookie that the page has set."""
+        given = self.get_query_argument("token", "") or self.get_cookie(self.settings["cookie"])
+        return given or ""
+
+    def refuse(self, sentence: str) -> None:
+        """Answer that the request is not allowed."""
+        self.set_status(403)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(sentence + "\n")
+
+
+class _Nothing(_Guarded):
+    """Every other path."""
+
+    def get(self) -> None:
+        raise tornado.web.HTTPError(404)
+
+
+class _Text(_Guarded):
+    """The page, or one of its files."""
+
+    def initialize(self, text: str, name: str) -> None:
+        self._text = text
+        self._name = name
+
+    def get(self) -> None:
+        if self.get_query_argument("token", ""):
+            # The cookie takes the token out of the address bar and the history. Lax: a link from
+            # elsewhere may open the page, and no other site can read it.
+            self.set_cookie(
+                self.settings["cookie"], self.given_token(), httponly=True, samesite="Lax"
+            )
+            self.redirect(self.request.path, status=303)
+            return
+        self.set_header("Content-Type", content_type(self._name))
+        self.write(self._text)
+
+
+class _Recording(_Guarded):
+    """The recording."""
+
+    def initialize(self, recording: bytes) -> None:
+        self._recording = recording
+
+    def get(self) -> None:
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        if "gzip" in self.request.headers.get("Accept-Encoding", ""):
+            self.set_header("Content-Encoding", "gzip")
+            self.write(self._recording)
+        else:
+            self.write(gzip.decompress(self._recording))
+
+
+class _Updates(_Guarded, WebSocketHandler):
+    """The websocket of a browser: what changed, as fast as the browser takes it."""
+
+    def initialize(self, state: PageState, browsers: set[_Updates]) -> None:
+        self._state = state
+        self._browsers = browsers
+        self._sender: asyncio.Task[None] | None = None
+        self.changed = asyncio.Event()
+
+    def check_origin(self, origin: str) -> bool:
+        return True  # `prepare` has checked it
+
+    def open(self, *_: str, **__: str) -> None:
+        if len(self._browsers) >= MAX_BROWSERS:
+            self.close(1013, "too many browsers")
+            return
+        self._browsers.add(self)
+        self.changed.set()
+        self._sender = asyncio.create_task(self._send())
+
+    def on_message(self, message: str | bytes) -> None:
+        pass  # the page asks nothing
+
+    def on_close(self) -> None:
+        self._browsers.discard(self)
+        if self._sender is not None:
+            self._sender.cancel()
+
+    async def _send(self) -> None:
+        """Send what changed since the last message, after that has left this machine.
+
+        A browser that reads slowly so gets fewer messages, and no message waits here but one.
+        """
+        version = 0
+        with contextlib.suppress(WebSocketClosedError):
+            while True:
+                await self.changed.wait()
+                self.changed.clear()
+                text, newest = self._state.since(version)
+                if newest != version:
+                    await self.write_message(text)
+                    version = newest
+
+
+def _bound(host: str, port: int) -> list[_Listening]:
+    try:
+        bound = bind_sockets(port, host)
+    except (OSError, UnicodeError) as error:
+        in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
+        remedy = "; choose another port, or 0 for any free one" if in_use else ""
+        raise ValueError(
+            f"the page cannot be served on {host}, port {port}: {error}{remedy}"
+        ) from (None)
+    return [_Listening(fileno=one.detach()) for one in bound]
+
+
+def _url(host: str, port: int, token: str) -> str:
+    name = socket.gethostname() if host in ANY_ADDRESS else host
+    name = f"[{name}]" if ":" in name else name
+    return f"http://{name}:{port}/" + (f"?{urlencode({'token': token})}" if token else "")

@@ -1,0 +1,1 @@
+"""The tracker: one scan in, confirmed tracks out."""

@@ -1,0 +1,132 @@
+"""Association: pairs of potential tracks and detections, and their assignment.
+
+`within` gates pairs. `disjoint`, `nearest_first` and `oldest_first` assign each track and each
+detection once; `best_of_each` assigns each track once, and a detection to several tracks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows
+from tsepm_ros.tracker.path_fit import NO_HIT
+
+BLOCK = 50_000
+"""Rows processed together: bounds memory."""
+
+
+@dataclass(frozen=True)
+class Pairs(Rows):
+    """Potential tracks and the detections that may extend them: a row each.
+
+    Attributes
+    ----------
+    parent : (p,) ndarray of int
+        Row of the potential track.
+    row : (p,) ndarray of int
+        Row of the detection.
+    cost : (p,) ndarray
+        Smaller is better.
+    """
+
+    parent: IntArray
+    row: IntArray
+    cost: FloatArray
+
+    @classmethod
+    def none(cls) -> Pairs:
+        """No pairs."""
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+def within(
+    parent: IntArray,
+    row: IntArray,
+    distance: Callable[[IntArray, IntArray], FloatArray],
+    threshold: float,
+    late: Callable[[], bool] | None = None,
+) -> tuple[Pairs, int]:
+    """The pairs (parent, row), (p,), with a distance of at most `threshold`, which is their cost.
+
+    Distances are computed in blocks, which bounds memory. No further block is looked at where it is
+    `late`; the number of pairs in these is returned too.
+    """
+    parts = [Pairs.none()]
+    for first in range(0, len(parent), BLOCK):
+        if first and late is not None and late():
+            return Pairs.joined(*parts), len(parent) - first
+        block = slice(first, first + BLOCK)
+        pairs = Pairs(parent[block], row[block], distance(parent[block], row[block]))
+        parts.append(pairs[pairs.cost <= threshold])
+    return Pairs.joined(*parts), 0
+
+
+def disjoint(members: IntArray, cost: FloatArray) -> IntArray:
+    """Choose rows without common members, greedily by cost.
+
+    Parameters
+    ----------
+    members : (n, m) ndarray of int
+        Members of each row; NO_HIT is no member.
+    cost : (n,) ndarray
+        Smaller is better; of equal costs, the first row.
+
+    Returns
+    -------
+    (k,) ndarray of int
+        The rows chosen, ascending.
+    """
+    ids, member = np.unique(members, return_inverse=True)
+    member = member.reshape(members.shape)
+    no_member = int(np.searchsorted(ids, NO_HIT)) if NO_HIT in ids else -1
+    taken = np.zeros(len(ids) + 1, bool)
+    chosen: list[int] = []
+    order = np.argsort(cost, kind="stable")
+    for first in range(0, len(order), BLOCK):
+        rows = order[first : first + BLOCK]
+        rows = rows[~taken[member[rows]].any(axis=1)]
+        used: set[int] = set()
+        for row, row_members in zip(rows.tolist(), member[rows].tolist(), strict=True):
+            if used.isdisjoint(row_members):
+                chosen.append(row)
+                used.update(row_members)
+                used.discard(no_member)
+        taken[list(used)] = True
+    return np.sort(np.array(chosen, np.int64))
+
+
+def nearest_first(pairs: Pairs) -> Pairs:
+    """Assign each track and each detection at most once, the pair of least cost first."""
+    return _exclusive(pairs, pairs.cost)
+
+
+def oldest_first(pairs: Pairs, first_scan: IntArray) -> Pairs:
+    """Assign each track and each detection at most once, the oldest track first.
+
+    Of tracks begun in the same scan the pair of least cost goes first.
+
+    Parameters
+    ----------
+    pairs : Pairs
+    first_scan : (t,) ndarray of int
+        First scan of each track, by `pairs.parent`.
+    """
+    rank = np.empty(len(pairs))
+    rank[np.lexsort((pairs.cost, first_scan[pairs.parent]))] = np.arange(len(pairs))
+    return _exclusive(pairs, rank)
+
+
+def _exclusive(pairs: Pairs, rank: FloatArray) -> Pairs:
+    """Assign each track and each detection at most once, the pair of the smallest rank first."""
+    members = np.stack([pairs.parent, -2 - pairs.row], axis=1)  # distinct, and never NO_HIT
+    return pairs[disjoint(members, rank)]
+
+
+def best_of_each(pairs: Pairs) -> Pairs:
+    """The pair of least cost of each track; several tracks may use a detection."""
+    order = np.lexsort((pairs.row, pairs.cost, pairs.parent))
+    first = np.flatnonzero(np.diff(pairs.parent[order], prepend=-1))
+    return pairs[order[first]]

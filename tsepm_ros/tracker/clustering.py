@@ -1,0 +1,412 @@
+"""Clusters of detections: several detections of one target in a ping, as one.
+
+Which neighbouring rays of a fan see one object.
+
+Plots: detections of one ping that are one target's, as one detection.
+
+A target that is larger than the sensor's resolution, or whose echo spills over several cells, gives
+several detections a ping. Complete linkage (Defays, "An efficient algorithm for a complete link
+method", Comput. J. 20(4), 1977) joins detections as long as every two of a group lie within the
+target's extent and the sensor's resolution of each other: no chain of them grows beyond.
+
+Errors
+------
+Detection i of a target at p lies at ``z_i = p + o_i + c + e_i`` on each axis, along and across the
+line of sight: o_i where on the target it arose, of variance v (extent^2 / 12 of a line); c the part
+of the measurement error that is common to the ping, of variance ``(1 - f) s^2``; e_i the
+independent part, of variance ``f s^2``, where s^2 is the sensor's variance. With weights w_i that
+add up to 1 the centroid's error then has the variance::
+
+    (1 - f) s^2 + (f s^2 + v) q,    q = sum_i w_i^2, 1 / m for m equal weights
+
+and the m detections scatter about their centroid with the variance ``f s^2 + v``. Along and across,
+s^2 differs and v does not, so that both f and v follow from the scatter
+(`tsepm_ros.tracker.multi_detection`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.discs import pairs_nearer
+from tsepm_ros.numerics.grouped import complete_linkage, largest_of
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
+from tsepm_ros.tracker.sensor import SensorModel
+
+GRAZING_ANGLE = math.radians(20.0)
+"""Least angle between a ray and a surface that is one object."""
+NOISE_DEVIATIONS = 3.0
+"""Standard deviations of a jump within which it may be noise."""
+COARSEST_FAN = math.radians(3.0)
+"""Angle between rays from which on neighbours are of different objects."""
+
+
+def goes_on(
+    before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None
+) -> BoolArray:
+    """Whether the ranges of neighbouring rays do not jump.
+
+    The jump is that of a surface which is hit at `GRAZING_ANGLE`, as in the adaptive breakpoints of
+    Borges, Aldon, "Line extraction in 2D range images for mobile robotics", J. Intell. Robot. Syst.
+    40(3), 2004, with the errors s of both ranges:
+    ``|r_i - r_(i-1)| <= r sin(increment) / sin(angle - increment) + 3 sqrt(2) s``. In a coarse fan
+    every range jumps.
+
+    Parameters
+    ----------
+    before, after : (n,) ndarray
+        m; a range that is not finite and above 0 always jumps.
+    increment : float
+        Angle between the rays, rad.
+    sensor : SensorModel, optional
+        Its range errors; without it there are none.
+
+    Returns
+    -------
+    (n,) ndarray of bool
+    """
+    if not abs(increment) <= COARSEST_FAN:  # nan, too
+        return np.zeros(len(before), bool)
+    slope = math.sin(abs(increment)) / math.sin(GRAZING_ANGLE - abs(increment))
+    with np.errstate(invalid="ignore", over="ignore"):
+        nearer = np.minimum(before, after)
+        variance = 0.0 if sensor is None else sensor.range_variance(nearer)
+        noise = NOISE_DEVIATIONS * np.sqrt(2.0 * variance)
+        near = np.abs(after - before) <= slope * nearer + noise
+        seen = np.isfinite(before) & np.isfinite(after) & (before > 0.0) & (after > 0.0)
+    return np.asarray(near & seen)
+
+
+MAX_PAIRS = 500_000
+"""Pairs of detections that are looked at, at most; see `grouped`."""
+
+
+@dataclass(frozen=True)
+class PlotExtent:
+    """How far apart two detections of one target and ping may be.
+
+    Attributes
+    ----------
+    along : float
+        In range, m.
+    across : float
+        Across the line of sight, m.
+    beam : float
+        In azimuth, added to `across`, rad.
+    widest : float
+        Limit of what `beam` adds, m.
+    """
+
+    along: float
+    across: float
+    beam: float = 0.0
+    widest: float = math.inf
+
+    def across_at(self, range: FloatArray) -> FloatArray:
+        """Distance across the line of sight at ranges (...), m."""
+        return self.across + np.minimum(range * self.beam, self.widest)
+
+    def scaled(self, factor: float) -> PlotExtent:
+        """The extent times a factor."""
+        return PlotExtent(
+            self.along * factor, self.across * factor, self.beam * factor, self.widest * factor
+        )
+
+
+@dataclass(frozen=True)
+class EchoErrors:
+    """How the detections of one target and ping err.
+
+    Attributes
+    ----------
+    independent : float
+        f, the part of the sensor's variance that differs between them, from 0 to 1.
+    extent_variance : float
+        v, of where on the target they arise, on each axis, m^2.
+    """
+
+    independent: float = 0.0
+    extent_variance: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plots:
+    """The plots of a scan.
+
+    Attributes
+    ----------
+    scan : Scan
+        A detection for each plot: its centroid, and what else its strongest member has.
+    strongest : (p,) ndarray of int
+        The strongest member of each plot, a detection of the scan that the plots are of.
+    own_range_std : (p,) ndarray of bool
+        Whether a plot's range error differs from what the scan or the sensor model has.
+    """
+
+    scan: Scan
+    strongest: IntArray
+    own_range_std: BoolArray
+
+    def of(self, before: Plots) -> Plots:
+        """The same as plots of the scan that plots were made of before, of whose scan these are."""
+        return replace(
+            self,
+            strongest=before.strongest[self.strongest],
+            own_range_std=self.own_range_std | before.own_range_std[self.strongest],
+        )
+
+
+def pairs_within(
+    range: FloatArray, azimuth: FloatArray, extent: PlotExtent
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs of detections within an extent of each other.
+
+    Parameters
+    ----------
+    range, azimuth : (n,) ndarray
+        m, rad.
+    extent : PlotExtent
+
+    Returns
+    -------
+    first, second : (p,) ndarray of int
+        first < second.
+    distance : (p,) ndarray
+        ``max(|dr| / along, r |da| / across(r))`` with the pair's mean range r, at most 1.
+    """
+    none = np.zeros(0, np.int64)
+    if len(range) < 2:
+        return none, none, np.zeros(0)
+    first, second = pairs_nearer(*_places(range, azimuth, extent))
+    middle = 0.5 * (range[first] + range[second])
+    turn = np.abs(wrap(azimuth[first] - azimuth[second]))
+    distance = np.maximum(
+        _ratio(np.abs(range[first] - range[second]), extent.along),
+        _ratio(middle * turn, extent.across_at(middle)),
+    )
+    near = distance <= 1.0
+    return first[near], second[near], distance[near]
+
+
+def _places(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> tuple[FloatArray, float]:
+    """The detections' positions, and how far apart a pair may be at the most, m."""
+    places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
+    return places, math.hypot(extent.along, float(extent.across_at(range.max()))) * (1.0 + 1e-9)
+
+
+def _ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
+    """Distance over its limit; a limit of 0 is kept by a distance of 0 only."""
+    ratio: FloatArray = distance / np.maximum(limit, 1e-9)
+    return ratio
+
+
+def crowded(range: FloatArray, azimuth: FloatArray, extent: PlotExtent, most: int) -> bool:
+    """Whether more than a number of pairs of detections (n,) may be within an extent."""
+    n = len(range)
+    if n * n <= 2 * most:
+        return False
+    places, reach = _places(range, azimuth, extent)
+    tree = cKDTree(places)
+    return bool(tree.count_neighbors(tree, reach) - n > 2 * most)
+
+
+def grouped(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntArray:
+    """The group of each detection, (n,): the first detection of it; see `complete_linkage`.
+
+    Where there are more than `MAX_PAIRS` pairs, those in one cell of a grid are a group.
+    """
+    if crowded(range, azimuth, extent, MAX_PAIRS):
+        return cells(np.zeros(len(range), np.int64), range, azimuth, extent)
+    # Detections of one place are joined first, whatever lies beside them.
+    _, first, place = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
+    if len(first) == len(range):
+        return complete_linkage(len(first), *pairs_within(range, azimuth, extent))
+    order = np.argsort(first)
+    first, rank = first[order], np.argsort(order)
+    label = complete_linkage(len(first), *pairs_within(range[first], azimuth[first], extent))
+    return np.asarray(first[label][rank[place]], np.int64)
+
+
+def runs(scan: Scan, extent: PlotExtent) -> IntArray:
+    """The groups that a scan comes with, cut in pieces no longer than an extent; see `cells`."""
+    n = len(scan)
+    group = np.arange(n) if scan.group is None else scan.group
+    alone = group.max(initial=0) + 1 + np.arange(n)
+    return cells(np.where(group < 0, alone, group), scan.range, scan.azimuth, extent)
+
+
+def cells(group: IntArray, range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntArray:
+    """Groups cut in pieces no longer than an extent, by a grid from their nearest, rightmost place.
+
+    Parameters
+    ----------
+    group : (n,) ndarray of int
+        Group of each detection.
+    range, azimuth : (n,) ndarray
+        m, rad.
+    extent : PlotExtent
+
+    Returns
+    -------
+    (n,) ndarray of int
+        The first detection of each one's piece.
+    """
+    _, first, group = np.unique(group, return_index=True, return_inverse=True)
+    turn = wrap(azimuth - azimuth[first][group])
+    turn = turn + largest_of(-turn, group, len(first))[group]
+    along = range + largest_of(-range, group, len(first))[group]
+    row = np.floor(_ratio(along, extent.along))
+    far = range - along + (row + 1.0) * extent.along
+    column = np.floor(_ratio(far * turn, extent.across_at(far)))
+    pieces = np.stack([group, column, row], axis=1)
+    _, first, piece = np.unique(pieces, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(first[piece.ravel()], np.int64)
+
+
+def placed(scan: Scan) -> FloatArray:
+    """Positions of a scan's detections in the fixed frame, (n, 2), m."""
+    x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
+    azimuth = scan.azimuth + yaw
+    east, north = x + scan.range * np.cos(azimuth), y + scan.range * np.sin(azimuth)
+    return np.stack([east, north], axis=1)
+
+
+def plots_of(
+    scan: Scan,
+    label: IntArray,
+    errors: EchoErrors,
+    sensor: SensorModel,
+    wander: FloatArray | None = None,
+) -> Plots:
+    """Make a plot of each group of a scan's detections.
+
+    The centroid is weighted by intensity where every member has one above 0. The strongest member,
+    or, where intensities are missing, that nearest to the centroid, lends the plot its intensity,
+    time offset, range rate, pose and index. The widths reach over all members.
+
+    Parameters
+    ----------
+    scan : Scan
+        n detections.
+    label : (n,) ndarray of int
+        Group of each.
+    errors : EchoErrors
+    sensor : SensorModel
+        Errors where the scan gives none of its own.
+    wander : (n, 2) ndarray, optional
+        Added to the errors' `extent_variance`, along and across the line of sight, m^2; a plot has
+        that of its first member.
+
+    Returns
+    -------
+    Plots
+        In the order of their first members.
+    """
+    _, first, group = np.unique(label, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    group, first = order[group], np.sort(first)
+    n = len(first)
+    size = np.bincount(group, minlength=n)
+    weight, by_intensity = _weights(scan, group, n)
+    turn = wrap(scan.azimuth - scan.azimuth[first][group])
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(group, weight * values, minlength=n), float)
+
+    range_ = np.where(size > 1, mean(scan.range), scan.range[first])
+    turned = mean(turn)
+    off = np.hypot(scan.range - range_[group], scan.range * (turn - turned[group]))
+    rank = np.where(by_intensity[group], -weight, off)
+    best = np.lexsort((rank, group))[np.cumsum(size) - size]
+    share = np.bincount(group, weight**2, minlength=n)
+    own = sensor.range_variance(range_) if scan.range_std is None else mean(scan.range_std**2)
+    angle = np.full(n, sensor.azimuth_std**2)
+    if scan.azimuth_std is not None:
+        angle = mean(scan.azimuth_std**2)
+    fresh = errors.independent
+    factor = np.where(size > 1, 1.0 - fresh + fresh * share, 1.0)
+    extent_variance = np.full((n, 2), errors.extent_variance)
+    if wander is not None:
+        extent_variance = extent_variance + wander[first]
+    spread, spread_across = np.where(size > 1, share, 1.0) * extent_variance.T
+    changed = (size > 1) | (spread + spread_across > 0.0)
+    angle_error = angle * factor + spread_across / range_**2
+    width = _features(scan, best) | _widths(scan, group, turn, n)
+    return Plots(
+        scan=replace(
+            scan,
+            range=range_,
+            azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
+            range_std=_std("range_std", np.where(changed, own * factor + spread, own)),
+            azimuth_std=_std("azimuth_std", angle_error),
+            time_offset=None if scan.time_offset is None else scan.time_offset[best],
+            features=width,
+            group=None,
+            sensor_pose=_rows(scan.sensor_pose, best),
+            sensor_velocity=_rows(scan.sensor_velocity, best),
+        ),
+        strongest=best,
+        own_range_std=changed,
+    )
+
+
+def chosen(scan: Scan, rows: IntArray) -> Scan:
+    """Some detections of a scan."""
+
+    def of(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else values[rows]
+
+    parts = {
+        "range": scan.range[rows],
+        "azimuth": scan.azimuth[rows],
+        "range_std": of(scan.range_std),
+        "azimuth_std": of(scan.azimuth_std),
+        "time_offset": of(scan.time_offset),
+        "features": _features(scan, rows),
+        "group": None if scan.group is None else scan.group[rows],
+        "sensor_pose": _rows(scan.sensor_pose, rows),
+        "sensor_velocity": _rows(scan.sensor_velocity, rows),
+    }
+    return Scan.trusted(**(vars(scan) | parts))
+
+
+def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:
+    """Weight of each detection in its group, adding up to 1; which groups go by intensity."""
+    strength = scan.features.get("intensity", np.full(len(scan), np.nan))
+    with np.errstate(invalid="ignore"):
+        usable = (strength > 0.0) & (strength < 1e100)
+    by_intensity = np.bincount(group, ~usable, minlength=n) == 0
+    weight = np.where(by_intensity[group], strength, 1.0)
+    largest = largest_of(weight, group, n)
+    weight = weight / largest[group]
+    total = np.bincount(group, weight, minlength=n)
+    return np.asarray(weight / total[group]), by_intensity
+
+
+def _widths(scan: Scan, group: IntArray, turn: FloatArray, n: int) -> dict[str, FloatArray]:
+    """`range_width` and `azimuth_width` over the members, with the widths that they have."""
+    widths = {}
+    for name, place in (("range_width", scan.range), ("azimuth_width", turn)):
+        half = 0.5 * np.nan_to_num(scan.features.get(name, np.zeros(len(scan))))
+        widths[name] = largest_of(place + half, group, n) + largest_of(half - place, group, n)
+    return widths
+
+
+def _features(scan: Scan, rows: IntArray) -> dict[str, FloatArray]:
+    return {name: values[rows] for name, values in scan.features.items()}
+
+
+def _std(name: str, variance: FloatArray) -> FloatArray:
+    """Standard deviations within the bounds of a scan: an echo at the sensor has any azimuth."""
+    return np.clip(np.sqrt(variance), MIN_MAGNITUDE[name], MAX_MAGNITUDE[name])
+
+
+def _rows(values: FloatArray | tuple[float, ...], rows: IntArray) -> FloatArray:
+    """Rows of what may be one for all."""
+    values = np.asarray(values, float)
+    return values[rows] if values.ndim == 2 else values

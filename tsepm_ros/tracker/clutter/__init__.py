@@ -1,0 +1,1 @@
+"""Clutter: density, amplitude, and what is learned of them."""

@@ -1,0 +1,173 @@
+"""Clutter where the detections of one scan are: as known before, and as learned from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.tracker.clutter.amplitude import RINGS, ClutterStrengths
+from tsepm_ros.tracker.clutter.learned import Learned
+from tsepm_ros.tracker.clutter.overdispersion import PredictiveDensity
+from tsepm_ros.tracker.clutter.persistent_clutter import RISE, CellNumbers
+from tsepm_ros.tracker.clutter.polar_grid import Cells
+from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import SensorModel, View
+
+
+class ScanClutter:
+    """The models of clutter at the places of one scan's detections.
+
+    Parameters
+    ----------
+    learned : Learned
+    common : CommonOptions
+    sensor : SensorModel
+        As given.
+    counts_echoes : bool
+        Whether clutter behind targets counts, which the held tracks must be for it.
+    range, azimuth : (d,) ndarray
+        Of the detections or plots, m and rad.
+    detections : (d,) ndarray of DETECTION, optional
+        Converted; without them clutter that stays is left out.
+
+    Attributes
+    ----------
+    predictive : PredictiveDensity or None
+        What makes the density uncertain; None where it is given, and until `learn`.
+    strengths : ClutterStrengths or None
+        The law of strengths, where the method learns it.
+    cells : Cells
+        Of the clutter map.
+    weight : (d,) ndarray
+        Probability that each detection is clutter; 0 until `learn`.
+    """
+
+    def __init__(
+        self,
+        learned: Learned,
+        common: CommonOptions,
+        sensor: SensorModel,
+        counts_echoes: bool,
+        range: FloatArray,
+        azimuth: FloatArray,
+        detections: NDArray[np.void] | None = None,
+    ) -> None:
+        self._learned = learned
+        self._estimated = common.clutter_density == "estimated"
+        self._echoes = self._estimated and counts_echoes
+        self._given = sensor.clutter_density
+        self._polar = range, azimuth
+        self._places: CellNumbers | None = None
+        self._staying: FloatArray | None = None
+        if self._echoes and detections is not None:
+            places = detections["position"], detections["major_sigma"]
+            self._places = learned.persistent.cells(*places)
+            if learned.persistent.found:
+                self._staying = learned.persistent.density(self._places)
+        self.cells = learned.clutter_map.grid.cells(range, azimuth)
+        self.weight = np.zeros(len(range))
+        self.predictive: PredictiveDensity | None = None
+        self.strengths: ClutterStrengths | None = None
+        if common.intensity == "auto" and counts_echoes:
+            self.strengths = learned.strengths
+
+    @property
+    def rings(self) -> Cells:
+        """The cells, the map's rows divided into rings."""
+        return self._learned.clutter_map.grid.divided(self.cells, self._polar[0], RINGS)
+
+    @property
+    def in_zone(self) -> BoolArray:
+        """Whether each detection is in a clutter zone, (d,)."""
+        return self._learned.clutter_map.in_zone(self.cells)
+
+    def before(self, targets: Callable[[], HeldTargets]) -> FloatArray:
+        """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""
+        density = self.density()
+        if self._echoes:
+            density *= self._learned.secondary_echoes.behind_targets(
+                self._learned.clutter_map.grid, targets(), self.cells
+            )
+        return self._raised(density)
+
+    def learn(
+        self,
+        stamp: float,
+        view: Callable[[], View],
+        weight: FloatArray,
+        min_area: float,
+        targets: Callable[[], HeldTargets],
+        moving: Callable[[], IntArray],
+    ) -> FloatArray:
+        """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
+
+        Parameters
+        ----------
+        stamp : float
+            Of the scan, s.
+        view : callable
+            What the scan looked at.
+        weight : (d,) ndarray
+            Probability that each detection is clutter.
+        min_area : float
+            See `ClutterMap.update`.
+        targets : callable
+            The held targets as of this scan.
+        moving : callable
+            Rows of detections that are probably of held tracks that move.
+        """
+        learned, self.weight = self._learned, weight
+        seen = learned.seen_extent
+        seen.update(*self._polar, weight)
+        learned.clutter_map.update(self.cells, weight, lambda: seen.region, min_area)
+        density = self.density()
+        if self._echoes:
+            density *= learned.secondary_echoes.update(
+                learned.clutter_map, targets(), self.cells, weight
+            )
+            self.predictive = learned.clumps.update(
+                learned.clutter_map, self.cells, weight, density
+            )
+        if self._places is not None:
+            learned.persistent.update(stamp, view(), self._places, moving())
+        return self._raised(density)
+
+    def withdraw(self, share: FloatArray) -> None:
+        """Take back a share of each detection (d,): that of a target after all."""
+        self._learned.clutter_map.withdraw(self.cells, self.weight * share)
+        if self._echoes:
+            self._learned.clumps.withdraw(share)
+
+    @property
+    def is_persistent(self) -> BoolArray:
+        """Whether each detection is where clutter stays and the map does not show it, (d,)."""
+        return self._is_persistent(self.density())
+
+    def _raised(self, density: FloatArray) -> FloatArray:
+        """Density (d,), raised where clutter stays."""
+        if self._staying is None:
+            return density
+        return np.where(self._is_persistent(density), self._staying, density)
+
+    def _is_persistent(self, density: FloatArray) -> BoolArray:
+        """Whether clutter that stays is denser than the map's density (d,)."""
+        if self._staying is None:
+            return np.zeros(len(density), bool)
+        return np.asarray(self._staying > RISE * density)
+
+    def density(self) -> FloatArray:
+        """Density of the map, (d,), 1/m^2."""
+        if not self._estimated:
+            return np.full(len(self.weight), self._given)
+        if not len(self.weight):
+            return np.zeros(0)
+        return self._learned.clutter_map.at(self.cells)
+
+    def known_density(self) -> FloatArray:
+        """Density of the map, (d,), 1/m^2; NaN where it is learned and no scan was."""
+        known = not self._estimated or self._learned.clutter_map.begun
+        return self.density() if known else np.full(len(self.weight), np.nan)

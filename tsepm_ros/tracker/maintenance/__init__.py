@@ -1,0 +1,1 @@
+"""Confirmed tracks, from scan to scan."""

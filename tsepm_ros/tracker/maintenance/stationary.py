@@ -1,0 +1,254 @@
+"""Whether targets stand still: the evidence of all their detections, for every held track.
+
+A target stands still, or moves slower than `min_speed`, or moves at up to v_max. The prior density
+of its velocity v has a part for each::
+
+    share / 2                 v = 0
+    share / 2                 uniform on |v| < min_speed
+    1 - share                 uniform on min_speed <= |v| <= r, with r = v_max, v_max / 2, ...
+
+Without `min_speed` the first part has the whole share. The last part is a mixture of discs (see
+`SPEED_SHARES`): its density falls with speed, nearly as that of a uniform speed and course does, so
+that a v_max far above a target's speed hardly delays its track.
+
+A constant velocity is fitted to the hits of a target's start and to all its later detections. Up to
+a factor, the likelihood of v is the density of the fitted velocity, ``N(v; v^, P_v)``, which gives
+the posterior probability that the target stands still. This evidence grows with every ping.
+
+The fit hardly forgets, so that slow motion shows. A fixed echo that moves off leaves its fit
+behind; the held track follows it, since its filter allows for manoeuvres. With Lambda the
+likelihood ratio of a scan, target against none (see `maintenance.ipda`), of the filter and of the
+fit, the odds that the motion has changed are (Shiryaev 1963)::
+
+    o <- (o + 1 - exp(-t / TIME_TO_CHANGE)) Lambda_filter
+         / ((1 - GLITCH) Lambda_fit + GLITCH Lambda_filter)
+
+A single scan, however far off its detection is, multiplies them by at most 1 / GLITCH. At
+`MAX_CHANGE_ODDS` the fit begins again with the filter's state.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed
+from tsepm_ros.numerics.discs import disc_probability
+from tsepm_ros.numerics.gaussian import is_significant, log_density
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.maintenance import ipda
+
+STATIONARY_SHARE = 0.2
+"""Prior share of starts that stand still, with the weight of `PRIOR_TRACKS` tracks: a choice."""
+PRIOR_TRACKS = 5.0
+SHARE_PASSES = 5
+"""Passes in which the share of targets that stand still is estimated."""
+CHANGED_SHARE = 0.1
+"""The same after a change of motion: a choice."""
+CERTAIN_DEVIATIONS = 12.0
+"""Deviations from `min_speed` from which on a velocity up to v_max is certain: beyond, 1e-25."""
+SPEED_SHARES = 0.5, 0.25, 0.125, 0.125
+"""Prior shares, among moving targets, of those of at most v_max, v_max / 2, v_max / 4, ...
+
+Limits below twice `min_speed` are left out. A choice.
+"""
+PROCESS_NOISE = 1e-4
+"""Spectral density of the acceleration in the fit, m^2/s^3: 0.1 m/s per 100 s."""
+TIME_TO_CHANGE = 1e4
+"""Mean time after which the motion of a target changes, s: a choice."""
+GLITCH = 0.02
+"""Probability that the error of a detection is not as the fit expects: a choice."""
+MAX_CHANGE_ODDS = 9.0
+"""Odds of a change of motion from which the fit begins again."""
+
+
+@dataclass(frozen=True)
+class SpeedPrior:
+    """What is known of speeds before any detection.
+
+    Attributes
+    ----------
+    min_speed : float
+        Speed below which a target counts as standing still, m/s.
+    max_speed : float
+        v_max, m/s.
+    """
+
+    min_speed: float = 0.0
+    max_speed: float = 10.0
+
+    def stationary_probability(
+        self, state: FloatArray, covariance: FloatArray, share: FloatArray | float
+    ) -> FloatArray:
+        """Probability that targets stand still or are slower than `min_speed`, (n,).
+
+        Where a velocity is certain (`CERTAIN_DEVIATIONS`) it is 0, without the integrals.
+
+        Parameters
+        ----------
+        state, covariance : (n, 4), (n, 4, 4) ndarray
+            Fitted without any knowledge of the velocity but the detections.
+        share : (n,) ndarray or float
+            Prior share of targets that stand still.
+        """
+        velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
+        probability = np.zeros(len(velocity))
+        doubtful = np.flatnonzero(~self._certain_to_move(velocity, spread))
+        if len(doubtful):
+            share = np.broadcast_to(share, len(velocity))[doubtful]
+            probability[doubtful] = self._integrated(velocity[doubtful], spread[doubtful], share)
+        return probability
+
+    def _certain_to_move(self, velocity: FloatArray, spread: FloatArray) -> BoolArray:
+        """Whether velocities (n, 2) are certain to be above `min_speed`, (n,)."""
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        # The trace is at least the variance along any axis; not a number is not certain.
+        deviation = np.sqrt(np.maximum(spread[:, 0, 0] + spread[:, 1, 1], 0.0))
+        far = speed - self.min_speed > CERTAIN_DEVIATIONS * deviation
+        return np.asarray(far & (deviation > 0.0) & (speed <= self.max_speed))
+
+    def _integrated(
+        self, velocity: FloatArray, spread: FloatArray, share: FloatArray
+    ) -> FloatArray:
+        """`stationary_probability` of velocities (n, 2) with covariances (n, 2, 2)."""
+        usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
+        if not usable.all():
+            velocity = np.where(usable[:, None], velocity, 0.0)
+            spread = np.where(usable[:, None, None], spread, np.eye(2) * self.max_speed**2)
+        still = np.exp(log_density(velocity, spread)[0])
+        shares, limits = _speed_limits(self.min_speed, self.max_speed)
+        slow, *inside = disc_probability(velocity, spread, np.append(self.min_speed, limits))
+        fast = np.zeros(len(velocity))
+        rings = math.pi * (limits**2 - self.min_speed**2)
+        for density, slower in zip(shares / rings, inside, strict=True):
+            fast += density * np.maximum(slower - slow, 0.0)
+        if self.min_speed:
+            still = 0.5 * (still + slow / (math.pi * self.min_speed**2))
+        still = share * still
+        fast = np.maximum((1.0 - share) * fast, np.finfo(float).tiny)
+        return np.asarray(still / (still + fast))
+
+
+@lru_cache
+def _speed_limits(min_speed: float, max_speed: float) -> tuple[FloatArray, FloatArray]:
+    """Prior shares of moving targets, and the speeds that each does not exceed, m/s."""
+    limits = max_speed / 2.0 ** np.arange(len(SPEED_SHARES), dtype=float)
+    limits = limits[: max(int((limits >= 2.0 * min_speed).sum()), 1)]
+    shares = SPEED_SHARES[: len(limits)]
+    return np.array(shares) / sum(shares), limits
+
+
+@dataclass(frozen=True, eq=False)
+class StraightFits(Rows):
+    """Fits of constant velocity to all detections of targets, a row each.
+
+    Attributes
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+    change_odds : (n,) ndarray
+        Odds that the motion has changed since the fit began.
+    share : (n,) ndarray
+        Prior probability that the target stood still when the fit began.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    change_odds: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def of(
+        cls, state: FloatArray, covariance: FloatArray, share: float = STATIONARY_SHARE
+    ) -> StraightFits:
+        """Fits that begin with states (n, 4) and covariances (n, 4, 4)."""
+        return cls(state, covariance, np.zeros(len(state)), np.full(len(state), share))
+
+    def with_rows(self, rows: NDArray[np.generic], other: StraightFits) -> StraightFits:
+        """The fits, with the given rows (indices or a mask) replaced by those of `other`."""
+        replaced = StraightFits(
+            self.state.copy(), self.covariance.copy(), self.change_odds.copy(), self.share.copy()
+        )
+        replaced.state[rows], replaced.covariance[rows] = other.state, other.covariance
+        replaced.change_odds[rows], replaced.share[rows] = other.change_odds, other.share
+        return replaced
+
+    def predicted(self, elapsed: FloatArray) -> StraightFits:
+        """The fits after times (n,), s, of either sign."""
+        state, covariance = motion.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
+        begun = -np.expm1(-np.abs(elapsed) / TIME_TO_CHANGE)
+        return changed(
+            self, state=state, covariance=covariance, change_odds=self.change_odds + begun
+        )
+
+    @property
+    def moves(self) -> BoolArray:
+        """Whether the velocity of each fit differs from 0, (n,); see `is_significant`."""
+        return is_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
+
+    def move_apart(self, one: IntArray, other: IntArray) -> BoolArray:
+        """Whether the velocities of rows (n,) differ from those of other rows (n,)."""
+        velocity, spread = self.state[:, 1::2], self.covariance[:, 1::2, 1::2]
+        return is_significant(velocity[one] - velocity[other], spread[one] + spread[other])
+
+    def stationary_probability(self, prior: SpeedPrior, existence: FloatArray) -> FloatArray:
+        """Probability that the targets stand still or are slower than `min_speed`, (n,).
+
+        How many stand still depends on the place. The prior share of those whose motion has not
+        changed is estimated from all that exist (empirical Bayes; n tracks of probabilities r_i)::
+
+            share <- (w share_0 + sum_i r_i p_i) / (w + sum_i r_i)
+        """
+        even = prior.stationary_probability(self.state, self.covariance, 0.5)
+        new = self.share == STATIONARY_SHARE
+        share, weight = self.share, np.where(new, existence, 0.0)
+        for _ in range(SHARE_PASSES):
+            still = share * even / (share * even + (1.0 - share) * (1.0 - even))
+            mean = PRIOR_TRACKS * STATIONARY_SHARE + weight @ still
+            share = np.where(new, mean / (PRIOR_TRACKS + weight.sum()), self.share)
+        return np.asarray(still)
+
+    def places(self) -> tuple[FloatArray, FloatArray]:
+        """States and covariances of the targets, given that they stand still.
+
+        The position is ``x - P_xv P_v^-1 v`` with the covariance ``P_x - P_xv P_v^-1 P_vx``; the
+        velocity is 0, with the fit's covariance.
+
+        Returns
+        -------
+        state : (n, 4) ndarray
+        covariance : (n, 4, 4) ndarray
+        """
+        cross = self.covariance[:, 0::2, 1::2]
+        spread = self.covariance[:, 1::2, 1::2]
+        gain = np.swapaxes(np.linalg.solve(spread, np.swapaxes(cross, 1, 2)), 1, 2)
+        state, covariance = np.zeros_like(self.state), np.zeros_like(self.covariance)
+        state[:, 0::2] = self.state[:, 0::2] - (gain @ self.state[:, 1::2, None])[..., 0]
+        place = self.covariance[:, 0::2, 0::2] - gain @ np.swapaxes(cross, 1, 2)
+        covariance[:, 0::2, 0::2] = 0.5 * (place + np.swapaxes(place, 1, 2))
+        covariance[:, 1::2, 1::2] = spread
+        return state, covariance
+
+
+def change_odds(odds: FloatArray, of_filter: FloatArray, of_fit: FloatArray) -> FloatArray:
+    """Odds (n,) that motions have changed, after a scan: of Lambda_filter and Lambda_fit, (n,)."""
+    return np.asarray(odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter))
+
+
+def scan_ratios(
+    mode_probability: FloatArray, ratio: FloatArray, track: IntArray, empty: FloatArray
+) -> FloatArray:
+    """Lambda_i of targets over the modes of their motion, (n,), of pairs' L_ijm (m, p)."""
+    return ipda.scan_ratio(empty, ipda.mean_over_modes(mode_probability, ratio, track), track)
+
+
+def begun_again(fits: StraightFits, state: FloatArray, covariance: FloatArray) -> StraightFits:
+    """The fits, with those whose motion has changed replaced by states (n, 4) of the filter."""
+    changed = fits.change_odds >= MAX_CHANGE_ODDS
+    if not changed.any():
+        return fits
+    fresh = StraightFits.of(state[changed], covariance[changed], CHANGED_SHARE)
+    return fits.with_rows(changed, fresh)

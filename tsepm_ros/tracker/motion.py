@@ -1,0 +1,636 @@
+"""Motion: Kalman filtering, a limited speed, and turns.
+
+Kalman prediction and update of many tracks at once.
+
+States are ``[x, vx, y, vy]``; motion is nearly constant velocity, with the transition matrix of
+TSEPM 2018, Eq. 17, and white acceleration of a spectral density q (Bar-Shalom, Li, Kirubarajan,
+"Estimation with Applications to Tracking and Navigation", 2001, section 6.2.2).
+
+States whose speed is limited: Gaussians conditioned on the velocity in the disc |v| <= v_max.
+
+For a state x of mean m and covariance P, with the velocity v of mean m_v and covariance C::
+
+    p      = P(|v| <= v_max)                      inside, under N(m_v, C)
+    u, U   = mean and covariance of v given |v| <= v_max
+    G      = P H' C^-1                            H picks the velocity
+    m <- m + G (u - m_v),   P <- P + G (U - C) G'
+
+(the conditional moments of a Gaussian of which a part is truncated, as in Simon, Simon,
+"Constrained Kalman filtering via density function truncation for turbofan engine health
+estimation", Int. J. Syst. Sci. 41(2), 2010, here of the disc and not of half-planes). The disc is
+convex, so that the speed of the mean is at most v_max.
+
+Motion of held targets: constant velocity, interrupted by turns.
+
+Interacting multiple models (Blom, Bar-Shalom, "The interacting multiple model algorithm for systems
+with Markovian switching coefficients", IEEE Trans. Autom. Control 33(8), 1988): a target is in one
+of two modes, each with its own state and covariance. A manoeuvre during missed detections therefore
+stays possible: the covariance of the turning mode grows until a detection excludes the turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density, mixture
+from tsepm_ros.tracker import range_rates
+from tsepm_ros.tracker.measurement import covariance_at, major_sigma
+from tsepm_ros.tracker.sensor import SensorModel
+
+_CONSTANT, _LINEAR, _SQUARE = np.zeros((3, 4, 4))
+_CONSTANT[[1, 3], [1, 3]] = 1.0
+_LINEAR[[0, 1, 2, 3], [1, 0, 3, 2]] = 1.0 / 2.0
+_SQUARE[[0, 2], [0, 2]] = 1.0 / 3.0
+"""Coefficients of `process_noise`, as a polynomial of the time."""
+
+
+def predict(
+    state: FloatArray,
+    covariance: FloatArray,
+    elapsed: FloatArray | float,
+    noise: FloatArray | float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Predict states over a time interval: ``F x``, ``F P F' + Q``.
+
+    Parameters
+    ----------
+    state : (..., 4) ndarray
+        m, m/s.
+    covariance : (..., 4, 4) ndarray
+    elapsed : (...) ndarray or float
+        Interval of each, s; of either sign.
+    noise : (...) ndarray or float
+        q, m^2/s^3: the variance of each velocity component grows by q per second.
+
+    Returns
+    -------
+    state : (..., 4) ndarray
+    covariance : (..., 4, 4) ndarray
+    """
+    elapsed = np.asarray(elapsed, float)
+    state, covariance = state.copy(), covariance.copy()
+    step = elapsed[..., None]
+    state[..., 0::2] += step * state[..., 1::2]
+    # Views by axis; long rows are faster.
+    rows = covariance.reshape(*covariance.shape[:-2], 2, 2, 4)
+    rows[..., 0, :] += step[..., None] * rows[..., 1, :]
+    columns = covariance.reshape(*covariance.shape[:-2], 8, 2)
+    columns[..., 0] += step * columns[..., 1]
+    noise = np.asarray(noise, float)
+    if noise.any():
+        covariance += process_noise(elapsed, np.abs(elapsed) * noise)
+    return state, covariance
+
+
+def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatArray:
+    """Covariance Q (..., 4, 4) of white acceleration over times (...), s.
+
+    ``v [[t^2 / 3, t / 2], [t / 2, 1]]`` for each axis, with the variance v (...) that it adds to
+    each velocity, m^2/s^2.
+    """
+    t = elapsed[..., None, None]
+    noise: FloatArray = (t * (t * _SQUARE + _LINEAR) + _CONSTANT) * velocity_variance[
+        ..., None, None
+    ]
+    return noise
+
+
+def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
+    """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
+    after = np.asarray(time_after_state)[..., None]
+    position: FloatArray = state[..., 0::2] + after * state[..., 1::2]
+    return position
+
+
+def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
+    """Position covariance ``H P H'`` a short time after the state's, without process noise.
+
+    Parameters
+    ----------
+    covariance : (..., 4, 4) ndarray
+    time_after_state : ndarray
+        Of a shape that broadcasts, s.
+
+    Returns
+    -------
+    (..., 2, 2) ndarray
+        m^2.
+    """
+    if not time_after_state.any():
+        return covariance[..., 0::2, 0::2].copy()
+    t = time_after_state[..., None, None]
+    cross = covariance[..., 0::2, 1::2]
+    return (
+        covariance[..., 0::2, 0::2]
+        + t * (cross + np.swapaxes(cross, -1, -2))
+        + t * t * covariance[..., 1::2, 1::2]
+    )
+
+
+def innovations(
+    state: FloatArray,
+    covariance: FloatArray,
+    time_after_state: FloatArray,
+    detections: NDArray[np.void],
+    sensor: SensorModel,
+) -> tuple[FloatArray, FloatArray]:
+    """Innovations of detections and their covariances: ``z - H x``, ``H P H' + R(H x)``.
+
+    Parameters
+    ----------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    time_after_state : (n,) ndarray
+        Time of each detection after its state's, s.
+    detections : (n,) ndarray of DETECTION
+    sensor : SensorModel
+        Range errors of detections without their own.
+
+    Returns
+    -------
+    innovation : (n, 2) ndarray
+        m.
+    innovation_covariance : (n, 2, 2) ndarray
+        S, m^2.
+    """
+    expected = state[:, 0::2] + time_after_state[:, None] * state[:, 1::2]
+    innovation_covariance = position_covariance_after(covariance, time_after_state)
+    innovation_covariance += covariance_at(detections, expected, sensor)
+    return detections["position"] - expected, innovation_covariance
+
+
+def update(
+    state: FloatArray,
+    covariance: FloatArray,
+    time_after_state: FloatArray,
+    innovation: FloatArray,
+    innovation_covariance: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Update states with positions measured after the states' times.
+
+    ``K = P H' S^-1``, ``x + K (z - H x)``, ``P - K S K'``, ``H = [[1, t, 0, 0], [0, 0, 1, t]]``
+
+    Parameters
+    ----------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    time_after_state : (n,) ndarray
+        s.
+    innovation : (n, 2) ndarray
+        ``z - H x``, m.
+    innovation_covariance : (n, 2, 2) ndarray
+        S, m^2.
+
+    Returns
+    -------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    """
+    gain = kalman_gain(covariance, time_after_state, innovation_covariance)
+    state = state + (gain @ innovation[..., None])[..., 0]
+    return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, -1, -2)
+
+
+def kalman_gain(
+    covariance: FloatArray, time_after_state: FloatArray, innovation_covariance: FloatArray
+) -> FloatArray:
+    """Kalman gain ``K = P H' S^-1``, (..., 4, 2), for arguments as in `update`."""
+    cross = covariance[..., 0::2]
+    if time_after_state.any():
+        cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
+    gain: FloatArray = cross @ inverse(innovation_covariance)
+    return gain
+
+
+def log_likelihood(
+    state: FloatArray,
+    covariance: FloatArray,
+    owner: IntArray,
+    time_after_state: FloatArray,
+    innovation: FloatArray,
+    innovation_covariance: FloatArray,
+    detections: NDArray[np.void],
+    gate_probability: float,
+) -> FloatArray:
+    """Log of the likelihood of detections, given states; -inf outside the gates.
+
+    ``ln N(d; 0, S) + ln N(e; 0, S_e)`` with the innovation e of a measured range rate against the
+    state updated with the position. The innovations are independent: their squared distances add
+    up, and the gate of a position and a range rate has three dimensions.
+
+    Parameters
+    ----------
+    state : (n, 4) ndarray
+    covariance : (n, 4, 4) ndarray
+    owner : (p,) ndarray of int
+        State of each detection.
+    time_after_state : (p,) ndarray
+        Time of each detection after its state's, s.
+    innovation : (p, 2) ndarray
+        Innovation of each position, m.
+    innovation_covariance : (p, 2, 2) ndarray
+        m^2.
+    detections : (p,) ndarray of DETECTION
+    gate_probability : float
+        Probability that the gate holds a target's detection.
+
+    Returns
+    -------
+    (p,) ndarray
+        ln of 1/m^2, or of s/m^3.
+    """
+    has_range_rate = range_rates.measured(detections)
+    if not has_range_rate.any():
+        return position_log_likelihood(innovation, innovation_covariance, gate_probability)
+    density, distance = log_density(innovation, innovation_covariance)
+    gate = np.full(len(distance), gate_factor(gate_probability) ** 2)
+    gate[has_range_rate] = range_rates.gate_square(gate_probability)
+    rows = np.flatnonzero(has_range_rate & (distance <= gate))
+    rated, interval = owner[rows], time_after_state[rows]
+    updated = update(
+        state[rated],
+        covariance[rated],
+        interval,
+        innovation[rows],
+        innovation_covariance[rows],
+    )
+    error, variance, _ = range_rates.innovations(*updated, interval, taken(detections, rows))
+    density[rows] += range_rates.log_density(error, variance)
+    distance[rows] += error**2 / variance
+    return np.where(distance <= gate, density, -np.inf)
+
+
+def position_log_likelihood(
+    innovation: FloatArray, innovation_covariance: FloatArray, gate_probability: float
+) -> FloatArray:
+    """As `log_likelihood`, of positions alone, (...); -inf outside the gates."""
+    density, distance = log_density(innovation, innovation_covariance)
+    return np.where(distance <= gate_factor(gate_probability) ** 2, density, -np.inf)
+
+
+def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
+    """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches."""
+    if range_rates.measured(detections).any():
+        return math.sqrt(range_rates.gate_square(gate_probability))
+    return gate_factor(gate_probability)
+
+
+MAX_OUTSIDE = 0.25
+"""Probability of a velocity outside the disc up to which a state stays as it is.
+
+The Gaussian with the moments of a truncated density has up to 0.22 outside again: a state that is
+limited at every scan is limited once, unless detections move it outside.
+"""
+NEGLIGIBLE = 1e-9
+"""Probability outside below which it counts as 0."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
+GRID = np.linspace(-1.0, 1.0, 21)
+MIN_VARIANCE = 1e-18
+"""Smallest variance of a velocity component, in v_max^2."""
+MIN_RELATIVE_VARIANCE = 1e-10
+"""Smallest variance that is left of a velocity component, as a part of that before."""
+PASSES = 3
+"""Times that the grid is narrowed to where the density is."""
+LOG_DROP = 30.0
+"""Logarithm of the factor below its maximum from which on the density does not count."""
+
+
+class VelocityInDisc(NamedTuple):
+    """Moments of velocities given that they are in the disc.
+
+    Attributes
+    ----------
+    log_probability : (n,) ndarray
+        Logarithm of the probability that they are.
+    mean : (n, 2) ndarray
+        m/s.
+    covariance : (n, 2, 2) ndarray
+        m^2/s^2.
+    """
+
+    log_probability: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+
+def reaching_outside(
+    state: FloatArray,
+    covariance: FloatArray,
+    max_speed: FloatArray | float,
+    probability: float,
+) -> IntArray:
+    """Rows of states (n, 4) that may have more than a probability outside the disc.
+
+    ``P(|v| > v_max) <= exp(-(v_max - |m_v|)^2 / (2 s^2))`` with the larger standard deviation s.
+    """
+    largest = major_sigma(covariance[:, 1::2, 1::2])
+    margin = np.maximum(max_speed - np.hypot(state[:, 1], state[:, 3]), 0.0)
+    return np.flatnonzero(margin < math.sqrt(-2.0 * math.log(probability)) * largest)
+
+
+def log_speed_probability(
+    state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
+) -> FloatArray:
+    """Logarithm of the probability that the speed is at most v_max, (n,); 0 if negligibly less.
+
+    Parameters
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+    max_speed : (n,) ndarray or float
+        v_max, m/s.
+    """
+    result = np.zeros(len(state))
+    rows = reaching_outside(state, covariance, max_speed, NEGLIGIBLE)
+    if len(rows):
+        radius = np.broadcast_to(max_speed, len(state))[rows]
+        quadrature, _, _, _ = _quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
+        result[rows] = np.minimum(quadrature.log_integral, 0.0)
+    return result
+
+
+def limited(
+    state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """States conditioned on a speed of at most v_max; see the module.
+
+    Those with a probability of at most `MAX_OUTSIDE` outside stay as they are, to the bit; also
+    their mean is inside, for where the mean is not in a convex set, half of the probability is not.
+
+    Parameters
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+    max_speed : (n,) ndarray or float
+        v_max, m/s; infinite: the state stays.
+
+    Returns
+    -------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+    """
+    rows = reaching_outside(state, covariance, max_speed, MAX_OUTSIDE)
+    if not len(rows):
+        return state, covariance
+    velocity = _in_disc_of(rows, state, covariance, max_speed)
+    cut = velocity.log_probability < math.log1p(-MAX_OUTSIDE)
+    if not cut.any():
+        return state, covariance
+    velocity = VelocityInDisc(*(part[cut] for part in velocity))
+    return _conditioned(state, covariance, rows[cut], velocity)
+
+
+def slowed(
+    state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """As `limited`, but only states whose mean is faster than v_max."""
+    rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
+    if not len(rows):
+        return state, covariance
+    velocity = _in_disc_of(rows, state, covariance, max_speed)
+    return _conditioned(state, covariance, rows, velocity)
+
+
+def _conditioned(
+    state: FloatArray, covariance: FloatArray, rows: IntArray, velocity: VelocityInDisc
+) -> tuple[FloatArray, FloatArray]:
+    """The states, those in some rows with the moments of the velocity as given."""
+    mean, spread = velocity.mean, velocity.covariance
+    before = covariance[rows, 1::2, 1::2]
+    gain = covariance[rows][:, :, 1::2] @ inverse(before)
+    state, covariance = state.copy(), covariance.copy()
+    state[rows] += (gain @ (mean - state[rows, 1::2])[..., None])[..., 0]
+    state[rows, 1::2] = mean
+    changed = covariance[rows] + gain @ (spread - before) @ np.swapaxes(gain, 1, 2)
+    covariance[rows] = 0.5 * (changed + np.swapaxes(changed, 1, 2))
+    return state, covariance
+
+
+def _in_disc_of(
+    rows: IntArray, state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
+) -> VelocityInDisc:
+    radius = np.broadcast_to(max_speed, len(state))[rows]
+    return in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
+
+
+def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> VelocityInDisc:
+    """Probability and moments of Gaussians of two dimensions in a disc about the origin.
+
+    Along the minor axis of the covariance in closed form (truncated Gaussian), along the major axis
+    by Gauss-Legendre quadrature between the places where the density falls below its maximum by
+    `LOG_DROP`: it is log-concave.
+
+    Parameters
+    ----------
+    mean, covariance : (n, 2), (n, 2, 2) ndarray
+    radius : (n,) ndarray
+    """
+    quadrature, axes, centre, deviation = _quadrature(mean, covariance, radius)
+    chords, weight, scale = quadrature.chords, quadrature.weight, radius[:, None]
+    minor, spread = _moments(chords, centre, deviation)
+    weight = weight / weight.sum(axis=1)[:, None]
+    points = np.stack([minor, quadrature.place], axis=-1)
+    average = (weight[..., None] * points).sum(axis=1)
+    apart = points - average[:, None]
+    second = np.einsum("nk,nki,nkj->nij", weight, apart, apart)
+    second[:, 0, 0] += (weight * spread).sum(axis=1)
+    second[:, [0, 1], [0, 1]] += MIN_RELATIVE_VARIANCE * deviation**2  # positive definite
+    average = np.einsum("nij,nj->ni", axes, average) * scale
+    second = np.einsum("nij,njk,nlk->nil", axes, second, axes) * scale[..., None] ** 2
+    return VelocityInDisc(np.minimum(quadrature.log_integral, 0.0), average, second)
+
+
+class _Quadrature(NamedTuple):
+    """Integral over the unit disc along the major axis.
+
+    Attributes
+    ----------
+    log_integral : (n,) ndarray
+    place : (n, k) ndarray
+        On the major axis.
+    chords : _Chords
+        At these places.
+    weight : (n, k) ndarray
+        Of each chord, up to a factor.
+    """
+
+    log_integral: FloatArray
+    place: FloatArray
+    chords: _Chords
+    weight: FloatArray
+
+
+def _quadrature(
+    mean: FloatArray, covariance: FloatArray, radius: FloatArray
+) -> tuple[_Quadrature, FloatArray, FloatArray, FloatArray]:
+    """The integral, and axes, centre and deviations of the Gaussian; see `in_disc`."""
+    variance, axes = np.linalg.eigh(covariance)
+    scale = radius[:, None]
+    deviation = np.sqrt(np.maximum(variance / scale**2, MIN_VARIANCE))
+    centre = np.einsum("nij,ni->nj", axes, mean) / scale
+    # In the angle whose sine is the place on the major axis: the chords end smoothly.
+    low, high = np.full(len(mean), -0.5 * np.pi), np.full(len(mean), 0.5 * np.pi)
+    for _ in range(PASSES):
+        angle = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * GRID
+        density = _chords(np.sin(angle), centre, deviation).density
+        counts = density >= density.max(axis=1, keepdims=True) - LOG_DROP
+        first = np.maximum(counts.argmax(axis=1) - 1, 0)
+        last = np.minimum(len(GRID) - counts[:, ::-1].argmax(axis=1), len(GRID) - 1)
+        each = np.arange(len(mean))
+        low, high = angle[each, first], angle[each, last]
+    half = 0.5 * (high - low)
+    angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
+    place = np.sin(angle)
+    chords = _chords(place, centre, deviation)
+    peak = chords.density.max(axis=1)
+    weight = np.exp(chords.density - peak[:, None]) * WEIGHTS * np.cos(angle)
+    inside = peak + np.log(weight.sum(axis=1) * half)
+    return _Quadrature(inside, place, chords, weight), axes, centre, deviation
+
+
+class _Chords(NamedTuple):
+    """Chords of the unit disc across places (n, k) on the major axis.
+
+    Attributes
+    ----------
+    half : ndarray
+        Half of the length.
+    low, high : ndarray
+        Ends in standard deviations, mirrored to the left of the mean.
+    mirrored : ndarray of bool
+    mass : ndarray
+        Logarithm of the probability between the ends.
+    density : ndarray
+        Logarithm of the integral of the density along the chord.
+    """
+
+    half: FloatArray
+    low: FloatArray
+    high: FloatArray
+    mirrored: BoolArray
+    mass: FloatArray
+    density: FloatArray
+
+
+def _chords(place: FloatArray, centre: FloatArray, deviation: FloatArray) -> _Chords:
+    """The chords across places (n, k) on the major axis."""
+    chord = np.sqrt(np.maximum(1.0 - place**2, 1e-24))
+    sigma, middle = deviation[:, :1], centre[:, :1]
+    low, high = (-chord - middle) / sigma, (chord - middle) / sigma
+    # The interval is mirrored to the left, where the distribution function keeps its digits.
+    mirrored = low + high > 0.0
+    low, high = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
+    upper = log_ndtr(high)
+    mass = upper + np.log(-np.expm1(np.minimum(log_ndtr(low) - upper, -1e-300)))
+    along = (place - centre[:, 1:]) / deviation[:, 1:]
+    density = mass - 0.5 * along**2 - np.log(np.sqrt(2.0 * np.pi) * deviation[:, 1:])
+    return _Chords(chord, low, high, mirrored, mass, density)
+
+
+def _moments(
+    chords: _Chords, centre: FloatArray, deviation: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance on each chord, (n, k) each."""
+    chord, low, high, mirrored, mass, _ = chords
+    sigma, middle = deviation[:, :1], centre[:, :1]
+    at_low = np.exp(-0.5 * low**2 - mass) / np.sqrt(2.0 * np.pi)
+    at_high = np.exp(-0.5 * high**2 - mass) / np.sqrt(2.0 * np.pi)
+    shift = np.clip(at_low - at_high, low, high)
+    variance = 1.0 + low * at_low - high * at_high - shift**2
+    variance = np.clip(variance, 0.0, np.minimum(1.0, 0.25 * (high - low) ** 2))
+    mean = np.where(mirrored, -shift, shift) * sigma + middle
+    return np.clip(mean, -chord, chord), variance * sigma**2
+
+
+PROCESS_NOISE = 0.01
+"""Spectral density of the acceleration between turns, m^2/s^3: 1 m/s per 100 s."""
+SCANS_TO_TURN = 30.0
+"""Mean number of scans between turns or changes of speed: a choice."""
+GOES_ON = 0.5
+"""Probability that a turn goes on at the next scan: a choice."""
+TURN_TIME = 5.0
+"""Least time in which a target of any speed has turned, s."""
+MIN_MODE_PROBABILITY = 1e-30
+"""Floor of a mode's probability, which keeps its state defined."""
+
+
+@dataclass(frozen=True, eq=False)
+class InteractingModels:
+    """States of tracks in the two modes: constant velocity and turning.
+
+    Attributes
+    ----------
+    probability : (2, n) ndarray
+        Probability of each mode.
+    state, covariance : (2, n, 4), (2, n, 4, 4) ndarray
+        State and its covariance in each mode.
+    """
+
+    probability: FloatArray
+    state: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def of(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
+        """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
+        turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - GOES_ON))
+        probability = np.array([[1.0 - turning], [turning]]).repeat(len(state), axis=1)
+        return cls(probability, np.stack([state, state]), np.stack([covariance, covariance]))
+
+    def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingModels:
+        """Predict the tracks to the next scan, over times (n,), s, of either sign.
+
+        The states are mixed by the probabilities p_ij of a change from mode i to mode j::
+
+            mu_j <- sum_i p_ij mu_i,    x_j <- sum_i p_ij mu_i x_i / mu_j
+
+        and predicted. A turn begins with ``1 / SCANS_TO_TURN`` and goes on with `GOES_ON`. It ends
+        at an unknown velocity of at most v_max: the variance of each component grows by
+        v_max^2 / 4 over `TURN_TIME`.
+        """
+        begun = 1.0 / SCANS_TO_TURN
+        change = np.array([[1.0 - begun, begun], [1.0 - GOES_ON, GOES_ON]])[..., None]
+        joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY)[:, None]
+        probability = joint.sum(axis=0)
+        longest = max(float(np.abs(elapsed).max(initial=0.0)), TURN_TIME)
+        turn_noise = (0.5 * max_speed) ** 2 / longest
+        mixed = mixture(joint / probability, self.state[:, None], self.covariance[:, None])
+        noise = np.array([[PROCESS_NOISE], [PROCESS_NOISE + turn_noise]])
+        return InteractingModels(probability, *predict(*mixed, elapsed, noise))
+
+    def combined(self) -> tuple[FloatArray, FloatArray]:
+        """Mean (n, 4) and covariance (n, 4, 4) over both modes."""
+        return mixture(self.probability, self.state, self.covariance)
+
+    def modes(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Probability (n,), state (n, 4) and covariance (n, 4, 4) of each mode."""
+        return zip(self.probability, self.state, self.covariance, strict=True)
+
+    def with_rows(self, rows: IntArray, other: InteractingModels) -> InteractingModels:
+        """The tracks, with the given rows replaced by the tracks of `other`."""
+        replaced = InteractingModels(
+            self.probability.copy(), self.state.copy(), self.covariance.copy()
+        )
+        replaced.probability[:, rows] = other.probability
+        replaced.state[:, rows] = other.state
+        replaced.covariance[:, rows] = other.covariance
+        return replaced
+
+    def where(self, rows: NDArray[np.generic]) -> InteractingModels:
+        """The tracks in the given rows (indices or a mask)."""
+        return InteractingModels(
+            self.probability[:, rows], self.state[:, rows], self.covariance[:, rows]
+        )
+
+    def joined(self, other: InteractingModels) -> InteractingModels:
+        """These tracks, followed by those of `other`."""
+        return InteractingModels(
+            np.concatenate([self.probability, other.probability], axis=1),
+            np.concatenate([self.state, other.state], axis=1),
+            np.concatenate([self.covariance, other.covariance], axis=1),
+        )

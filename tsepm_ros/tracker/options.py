@@ -1,0 +1,187 @@
+"""Options: those common to all methods, and the rule M/N.
+
+Options that all methods share.
+
+The rule M/N as options: M hits within N scans confirm a track.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tsepm_ros.parameters import check_group, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """Options that mean the same in every method.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    max_speed: float = parameter(
+        10.0, "Maximum speed of a target", unit="m/s", positive=True, maximum=1e4
+    )
+    min_speed: float = parameter(
+        0.0,
+        "Targets slower than this are fixed echoes. A start is published unless it is "
+        "probably slower; a published track becomes a fixed echo once it is slower with a "
+        "probability of 0.9. 0: every target is published",
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e4,
+    )
+    limit_speed: bool = parameter(
+        True,
+        "Limit the speed of new tracks: the state of a track that probably exceeds "
+        "max_speed is conditioned on a lower speed. false: the state as the method's "
+        "source defines it. Held tracks are limited in any case",
+    )
+    max_detections: int = parameter(
+        200_000, "Maximum number of detections of a scan; a scan with more is refused", minimum=1
+    )
+    max_potential_tracks: int = parameter(
+        250_000, "Maximum number of potential tracks; the worst are cut and counted", minimum=1
+    )
+    max_raw_confirmations: int = parameter(
+        250_000,
+        "Maximum number of tracks that reach confirmation in one scan, before pruning and "
+        "merging; the worst are cut and counted",
+        minimum=1,
+    )
+    hold_time: float = parameter(
+        0.0,
+        "Maximum time for which a confirmed track is held without a detection of its own; "
+        "repeated misses end it sooner. 0: the time of 50 scans",
+        unit="s",
+        minimum=0.0,
+    )
+    detection_probability: str = parameter(
+        "auto",
+        "Detection probability. estimated: from the hits and misses of held tracks, "
+        "starting from sensor.detection_probability; given: sensor.detection_probability; auto: "
+        "estimated with the method score, given with the other methods, whose tracks may be false",
+        choices=("auto", "estimated", "given"),
+    )
+    clutter_density: str = parameter(
+        "estimated",
+        "Clutter density. estimated: counted on a polar grid from scan to scan, starting "
+        "from sensor.clutter_density; given: sensor.clutter_density everywhere",
+        choices=("estimated", "given"),
+    )
+    intensity: str = parameter(
+        "auto",
+        "Strengths of the detections, in any unit, as evidence with the method score: auto, where "
+        "detections carry an intensity; or off",
+        choices=("auto", "off"),
+    )
+    plots: str = parameter(
+        "auto",
+        "Combination of the detections of one target and ping into a plot. on: from the "
+        "first scan; off: never, for drivers that give one detection per target; auto: "
+        "once detections of one ping lie closer together than clutter does, or with a "
+        "target_extent from the first scan",
+        choices=("auto", "on", "off"),
+    )
+    target_extent: float = parameter(
+        0.0,
+        "Maximum distance between detections of one target and ping, to which the "
+        "sensor's resolution is added; 0: learned from the detections",
+        unit="m",
+        minimum=0.0,
+        maximum=1e3,
+    )
+    plot_features: bool = parameter(
+        False,
+        "Use intensity, range width and azimuth width, if measured: in clutter zones, and "
+        "where targets meet, a detection extends a track only if it resembles the track's "
+        "detections. Where held targets meet, each detection is assigned to one of them",
+    )
+    encounter_time: float = parameter(
+        60.0,
+        "Targets meet if their gates overlap at their closest approach, and this is at "
+        "most this time away, before or after; with plot_features",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    tracked_timeout: float = parameter(
+        60.0,
+        "Time without a message on tracked after which the downstream tracker is silent "
+        "and the node maintains its tracks; also the time after which a new track that "
+        "the tracker does not list ends",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        if self.min_speed >= self.max_speed:
+            raise ValueError(
+                f"min_speed must be below max_speed; got {self.min_speed} and {self.max_speed}"
+            )
+
+    def resolved(self, most_tracks_true: bool) -> CommonOptions:
+        """The options of a method: `detection_probability` is "estimated" or "given".
+
+        With a `target_extent`, targets have several detections: `plots` is "on" for "auto".
+        """
+        probability, plots = self.detection_probability, self.plots
+        if probability == "auto":
+            probability = "estimated" if most_tracks_true else "given"
+        if plots == "auto" and self.target_extent:
+            plots = "on"
+        return replace(self, detection_probability=probability, plots=plots)
+
+
+MAX_HITS = 32
+"""Maximum of M."""
+MAX_WINDOW = 64
+"""Maximum of N."""
+
+
+def hits_option(
+    default: int, *, minimum: int = 2, meaning: str = "Hits that confirm a track (M)"
+) -> Any:
+    """Make the option `min_hits` with a method's default and minimum."""
+    return parameter(default, meaning, minimum=minimum, maximum=MAX_HITS)
+
+
+def window_option(
+    default: int,
+    *,
+    minimum: int = 2,
+    meaning: str = "Scans within which the hits must occur, the first hit's included (N)",
+) -> Any:
+    """Make the option `window` with a method's default and minimum."""
+    return parameter(default, meaning, minimum=minimum, maximum=MAX_WINDOW)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MnOptions:
+    """Options that every M/N method begins with.
+
+    A method with another default defines `min_hits` or `window` again, by `hits_option` and
+    `window_option`; their place in the table stays the first.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed, or if the window is shorter than the number
+        of hits.
+    """
+
+    min_hits: int = hits_option(5)
+    window: int = window_option(8)
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        if self.window < self.min_hits:
+            raise ValueError(
+                f"window must be at least min_hits; got {self.window} and {self.min_hits}"
+            )

@@ -1,0 +1,411 @@
+"""The sensor: errors, detection probability, clutter, and the coverage as it moves.
+
+The sensor: its errors, its coverage, its detection probability and its clutter.
+
+Coverage of a sensor that moves and turns while the echoes arrive.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed
+from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
+
+SEAM = math.radians(2.5)
+"""Gap between the ends of a sector that is a full turn in rounded numbers, such as 3.14 or 179
+degrees to either side, rad."""
+MIN_SECTOR_WIDTH = 1e-6
+"""Smallest width of the azimuth sector covered, rad."""
+MIN_CLUTTER_DENSITY = 1e-12
+"""Floor of the clutter density, 1/m^2: false detections are possible everywhere."""
+MAX_CLUTTER_DENSITY = 1e30
+"""Upper bound of the clutter density, 1/m^2, far above estimates in the smallest coverage."""
+MAX_STD_RATIO = 1e11
+"""Largest ratio of `range_std` to `azimuth_std`, m/rad: beyond, rounding loses the smaller."""
+MIN_RANGE_RATE_STD = 1e-3
+"""Smallest standard deviation of range rates, m/s: below, fits lose the positions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorModel:
+    """Errors and coverage of a range/azimuth sensor. The defaults are the sonar of TSEPM 2018.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or both range deviations are 0; the message names it.
+    """
+
+    range_std: float = parameter(
+        0.0,
+        "Constant part of the range's standard deviation",
+        unit="m",
+        minimum=0.0,
+        maximum=1e5,
+    )
+    range_std_fraction: float = parameter(
+        0.015,
+        "Range-dependent part of the range's standard deviation, as a fraction of the range",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    azimuth_std: float = parameter(
+        math.radians(1.0),
+        "Standard deviation of the azimuth (0.01745 is 1 degree)",
+        unit="rad",
+        minimum=1e-9,
+        maximum=1.0,
+    )
+    min_range: float = parameter(
+        0.0, "Nearest range covered", unit="m", minimum=0.0, maximum=MAX_MAGNITUDE["range"]
+    )
+    max_range: float = parameter(
+        9000.0,
+        "Farthest range covered",
+        unit="m",
+        minimum=MIN_MAGNITUDE["range"],
+        maximum=MAX_MAGNITUDE["range"],
+    )
+    azimuth_min: float = parameter(
+        -math.pi,
+        "Start of the azimuth sector covered, counter-clockwise from the sensor's x axis",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+    azimuth_max: float = parameter(
+        math.pi,
+        "End of the azimuth sector covered, counter-clockwise from its start",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+    range_resolution: float = parameter(
+        0.0,
+        "Range difference below which the sensor cannot separate echoes; used to make "
+        "plots. 0: unknown",
+        unit="m",
+        minimum=0.0,
+        maximum=1e4,
+    )
+    azimuth_resolution: float = parameter(
+        0.0,
+        "Azimuth difference below which the sensor cannot separate echoes (beam width); "
+        "used to make plots. 0: unknown",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    detection_probability: float = parameter(
+        0.9, "Probability that a target inside the coverage is detected", positive=True, maximum=1.0
+    )
+    clutter_density: float = parameter(
+        1e-6,
+        "Mean number of false detections per scan and square metre",
+        unit="1/m^2",
+        positive=True,
+        maximum=MAX_CLUTTER_DENSITY,
+    )
+    range_rate_std: float = parameter(
+        0.0,
+        "Standard deviation of the range rates of detections; 0: range rates are not used",
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e4,
+    )
+    clutter_range_rate: float = parameter(
+        3.0,
+        "Median magnitude of the range rate over ground of false detections (Cauchy distribution); "
+        "used with range rates",
+        unit="m/s",
+        minimum=1e-4,
+        maximum=1e4,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        if max(self.range_std, self.range_std_fraction) < 1e-6:
+            raise ValueError("range_std and range_std_fraction must not both be 0")
+        if self.range_std > MAX_STD_RATIO * self.azimuth_std:
+            raise ValueError(
+                f"range_std must be at most {MAX_STD_RATIO:g} m/rad times azimuth_std; got "
+                f"{self.range_std} and {self.azimuth_std}"
+            )
+        if self.max_range - self.min_range < MIN_MAGNITUDE["range"]:
+            raise ValueError(
+                f"min_range must be below max_range by at least {MIN_MAGNITUDE['range']:g}; got "
+                f"{self.min_range} and {self.max_range}"
+            )
+        if self.azimuth_max - self.azimuth_min < MIN_SECTOR_WIDTH:
+            raise ValueError(
+                f"azimuth_min must be below azimuth_max by at least {MIN_SECTOR_WIDTH:g}; got "
+                f"{self.azimuth_min} and {self.azimuth_max}"
+            )
+        if 0.0 < self.range_rate_std < MIN_RANGE_RATE_STD:
+            raise ValueError(
+                f"range_rate_std must be 0 or at least {MIN_RANGE_RATE_STD:g}; got "
+                f"{self.range_rate_std}"
+            )
+
+    def with_detection_probability(self, probability: float) -> SensorModel:
+        """The same sensor with an estimated detection probability, above 0 and at most 1."""
+        return changed(self, detection_probability=probability)  # the others are checked
+
+    @property
+    def sector_width(self) -> float:
+        """Width of the azimuth sector covered, rad; 2 pi where less than `SEAM` is missing."""
+        width = self.azimuth_max - self.azimuth_min
+        return width if width < 2 * math.pi - SEAM else 2 * math.pi
+
+    @property
+    def all_round(self) -> bool:
+        """Whether every azimuth is covered."""
+        return self.sector_width >= 2 * math.pi
+
+    @property
+    def coverage_area(self) -> float:
+        """Area covered, m^2."""
+        return 0.5 * self.sector_width * (self.max_range**2 - self.min_range**2)
+
+    def range_variance(self, range: ArrayLike) -> NDArray[np.float64]:
+        """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2."""
+        return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
+
+    def range_variance_slope(self, range: ArrayLike) -> NDArray[np.float64]:
+        """Derivative of the range's variance by the range, m: 2 range_std_fraction^2 range."""
+        return 2.0 * self.range_std_fraction**2 * np.asarray(range, float)
+
+    def covers(
+        self,
+        range: ArrayLike,
+        azimuth: ArrayLike,
+        range_margin: ArrayLike = 0.0,
+        azimuth_margin: ArrayLike = 0.0,
+    ) -> NDArray[np.bool_]:
+        """Whether positions in the sensor frame are in the coverage.
+
+        Parameters
+        ----------
+        range, azimuth : (n,) array_like
+            m and rad.
+        range_margin, azimuth_margin : float or (n,) array_like, optional
+            Distance by which a position may lie beyond the edges, m and rad.
+
+        Returns
+        -------
+        (n,) ndarray of bool
+        """
+        distance, range_margin = np.asarray(range, float), np.asarray(range_margin, float)
+        covered: NDArray[np.bool_] = distance >= self.min_range - range_margin
+        covered = covered & (distance <= self.max_range + range_margin)
+        if self.all_round:
+            return covered
+        azimuth_margin = np.asarray(azimuth_margin, float)
+        sector_start = self.azimuth_min - azimuth_margin
+        from_start = np.remainder(np.asarray(azimuth, float) - sector_start, 2 * np.pi)
+        return covered & (from_start <= self.sector_width + 2.0 * azimuth_margin)
+
+
+EDGE_DEVIATIONS = 3.0
+"""Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
+TURNS = 3
+"""Rounds of `PosesByAzimuth`: each divides the error by the ratio of the two rates."""
+
+
+def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
+    """Which detections (n,) may be of a target in the coverage, given their errors.
+
+    The sensor detects no target outside the coverage: detections beyond are false.
+    """
+    range_std = scan.range_std
+    if range_std is None:
+        range_std = np.sqrt(sensor.range_variance(scan.range))
+    azimuth_std = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
+    return sensor.covers(
+        scan.range, scan.azimuth, EDGE_DEVIATIONS * range_std, EDGE_DEVIATIONS * azimuth_std
+    )
+
+
+@dataclass(frozen=True)
+class PosesByRange:
+    """Poses of the sensor as a function of the range of the echoes.
+
+    Echoes arrive in the order of their ranges: the range determines the pose, whatever the order
+    of the detections in their message.
+
+    Attributes
+    ----------
+    range : (k,) ndarray
+        Ascending, m.
+    pose : (k, 3) ndarray
+        x, y, yaw; the yaw is unwrapped.
+    """
+
+    range: FloatArray
+    pose: FloatArray
+
+    @classmethod
+    def of(cls, scan: Scan) -> PosesByRange | None:
+        """The poses of a scan; None for a pose per detection without detections."""
+        pose = np.reshape(scan.sensor_pose, (-1, 3))
+        if len(pose) < 2:
+            return cls(np.zeros(1), pose) if len(pose) else None
+        order = np.lexsort((*pose.T, scan.range))
+        pose = pose[order]
+        pose[:, 2] = np.unwrap(pose[:, 2])
+        return cls(scan.range[order], pose)
+
+    @property
+    def middle(self) -> FloatArray:
+        """The pose of the echo of median range, (3,)."""
+        return self.pose[len(self.pose) // 2]
+
+    def of_echoes_from(self, positions: FloatArray) -> FloatArray:
+        """Pose (3,), or poses (3, n), at the echoes from positions (n, 2) in the fixed frame.
+
+        The pose is interpolated at the range from the middle pose.
+        """
+        pose = self.middle
+        if len(self.pose) > 1:
+            distance = _range(positions, pose)
+            pose = np.stack([np.interp(distance, self.range, values) for values in self.pose.T])
+        return pose
+
+    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
+        return _polar(positions, self.of_echoes_from(positions))
+
+
+@dataclass(frozen=True)
+class PosesByAzimuth:
+    """Poses of the sensor as a function of the azimuth of the echoes: a beam that turns.
+
+    Attributes
+    ----------
+    azimuth : (k,) ndarray
+        Ascending over less than a turn from the sweep's seam, rad.
+    pose : (k, 3) ndarray
+        x, y, yaw; the yaw is unwrapped.
+    """
+
+    azimuth: FloatArray
+    pose: FloatArray
+
+    @property
+    def middle(self) -> FloatArray:
+        """The pose of the echo of median azimuth, (3,)."""
+        return self.pose[len(self.pose) // 2]
+
+    def of_echoes_from(self, positions: FloatArray) -> FloatArray:
+        """Poses (3, n) at the echoes from positions (n, 2) in the fixed frame.
+
+        The azimuth determines the pose, and the pose the azimuth: `TURNS` rounds from the middle
+        pose solve for both, since the beam turns much faster than the sensor.
+        """
+        pose = self.middle
+        for _ in range(TURNS):
+            from_seam = np.mod(_polar(positions, pose)[1] - self.azimuth[0], 2 * np.pi)
+            beam = self.azimuth - self.azimuth[0]
+            # Beyond the last echo begins the seam, which the first follows.
+            pose = np.stack([np.interp(from_seam, beam, values) for values in self.pose.T])
+        return pose
+
+    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
+        return _polar(positions, self.of_echoes_from(positions))
+
+
+EchoPoses = PosesByRange | PosesByAzimuth
+"""Poses of the sensor at the echoes of a scan."""
+
+
+def echo_poses_of(scan: Scan) -> EchoPoses | None:
+    """The poses of a scan, as a function of what determines the time of its echoes.
+
+    That is the range in a ping, and the azimuth in a sweep, by which the times in order vary less
+    (`PosesByRange.of`; None as there).
+    """
+    pose, time = np.asarray(scan.sensor_pose), scan.time_offset
+    if pose.ndim == 1 or len(pose) < 3 or time is None:
+        return PosesByRange.of(scan)
+    along = np.lexsort((*pose.T, scan.range))
+    around = np.argsort(scan.azimuth, kind="stable")
+    jumps = np.abs(np.diff(time[around], append=time[around[0]]))
+    around = np.roll(around, -1 - int(np.argmax(jumps)))
+    if np.abs(np.diff(time[along])).sum() <= np.abs(np.diff(time[around])).sum():
+        return PosesByRange.of(scan)
+    azimuth = scan.azimuth[around]
+    azimuth = azimuth[0] + np.mod(azimuth - azimuth[0], 2 * np.pi)
+    pose = pose[around]
+    pose[:, 2] = np.unwrap(pose[:, 2])
+    return PosesByAzimuth(azimuth, pose)
+
+
+def looked_at(
+    scan: Scan, sensor: SensorModel, poses: EchoPoses, positions: FloatArray
+) -> BoolArray:
+    """Whether a scan looked at positions (n, 2) in the fixed frame: coverage, and arc swept."""
+    pose = poses.of_echoes_from(positions)
+    swept = None if scan.swept is None else tuple(scan.swept)
+    if sensor.all_round and swept is None:
+        return sensor.covers(_range(positions, pose), 0.0)
+    range_, azimuth = _polar(positions, pose)
+    return sensor.covers(range_, azimuth) & _in_arc(swept, azimuth)
+
+
+def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
+    """Whether azimuths (n,) are of an arc, its start and width; None for all around."""
+    if arc is None:
+        return np.ones(len(azimuth), bool)
+    start, width = arc
+    return np.asarray(np.mod(azimuth - start, 2 * np.pi) <= width)
+
+
+class View(NamedTuple):
+    """What a scan looked at.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+    pose : tuple of float
+        Of the sensor: x, y, yaw.
+    swept : tuple of float or None
+        Start and width of the arc, rad; None for all that is in the coverage.
+    """
+
+    sensor: SensorModel
+    pose: tuple[float, float, float]
+    swept: tuple[float, float] | None
+
+    @classmethod
+    def of(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
+        """That of a scan at a pose (3,)."""
+        x, y, yaw = map(float, pose)
+        swept = None
+        if scan.swept is not None:
+            swept = float(scan.swept[0]), float(scan.swept[1])
+        return cls(sensor, (x, y, yaw), swept)
+
+    def covers(self, positions: FloatArray) -> BoolArray:
+        """Whether positions (n, 2) in the fixed frame were looked at."""
+        range_, azimuth = _polar(positions, np.array(self.pose))
+        return self.sensor.covers(range_, azimuth) & _in_arc(self.swept, azimuth)
+
+
+def _range(positions: FloatArray, pose: FloatArray) -> FloatArray:
+    """Range of positions (n, 2) from a pose (3,) or poses (3, n)."""
+    return np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
+
+
+def _polar(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Range and azimuth of positions (n, 2) from a pose (3,) or poses (3, n)."""
+    x, y, yaw = pose
+    east, north = positions[:, 0] - x, positions[:, 1] - y
+    return np.hypot(east, north), np.arctan2(north, east) - yaw

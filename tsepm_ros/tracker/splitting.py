@@ -1,0 +1,287 @@
+"""Gating and track splitting (TSEPM 2018, Eqs. 4-5, Section 3.2, Step 2)."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best, taken
+from tsepm_ros.numerics.discs import pairs_within
+from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.tracker import range_rates
+
+MAX_GATED = 5_000_000
+"""Largest number of detections in all gates of a scan; above, only the nearest are used."""
+SPLIT_BLOCK = 1_000_000
+"""Children processed together where a limit applies: bounds memory, not the result."""
+TIMED_BLOCK = 50_000
+"""The same where the time is limited."""
+ROUNDING = 1e-9
+"""Relative margin of a radius beyond rounding errors."""
+TIMED_GATED = 500_000
+"""Detections in all gates where the time for finding them was over, about: the nearest."""
+
+
+@dataclass(frozen=True)
+class Gated:
+    """The detections in each gate, as compressed rows.
+
+    Attributes
+    ----------
+    start : (g + 1,) ndarray of int
+        Gate i holds ``detection[start[i]:start[i + 1]]``.
+    detection : (p,) ndarray of int
+        Rows of the gated detections, ascending within a gate.
+    in_any_gate : (n,) ndarray of bool
+        Which of the scan's detections lie in any gate. Cut detections are included, with the
+        gates at the scan's farthest time.
+    cut : int
+        Detections left out of gates because of `MAX_GATED`.
+    """
+
+    start: IntArray
+    detection: IntArray
+    in_any_gate: BoolArray
+    cut: int = 0
+
+    @cached_property
+    def count(self) -> IntArray:
+        """Number of detections in each gate, (g,)."""
+        return self.start[1:] - self.start[:-1]
+
+
+def gate(
+    last_hits: NDArray[np.void],
+    detections: NDArray[np.void],
+    max_speed: float,
+    probability: float,
+    late: Callable[[], bool] | None = None,
+) -> Gated:
+    """Find the detections inside the gate of each last hit (Eq. 4).
+
+    ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax`` bounds the displacement of a target
+    from hit i; sigma_Rmax is the major axis of hit i's error. Range rates of both, if used, must
+    agree with each other and with the displacement along the line of sight, within the same
+    probability (`range_rates.agree`).
+
+    Parameters
+    ----------
+    last_hits : (g,) ndarray of DETECTION
+        Last hits of the potential tracks, without duplicates.
+    detections : (n,) ndarray of DETECTION
+        Detections of the new scan.
+    max_speed : float
+        v_max, m/s.
+    probability : float
+        Gate probability P of Eq. 5.
+    late : callable, optional
+        Whether the time is over: only the nearest detections are used then.
+
+    Returns
+    -------
+    Gated
+        A row per last hit.
+    """
+    margin = gate_factor(probability) * last_hits["major_sigma"]
+    squared = gate_factor(probability) ** 2
+    return gate_within(last_hits, detections, max_speed, margin, squared, late)
+
+
+def gate_within(
+    last_hits: NDArray[np.void],
+    detections: NDArray[np.void],
+    max_speed: float,
+    margin: FloatArray,
+    range_rate_gate: float = math.inf,
+    late: Callable[[], bool] | None = None,
+) -> Gated:
+    """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
+
+    Range rates are gated if `range_rate_gate` is finite. See `gate`.
+    """
+    n_gates = len(last_hits)
+    if n_gates == 0 or len(detections) == 0:
+        in_any_gate = np.zeros(len(detections), bool)
+        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64), in_any_gate)
+    times = detections["time"]
+    first, last = times.min(), times.max()
+    longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
+    # Slightly larger radii for the k-d tree's candidates; the exact test follows.
+    radius = (margin + max_speed * longest) * (1.0 + ROUNDING)
+    positions = np.ascontiguousarray(detections["position"])
+    centres = np.ascontiguousarray(last_hits["position"])
+    owner, candidate, cut = neighbours(positions, centres, radius, late)
+    displacement = positions[candidate] - centres[owner]
+    elapsed = np.abs(times[candidate] - last_hits["time"][owner])
+    inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
+    if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
+        near = np.flatnonzero(inside)
+        inside[near] = range_rates.agree(
+            taken(last_hits, owner[near]),
+            taken(detections, candidate[near]),
+            max_speed,
+            range_rate_gate,
+        )
+    start = np.zeros(n_gates + 1, np.int64)
+    np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
+    in_any_gate = np.zeros(len(detections), bool)
+    in_any_gate[candidate[inside]] = True
+    if cut:
+        in_any_gate |= _in_any_disc(positions, centres, radius)
+    return Gated(start, candidate[inside], in_any_gate, cut)
+
+
+def neighbours(
+    positions: FloatArray,
+    centres: FloatArray,
+    radius: FloatArray,
+    late: Callable[[], bool] | None = None,
+    most: int | None = None,
+) -> tuple[IntArray, IntArray, int]:
+    """Pairs of centres and positions within their radius.
+
+    Beyond a number of pairs, and where it is `late`, only the nearest positions of each centre are
+    kept: the displacement is the first feature that separates targets from clutter.
+
+    Parameters
+    ----------
+    positions : (n, 2) ndarray
+        m.
+    centres : (g, 2) ndarray
+        m.
+    radius : (g,) ndarray
+        m.
+    late : callable, optional
+        Whether the time is over: then about `TIMED_GATED` pairs are kept.
+    most : int, optional
+        Pairs; by default `MAX_GATED`.
+
+    Returns
+    -------
+    centre, position : (p,) ndarray of int
+        Rows of each pair, ascending.
+    cut : int
+        Pairs left out.
+    """
+    most = MAX_GATED if most is None else most
+    found = pairs_within(positions, centres, radius, most, late)
+    if found is not None:
+        return *found, 0
+    tree = cKDTree(positions)
+    counts = tree.query_ball_point(centres, radius, return_length=True)
+    if late is not None and late():
+        most = min(most, TIMED_GATED)
+    nearest = min(max(most // len(centres), 1), len(positions))
+    distance, kept = tree.query(centres, k=range(1, nearest + 1))
+    near = np.where(distance <= radius[:, None] * (1.0 + ROUNDING), kept, len(positions))
+    near = np.sort(near, axis=1)
+    centre, place = np.nonzero(near < len(positions))
+    cut = int(counts.sum()) - int(np.minimum(counts, nearest).sum())
+    return centre, near[centre, place].astype(np.int64), cut
+
+
+def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray) -> BoolArray:
+    """Whether each position lies in any of the discs.
+
+    ``|z - c|^2 <= r^2`` is ``|z - c|^2 + (r_max^2 - r^2) <= r_max^2``. The second term is the
+    square of a third coordinate of the centres: a position is inside if the distance of the nearest
+    centre is at most r_max.
+    """
+    largest = radius.max()
+    height = np.sqrt((largest - radius) * (largest + radius))
+    tree = cKDTree(np.column_stack([centres, height]))
+    distance, _ = tree.query(np.column_stack([positions, np.zeros(len(positions))]))
+    inside: BoolArray = distance <= largest
+    return inside
+
+
+def split(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
+    """Split every potential track into one child per gated detection (Section 3.2).
+
+    Parameters
+    ----------
+    gate_of_track : (n,) ndarray of int
+        The gate (row of `gated`) that each potential track uses.
+    gated : Gated
+        Detections in each gate.
+
+    Returns
+    -------
+    parent : (c,) ndarray of int
+        Potential track of each child, ascending.
+    detection : (c,) ndarray of int
+        Detection that the child adds as its newest hit.
+    """
+    counts = gated.count[gate_of_track]
+    parent = np.repeat(np.arange(len(gate_of_track)), counts)
+    first_child = np.cumsum(counts) - counts
+    child_of_parent = np.arange(len(parent)) - first_child[parent]
+    return parent, gated.detection[gated.start[gate_of_track[parent]] + child_of_parent]
+
+
+def residual(gated: Gated) -> IntArray:
+    """Rows of the detections outside all gates, which start new potential tracks (Step 8)."""
+    return np.flatnonzero(~gated.in_any_gate)
+
+
+def left_out(gated: Gated) -> IntArray:
+    """Rows of the detections in at least one gate that were cut from all gates."""
+    if not gated.cut:
+        return np.zeros(0, np.int64)
+    cut = gated.in_any_gate.copy()
+    cut[gated.detection] = False
+    return np.flatnonzero(cut)
+
+
+def split_within(
+    gate_of_track: IntArray,
+    gated: Gated,
+    limit: int,
+    cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
+    late: Callable[[], bool] | None = None,
+) -> tuple[IntArray, IntArray, int]:
+    """Split every potential track, and keep the `limit` children of least cost.
+
+    Parameters
+    ----------
+    gate_of_track, gated
+        As in `split`.
+    limit : int
+        Largest number of children.
+    cost : callable
+        Cost of children (parent, detection); evaluated only above the limit.
+    late : callable, optional
+        Whether the time is over: the children of no further tracks are looked at then.
+
+    Returns
+    -------
+    parent, detection : (c,) ndarray of int
+        As in `split`.
+    cut : int
+        Children left out.
+    """
+    counts = gated.count[gate_of_track]
+    total = int(counts.sum())
+    if total <= limit:
+        return *split(gate_of_track, gated), 0
+    parent = detection = np.zeros(0, np.int64)
+    costs = np.zeros(0)
+    size = SPLIT_BLOCK if late is None else min(TIMED_BLOCK, SPLIT_BLOCK)
+    blocks = np.searchsorted(np.cumsum(counts), np.arange(0, total, size), side="right")
+    for begin, end in itertools.pairwise([*np.unique(blocks), len(counts)]):
+        if late is not None and len(parent) and late():
+            break
+        rows, added = split(gate_of_track[begin:end], gated)
+        parent = np.concatenate([parent, rows + begin])
+        detection = np.concatenate([detection, added])
+        costs = np.concatenate([costs, cost(rows + begin, added)])
+        best = keep_best(costs, limit)
+        parent, detection, costs = parent[best], detection[best], costs[best]
+    return parent, detection, total - len(parent)
