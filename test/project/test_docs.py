@@ -192,7 +192,8 @@ def test_a_page_with_commands_says_at_its_top_how_they_are_typed(page):
     code = [code for _, code in CODE.findall(text)] + INLINE.findall(CODE.sub("", text))
     top = " ".join(text[:1200].split())
     words = (
-        "`tsepm` is `ros2 run tsepm_ros tsepm` after colcon and `.venv/bin/tsepm` after `make env`; "
+        "`tsepm` is `ros2 run tsepm_ros tsepm` after colcon and `.venv/bin/tsepm` after "
+        "`make env`; "
         "a node is `ros2 run tsepm_ros NODE` or `.venv/bin/NODE`."
     )
     if any(map(TYPED.search, code)) and page.name not in ("parameters.md", "diagnostics.md"):
