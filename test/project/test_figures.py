@@ -14,7 +14,7 @@ from tsepm_ros.tools.evaluation.result_files import read_result
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-MAX_WORDS = 20_000
+MAX_WORDS = 17_000
 """Outside of the sections Research and Reference, and with the README."""
 MAX_README_LINES = 80
 LONG = ("Research", "Reference")
