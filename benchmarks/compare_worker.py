@@ -219,8 +219,8 @@ def run_change(seed: int) -> dict[str, Any]:
             session.configure(settings(1))
         values = {name: scan[name] for name in scan if not name.startswith("sensor_")}
         session.add_scan(locate("SensorScan")(Scan(**values), "sonar"), 0.0)
-        for result in session.process():
-            scans.append(output(session.initiator, result.stamp, result.new))
+        tracker = session.tracker if hasattr(session, "tracker") else session.initiator
+        scans += [output(tracker, result.stamp, result.new) for result in session.process()]
     row = f"{'method' if other else 'options'} changed{', learning' * learns}"
     return {"row": row, "about": f"{' to '.join(methods)}, {scene['name']}", "scans": scans}
 

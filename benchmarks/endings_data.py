@@ -82,7 +82,7 @@ def lidar(data: Path) -> Rows:
     begin, returned = appearances(path)
     with ExitStack() as stack:
         run = opened(path, LIDAR, stack)
-        seen, stamps = Watched(run.session.initiator), []
+        seen, stamps = Watched(run.session.tracker), []
         for result in run.results:
             seen.take(result.scan, None, result.current)
             stamps.append(result.stamp - begin)

@@ -15,7 +15,7 @@ import numpy as np
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
 
 SEEN, STAYS, AFTER = 100, 400, 150
@@ -62,7 +62,7 @@ class Watched:
 
     Attributes
     ----------
-    initiator : Initiator
+    initiator : Tracker
     extent : float
         `target_extent`, m.
     on : list of int or None
@@ -75,7 +75,7 @@ class Watched:
         Larger axis of the tracks' positions over the limit there, and over a quarter of the range.
     """
 
-    initiator: Initiator
+    initiator: Tracker
     extent: float = 0.0
     on: list[int | None] = field(default_factory=list)
     near: list[set[int]] = field(default_factory=list)

@@ -216,7 +216,7 @@ def watched_recording(
     for index, result in enumerate(recording_results(recording, session, "north")):
         truth = truth_at(recording, result.stamp)
         watched.take(result.stamp, truth, result.new, result.current)
-        of_held.take(result.stamp, truth, result.new, session.initiator.maintenance.held.tracks)
+        of_held.take(result.stamp, truth, result.new, session.tracker.maintenance.held.tracks)
         for track in result.current:
             shown.setdefault(track.track_id, []).append((index, track))
     lines = elsewhere_lines(watched, shown, recording)

@@ -4,7 +4,7 @@
 
 The ping is the first of the scene `box` (seed 1) from the 60th on after which one confirmed track
 is held. Named functions count, not comprehensions, generators or lambdas. The first line is of the
-node, from the message to the publication of its results; the second of `Initiator.process` alone.
+node, from the message to the publication of its results; the second of `Tracker.process` alone.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def main() -> None:
         message = detections_cloud(header, range=scan.range, azimuth=scan.azimuth)
         with counted() as (every, within):
             node.take_detections(message)
-        if index >= FIRST and len(node._session.initiator.current) == 1:
+        if index >= FIRST and len(node._session.tracker.current) == 1:
             print(f"ping {index}, message to publication: {described(every)}")
             print(f"of these in process: {described(within)}")
             break

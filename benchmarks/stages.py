@@ -24,7 +24,7 @@ import fixed_threads  # noqa: F401  # before numpy
 from scenes import make_scene
 
 from tsepm_ros import Scan, make_initiator
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 CALLERS = re.compile("tsepm_ros/(initiation|methods)/")
 MIN_SHARE = 0.005
@@ -60,7 +60,7 @@ def profile(method: str, density: float, scans: int, **options: str) -> None:
             )
 
 
-def _operations(initiator: Initiator, scans: list[Scan]) -> float:
+def _operations(initiator: Tracker, scans: list[Scan]) -> float:
     """Arithmetic, comparisons and subscripts in the package's code, for the last scan."""
     for scan in scans[:-1]:
         initiator.process(scan)

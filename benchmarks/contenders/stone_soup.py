@@ -32,12 +32,12 @@ with warnings.catch_warnings():
     from stonesoup.dataassociator.tree import DetectionKDTreeGNN2D
     from stonesoup.deleter.base import Deleter
     from stonesoup.hypothesiser.distance import DistanceHypothesiser
-    from stonesoup.initiator import simple
     from stonesoup.measures import Mahalanobis
     from stonesoup.models.measurement.linear import LinearGaussian
     from stonesoup.models.measurement.nonlinear import CartesianToBearingRange
     from stonesoup.models.transition import linear
     from stonesoup.predictor.kalman import KalmanPredictor
+    from stonesoup.tracker import simple
     from stonesoup.types.angle import Bearing
     from stonesoup.types.array import StateVector
     from stonesoup.types.detection import Detection

@@ -203,5 +203,5 @@ def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
 def test_only_a_density_that_is_learned_is_uncertain(options, uncertain):
     initiator = make_initiator("score", sensor=SONAR, **options)
     scan = scan_at(0.0, np.array([[3000.0, 3000.0], [-3000.0, 100.0]]))
-    observed = initiator.front_end.observe(scan, TimeLimit())
+    observed = initiator.observe(scan, TimeLimit())
     assert (observed.predictive is not None) == uncertain

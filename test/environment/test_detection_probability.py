@@ -13,7 +13,7 @@ from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.score.fading import FADED_FACTOR
 from tsepm_ros.methods.score.score import Score
 from tsepm_ros.tracker.clutter.learned import DATA_SHEET_SCANS, DetectionProbability
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 SENSOR = SensorModel(clutter_density=3e-7)
 TARGETS = np.array(
@@ -37,7 +37,7 @@ def seen(detected: float, seed: int, scans: int = 80) -> list[Scan]:
     return made
 
 
-def run(scans: list[Scan], how: str, method: str = "score") -> Initiator:
+def run(scans: list[Scan], how: str, method: str = "score") -> Tracker:
     initiator = make_initiator(method, sensor=SENSOR, detection_probability=how)
     for scan in scans:
         initiator.process(scan)

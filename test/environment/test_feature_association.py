@@ -150,7 +150,7 @@ def test_echoes_outside_the_coverage_change_no_track_s_features(method, outside)
             started.append(track)
             features = np.array([own[scan] for scan, index in track.hits if index == outside])
             if len(features) == len(track.hits):
-                found = made.front_end.learned.features.histories(TrackArrays.of([track]))
+                found = made.learned.features.histories(TrackArrays.of([track]))
                 np.testing.assert_allclose(found.mean[0], features.mean(axis=0))
     assert started, "the target is found"
     assert made.statistics.outside_coverage == outside
@@ -204,8 +204,8 @@ def test_a_scan_by_scan_method_leaves_out_unlike_plots_in_a_zone(method):
     def hits(features: bool, last: np.ndarray, zone: bool) -> int:
         sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003)
         made = make_initiator(method, sensor=sensor, min_hits=12, window=14, plot_features=features)
-        learned = dataclasses.replace(made.front_end.learned, clutter_map=Zone(sensor, zone))
-        made.front_end.learned = learned
+        learned = dataclasses.replace(made.learned, clutter_map=Zone(sensor, zone))
+        made.learned = learned
         plots = plots_like(BIG, 9, seed=4)
         plots[-1] = last
         for k, (intensity, depth, width) in enumerate(plots):

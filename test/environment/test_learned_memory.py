@@ -34,7 +34,7 @@ def test_a_restart_goes_on_with_what_was_learned(run):
     found = read(text, SENSOR, "sonar", 1000.0, DAY)
     assert found.age == 0.0
     fresh = score(SENSOR)
-    fresh.remember(found.learned)
+    fresh.learned = found.learned
     assert fresh.clutter_density == pytest.approx(run.clutter_density, rel=0.02)
     probability = run.detection_probability
     assert fresh.detection_probability == pytest.approx(probability, abs=1e-9)
@@ -102,7 +102,7 @@ def test_replaced_numbers_are_refused_or_targets_confirm_as_without_the_text(cas
 def test_a_text_of_long_ago_is_as_good_as_none(run, days):
     text = written(run.learned, SENSOR, "sonar", 0.0)
     initiator = score(SENSOR)
-    initiator.remember(read(text, SENSOR, "sonar", days * DAY, 366.0 * DAY).learned)
+    initiator.learned = read(text, SENSOR, "sonar", days * DAY, 366.0 * DAY).learned
     assert initiator.clutter_density == pytest.approx(SENSOR.clutter_density)
     assert initiator.detection_probability == pytest.approx(SENSOR.detection_probability)
 

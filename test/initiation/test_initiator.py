@@ -164,7 +164,7 @@ def test_an_initiator_is_shown_in_one_line():
     made = initiator()
     for k in range(3):
         made.process(scan_at(12.0 * k, [HERE]))
-    assert repr(made) == "Initiator(Tsepm, 3 scans, 1 tracks confirmed, 1 held)"
+    assert repr(made) == "Tracker(Tsepm, 3 scans, 1 tracks confirmed, 1 held)"
 
 
 def test_the_package_shows_its_public_names_only():

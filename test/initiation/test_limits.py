@@ -18,7 +18,7 @@ from tsepm_ros.numerics.arrays import TimeLimit, keep_best
 from tsepm_ros.tracker.maintenance.ipda import best_held, room_for
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.path_fit import Paths
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 
 @pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
@@ -293,7 +293,7 @@ def test_cutting_what_cannot_pass_changes_no_output():
             min_hits=4, window=6, evaluation="clutter_statistic", clutter_test_size=0.3
         )
         sensor = SensorModel(clutter_density=1e-5)
-        initiator = Initiator(kind(sensor, CommonOptions(), options))
+        initiator = Tracker(kind(sensor, CommonOptions(), options))
         tracks = [
             (track.hits, track.state.tolist(), track.covariance.tolist(), track.evaluation)
             for scan in busy_scans()

@@ -211,12 +211,13 @@ def test_a_reset_and_other_options_start_over():
         initiator.process(ping.scan)
     assert initiator.plots.active
     same = make_method("score", sensor=scene.sensor, max_speed=6.0)
-    initiator.rehearse(make_method("score", sensor=scene.sensor, plots="off"))
-    assert initiator.configure(same)
-    assert initiator.plots.active
-    initiator.configure(make_method("score", sensor=scene.sensor, plots="off"))
+    off = make_method("score", sensor=scene.sensor, plots="off")
+    assert not initiator.with_settings(off)[0].plots.active
+    initiator, kept = initiator.with_settings(same)
+    assert kept and initiator.plots.active
+    initiator, _ = initiator.with_settings(off)
     assert not initiator.plots.active
-    initiator.configure(same)
+    initiator, _ = initiator.with_settings(same)
     assert not initiator.plots.active
     for ping in scene.draw(4):
         initiator.process(replace(ping.scan, stamp=ping.scan.stamp + 100.0))
@@ -277,7 +278,7 @@ def test_the_detections_of_a_scan_are_grouped_once(monkeypatch):
     initiator = initiator_of(scene)
     for index, ping in enumerate(scene.draw(1)):
         before = len(calls)
-        was_active = initiator.front_end.plots.active
+        was_active = initiator.plots.active
         initiator.process(ping.scan)
         if index == 13:
             assert was_active, "learned by then"

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from support.builders import detections
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.tracker.learning import RecentHits
+from tsepm_ros.tracker.recent_hits import RecentHits
 from tsepm_ros.tracker.tracks import TrackArrays
 
 

@@ -10,7 +10,7 @@ from support.builders import detections
 from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
 from tsepm_ros.tracker.maintenance.duplicates import SAME_SCANS
-from tsepm_ros.tracker.maintenance.external_tracker import Tracker
+from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker
 from tsepm_ros.tracker.maintenance.track_maintenance import (
     MIN_EXISTENCE,
     TRACKED_EXISTENCE,
@@ -99,7 +99,7 @@ def test_what_is_tracked_is_not_ended_by_misses(straight):
     assert ids(hold) == [1], "missed five times, and over the hold time"
     assert hold.held.existence[0] < MIN_EXISTENCE
     step(hold, 60.1)
-    assert (list(hold.ended), hold.tracker) == ([1], Tracker.SILENT)
+    assert (list(hold.ended), hold.tracker) == ([1], ExternalTracker.SILENT)
 
 
 def test_what_is_tracked_is_not_ended_as_a_repetition(straight):
@@ -112,17 +112,17 @@ def test_what_is_tracked_is_not_ended_as_a_repetition(straight):
         step(hold, stamp + 0.5, nobodys)
     assert ids(hold) == [1, 7]
     step(hold, 100.0)
-    assert (hold.tracker, ids(hold)) == (Tracker.SILENT, [1])
+    assert (hold.tracker, ids(hold)) == (ExternalTracker.SILENT, [1])
 
 
 def test_a_silent_tracker_s_tracks_are_held_for_their_time_from_what_it_said_last():
     hold = holding(hold_time=100.0)
     follow_tracker(hold, 0.0, 1)
-    assert hold.tracker is Tracker.ALIVE
+    assert hold.tracker is ExternalTracker.ALIVE
     step(hold, 60.0)
-    assert hold.tracker is Tracker.ALIVE
+    assert hold.tracker is ExternalTracker.ALIVE
     step(hold, 61.0)
-    assert (hold.tracker, ids(hold)) == (Tracker.SILENT, [1])
+    assert (hold.tracker, ids(hold)) == (ExternalTracker.SILENT, [1])
     step(hold, 100.0)
     assert ids(hold) == [1]
     step(hold, 100.1)
@@ -135,7 +135,7 @@ def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
     step(hold, 100.0)
     follow_tracker(hold, 100.0)
     step(hold, 112.0)
-    assert (hold.tracker, ids(hold)) == (Tracker.ALIVE, [1, 2])
+    assert (hold.tracker, ids(hold)) == (ExternalTracker.ALIVE, [1, 2])
     follow_tracker(hold, 112.0, 2)
     follow_tracker(hold, 160.1, 2)
     step(hold, 161.0)
@@ -194,9 +194,9 @@ def test_clearing_forgets_the_tracker():
     follow_tracker(hold, 0.0, 1)
     hold.clear()
     step(hold, 1.0)
-    assert (list(hold.ended), hold.tracker) == ([1], Tracker.NONE)
+    assert (list(hold.ended), hold.tracker) == ([1], ExternalTracker.NONE)
     step(hold, 100.0)
-    assert hold.tracker is Tracker.NONE, "it cannot fall silent"
+    assert hold.tracker is ExternalTracker.NONE, "it cannot fall silent"
     hold.add(tracks(2, stamp=100.0), 0.9)
     follow_tracker(hold, 101.0)
     step(hold, 112.0)
@@ -226,5 +226,5 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
         step(hold, stamp + 6.0)
         assert hold.current.state[0, 1] == pytest.approx(30.0, abs=0.1)
     step(hold, 100.0)
-    assert hold.tracker is Tracker.SILENT
+    assert hold.tracker is ExternalTracker.SILENT
     assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED

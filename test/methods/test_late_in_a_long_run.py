@@ -30,7 +30,7 @@ def scans() -> list[Scan]:
 def tracks_of(method: str, first_scan: int) -> list[ConfirmedTrack]:
     """The tracks where the first scan has this number."""
     made = make_initiator(method, sensor=SENSOR, max_speed=6.0, hold_time=60.0)
-    made.front_end.scan_index = first_scan - 1
+    made.scan_index = first_scan - 1
     found = [track for scan in scans() for track in made.process(scan)]
     made.potential_tracks()
     return found + list(made.current)

@@ -21,7 +21,7 @@ from tsepm_ros.methods.registry import METHODS, method_class
 from tsepm_ros.parameters import check_group, parameter, table
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
 
 EVERY_METHOD = pytest.mark.parametrize("method", available_methods())
@@ -48,7 +48,7 @@ def cluttered(scans: int, detections: int, size: float, seed: int = 3) -> list[S
     ]
 
 
-def check_output(made: Initiator, tracks: TrackArrays) -> None:
+def check_output(made: Tracker, tracks: TrackArrays) -> None:
     """Tracks are what the contract says."""
     for track in tracks:
         assert np.isfinite(track.state).all()

@@ -34,7 +34,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 )
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 ROWS = {row.name: row for row in published.TABLE_1}
 LOW_IN_PRINT = {"4/6", "4/7"}
@@ -206,7 +206,7 @@ def test_counts_are_those_of_an_evaluation(seed):
 def test_split_only_puts_out_every_raw_confirmation():
     scenario = load_scenario("four_targets", {"scans": 8})
     counts = monte_carlo.run_four_targets(scenario, [1, 0])
-    starter = Initiator(SplitMerge(scenario.sensor, CommonOptions(), SplitMergeOptions()))
+    starter = Tracker(SplitMerge(scenario.sensor, CommonOptions(), SplitMergeOptions()))
     merged = Started.on(SimulatedScene.drawn(scenario, [1, 0]), starter, 8)
     assert counts["merged"][0] == len(merged.tracks)
     assert counts["split"][0] == starter.totals.raw_confirmations > len(merged.tracks)

@@ -213,7 +213,7 @@ def test_a_part_of_a_sweep_sees_its_arc_only():
     initiator = make_initiator("score", sensor=SensorModel(max_range=1000.0))
     initiator.process(Scan(0.0, [500.0], [3.1], swept=[3.0, 1.0]))
     angle = np.array([2.9, 3.01, 3.9, -2.4, -2.2, 0.0])
-    seen = initiator.front_end.detection_probability_at(
+    seen = initiator.detection_probability_at(
         500.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     )
     assert (seen > 0.0).tolist() == [False, True, True, True, False, False]
@@ -229,7 +229,7 @@ def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
     initiator = make_initiator("score", sensor=SECTOR)
     initiator.process(Scan(0.0, [1000.0], [0.0], sensor_pose=[[500.0, 0.0, 1.0]]))
     initiator.process(Scan(6.0, [], [], sensor_pose=np.zeros((0, 3))))
-    assert initiator.front_end.detection_probability_at(
+    assert initiator.detection_probability_at(
         np.array([[600.0, 200.0], [500.0, -900.0]])
     ).tolist() == [0.8, 0.0]
 

@@ -62,7 +62,7 @@ def test_a_bad_scan_in_between_leaves_the_others_as_they_were(reason):
             assert list(disturbed.process()) == []
             assert disturbed.dropped == {reason: 1}
             assert disturbed.heard == [reason]
-    assert clean.initiator.totals.confirmed > 0
+    assert clean.tracker.totals.confirmed > 0
 
 
 def test_the_queue_of_waiting_scans_is_bounded_and_drops_the_oldest():
@@ -189,4 +189,4 @@ def test_late_and_repeated_scans_are_dropped_by_their_names():
     one = session()
     play(one, [100, 100, 90, 112, 90])
     assert one.dropped == {"scan_same_stamp": 1, "scan_late": 2}
-    assert one.initiator.totals.scans == 2
+    assert one.tracker.totals.scans == 2

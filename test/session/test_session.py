@@ -66,7 +66,7 @@ def test_reset_forgets_everything_but_ids():
     one.reset()
     assert one.dropped == Counter()
     assert (one.waiting, one.own_ship_stamp) == (0, None)
-    assert one.initiator.totals.scans == 0
+    assert one.tracker.totals.scans == 0
     sail(one, 0.0, 50.0)
     results = play(one, [0, 12, 24], now=0.0)
     assert [result.arrival for result in results] == [Arrival.NEXT] * 3

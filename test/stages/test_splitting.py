@@ -14,7 +14,7 @@ from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.splitting import Gated, gate, left_out, residual, split, split_within
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 
 def rows_of(gated: Gated) -> list[list[int]]:
@@ -130,7 +130,7 @@ class Counted(Tsepm):
 
 def test_tracks_that_share_their_last_hit_share_its_gate():
     method = Counted(FIXED_RANGE_ERROR, CommonOptions(), TsepmOptions())
-    initiator = Initiator(method)
+    initiator = Tracker(method)
     initiator.process(scan_at(0.0, [(2000.0, 0.0), (2010.0, 0.0), (2020.0, 0.0)]))
     initiator.process(scan_at(12.0, [(2010.0, 5.0)]))
     initiator.process(scan_at(24.0, [(2010.0, 10.0)]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker.measurement import DETECTION
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 FIXED_RANGE_ERROR = SensorModel(range_std=30.0, range_std_fraction=0.0)
 """A sensor whose range error does not grow."""
@@ -64,6 +64,8 @@ AS_GIVEN = {"clutter_density": "given", "detection_probability": "given"}
 """Options with which nothing is learned."""
 
 
-def reconfigured(initiator: Initiator, sensor: SensorModel, common: Any, options: Any) -> bool:
-    """Change an initiator's options, its method staying the same; see `Initiator.configure`."""
-    return initiator.configure(type(initiator.method)(sensor, common, options))
+def reconfigured(initiator: Tracker, sensor: SensorModel, common: Any, options: Any) -> bool:
+    """Change an initiator's options, its method staying the same; see `with_settings`."""
+    other, kept = initiator.with_settings(type(initiator.method)(sensor, common, options))
+    vars(initiator).update(vars(other))
+    return kept

@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 
 from support.sonar_driver import Ping, points, stamp_ns
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 STATE = ("state_x", "state_vx", "state_y", "state_vy")
 COVARIANCE = tuple(f"cov_{row}{column}" for row in range(4) for column in range(4))
@@ -25,7 +25,7 @@ def as_scan(ping: Ping, **more: Any) -> Scan:
     )
 
 
-def initiator(**options: Any) -> Initiator:
+def initiator(**options: Any) -> Tracker:
     return make_initiator("tsepm", sensor=SensorModel(), **options)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.clutter import learned as learned_memory
 from tsepm_ros.tracker.clutter.learned import Learned
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 TIME = 1e9
 """Time of the texts, since 1970, s."""
@@ -77,11 +77,11 @@ def read(scene: tuple[str, str | None], text: str) -> Learned:
 
 def confirming_ping(
     scene: tuple[str, str | None], learned: Learned | None
-) -> tuple[int | None, Initiator]:
+) -> tuple[int | None, Tracker]:
     """Ping at which a target confirms after a restart, with what was learned or without."""
     initiator, found = make_initiator("score", sensor=SENSORS[scene[0]][0]), None
     if learned is not None:
-        initiator.remember(learned)
+        initiator.learned = learned
     for k, scan in enumerate(scans(scene, 25, 11, TARGET, 1000)):
         place = TARGET[0] + 12.0 * k * TARGET[1], TARGET[2] + 12.0 * k * TARGET[3]
         new = [math.dist(track.state[0::2], place) < 400.0 for track in initiator.process(scan)]

@@ -11,7 +11,7 @@ from support.plain_tsepm import Parameters
 from support.scenes import Scene
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.score.score_options import ScoreOptions
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 NEVER = 1e-30
 """A rate of so few false tracks that nothing is confirmed."""
@@ -19,7 +19,7 @@ SONAR = SensorModel()
 DISC = SONAR.coverage_area
 
 
-def score(sensor: SensorModel = SONAR, **options) -> Initiator:
+def score(sensor: SensorModel = SONAR, **options) -> Tracker:
     return make_initiator("score", sensor=sensor, **options)
 
 

@@ -18,7 +18,7 @@ from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
 
 BOX = dataclasses.replace(load_scenario("box"), scans=10)
@@ -112,7 +112,7 @@ def held(result) -> list[int]:
 class FailingInitiator:
     """An initiator that fails at the scan of a stamp (s)."""
 
-    def __init__(self, initiator: Initiator, stamp: float) -> None:
+    def __init__(self, initiator: Tracker, stamp: float) -> None:
         self._initiator, self._fails_at = initiator, stamp
 
     def __getattr__(self, name: str):

@@ -33,7 +33,7 @@ def recorded(scenario=SCENARIO, seed: int = 1):
     scene = RecordedScene("four targets", True, truth_paths(recording.targets))
     tracks = []
     for result in recording_results(recording, run, "bow"):
-        scene.add(result, run.initiator)
+        scene.add(result, run.tracker)
         tracks += result.new
     return json.loads(scene.document(run.dropped)), tracks, run
 
@@ -45,7 +45,7 @@ def test_every_scan_and_track_is_there():
     assert len(page["truth"]) == 4 and page["health"]["level"] == 0
     assert set(page["facts"]) == {str(track.track_id) for track in tracks} != set()
     last = page["frames"][-1]
-    assert [row[0] for row in last["tracks"]] == run.initiator.current.track_id.tolist()
+    assert [row[0] for row in last["tracks"]] == run.tracker.current.track_id.tolist()
     assert last["own_ship"][:2] == [0, 0]
 
 
@@ -56,7 +56,7 @@ def test_a_track_that_ends_says_when_and_why():
     for scan in seen + gone:
         run.add_scan(scan, 0.0)
         for result in run.process():
-            scene.add(result, run.initiator)
+            scene.add(result, run.tracker)
             ended |= {key: [result.stamp, ENDS[end]] for key, end in result.ended.items()}
     facts = json.loads(scene.document(run.dropped))["facts"]
     assert ended
@@ -68,7 +68,7 @@ def test_a_track_s_hits_and_reason_are_its_own():
     for track in tracks:
         facts = page["facts"][str(track.track_id)]
         assert facts["confirmed"] == track.stamp
-        assert facts["reason"] == run.initiator.reason(track)
+        assert facts["reason"] == run.tracker.reason(track)
         assert len(facts["hits"]) == len(track.hits)
         for (stamp, x, y), (scan, detection) in zip(facts["hits"], track.hits, strict=True):
             frame = page["frames"][scan]
@@ -86,7 +86,7 @@ def test_hits_of_scans_that_were_not_recorded_are_left_out():
     scene, tracks = RecordedScene("the end", True), []
     for number, result in enumerate(recording_results(recording, run, "bow")):
         if number >= 2:
-            scene.add(result, run.initiator)
+            scene.add(result, run.tracker)
             tracks += result.new
     page = json.loads(scene.document(run.dropped))
     shown = [len(page["facts"][str(track.track_id)]["hits"]) for track in tracks]
@@ -102,7 +102,7 @@ def test_after_a_restart_hits_are_those_of_the_new_run():
     results = []
     for _ in range(2):
         for result in recording_results(recording, run, "bow"):
-            scene.add(result, run.initiator)
+            scene.add(result, run.tracker)
             results.append(result)
     page = json.loads(scene.document(run.dropped))
     restart = [k for k, frame in enumerate(page["frames"]) if frame.get("restart")]

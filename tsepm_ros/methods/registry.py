@@ -11,7 +11,7 @@ from tsepm_ros.tracker.clutter.land import LandMask
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 METHODS: dict[str, type[Method] | str] = {
     "tsepm": "tsepm_ros.methods.tsepm:Tsepm",
@@ -85,7 +85,7 @@ def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
 
 def make_initiator(
     method: str, *, sensor: SensorModel, land: LandMask | None = None, **options: Any
-) -> Initiator:
+) -> Tracker:
     """Make a track initiator.
 
     Parameters
@@ -102,7 +102,7 @@ def make_initiator(
 
     Returns
     -------
-    Initiator
+    Tracker
 
     Raises
     ------
@@ -112,6 +112,6 @@ def make_initiator(
     TypeError
         If `sensor` is not a SensorModel.
     """
-    initiator = Initiator(make_method(method, sensor=sensor, **options))
+    initiator = Tracker(make_method(method, sensor=sensor, **options))
     initiator.land = land
     return initiator

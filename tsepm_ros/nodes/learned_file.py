@@ -71,11 +71,11 @@ class LearnedFile:
                 f"{getattr(error, 'strerror', None) or error}"  # without the path again
             )
             return
-        self._session.initiator.remember(found.learned)
+        self._session.tracker.learned = found.learned
         self._inform(
             f"what was learned {found.age / 60.0:.0f} min ago is used from {path}: clutter density "
-            f"{self._session.initiator.clutter_density:.2g} per m^2, detection probability "
-            f"{self._session.initiator.estimated_detection_probability:.2f}"
+            f"{self._session.tracker.clutter_density:.2g} per m^2, detection probability "
+            f"{self._session.tracker.estimated_detection_probability:.2f}"
         )
 
     def forget(self) -> None:
@@ -89,7 +89,7 @@ class LearnedFile:
 
     def write(self) -> None:
         """Write what was learned, if a scan was processed; a failure is logged once."""
-        initiator = self._session.initiator
+        initiator = self._session.tracker
         if self._path is None or initiator.stamp is None:
             return
         frame_id = self._session.settings.session.sensor_frame

@@ -269,7 +269,7 @@ class TrackOutputs:
         self._placed.publish(placed_detections_cloud(header, placed))
 
     def _publish_potential(self, header: Header) -> None:
-        potential = TrackArrays.of(self._session.initiator.potential_tracks())
+        potential = TrackArrays.of(self._session.tracker.potential_tracks())
         tracks = exchanged(potential, header.frame_id)
         self._potential.publish(track_cloud(header, tracks))
         if self._potential_markers.get_subscription_count():

@@ -113,7 +113,7 @@ class TrackInitiator(ParameterisedNode):
 
     def _hear_detections(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
-        interval = self._session.initiator.learned.scan_interval.median
+        interval = self._session.tracker.learned.scan_interval.median
         message, waited, skipped = newest(
             message, information, interval, self._detections.take_waiting
         )
@@ -182,7 +182,7 @@ class TrackInitiator(ParameterisedNode):
                 self._session.drop("internal_error", f"a scan was not published: {error!r}")
             else:
                 self._health.processed(result.statistics.detections, latency, self._clocks.now())
-            self._announced.announce(result, self._session.initiator.reason)
+            self._announced.announce(result, self._session.tracker.reason)
         if not self._session.unfinished:
             self._waiting.cancel()
         elif self._waiting.is_canceled():

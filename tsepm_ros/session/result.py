@@ -60,7 +60,7 @@ class SessionSnapshot:
     own_ship_stamp, scan_stamp : float or None
         Newest stamps, s.
     tracker : str
-        State of the downstream tracker: a value of `Tracker`.
+        State of the downstream tracker: a value of `ExternalTracker`.
     intensity : str
         Whether the strengths of detections count, in words.
     land_area : float

@@ -15,7 +15,7 @@ from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
 from tsepm_ros.tracker.clutter.seen_extent import Extent
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 MAX_LIKELY_STD = 0.2
 """Standard deviation of an azimuth, rad (11 degrees), beyond which it looks like degrees."""
@@ -254,7 +254,7 @@ class SensorCheck:
         while self._confirmed and self._confirmed[0] < stamp - RATE_WINDOW:
             self._confirmed.popleft()
 
-    def figures(self, initiator: Initiator) -> SensorFigures:
+    def figures(self, initiator: Tracker) -> SensorFigures:
         """Learned figures beside those that are given."""
         learned, sensor = initiator.learned, initiator.sensor
         seen, all_seen = learned.seen_extent, learned.all_extent
@@ -274,7 +274,7 @@ class SensorCheck:
             false_tracks_per_hour=getattr(initiator.options, "false_tracks_per_hour", None),
         )
 
-    def news(self, initiator: Initiator) -> list[tuple[str, str]]:
+    def news(self, initiator: Tracker) -> list[tuple[str, str]]:
         """Subjects and sentences not found before; looked for at every tenth scan."""
         self._scans += 1
         if self._scans % SCANS_BETWEEN:

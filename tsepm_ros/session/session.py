@@ -20,18 +20,18 @@ from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.drop_reasons import FAILURES, Notice, Refusal, Remark, shortened
 from tsepm_ros.session.frames import Frames, register
-from tsepm_ros.session.initiator_run import InitiatorRun
 from tsepm_ros.session.inputs import DownstreamInput, LandInput, OwnShipInput
 from tsepm_ros.session.message_check import Losses, MessageCheck
 from tsepm_ros.session.result import ScanResult, SessionSnapshot
 from tsepm_ros.session.scan_queue import QUEUE_LENGTH, Arrival, Now, ScanOrder, ScanQueue, Waiting
 from tsepm_ros.session.sweep import Sweep
+from tsepm_ros.session.tracker_run import TrackerRun
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.land import LandMask
 from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 
 def _ignore(reason: str, sentence: str) -> None:
@@ -74,7 +74,7 @@ class Session:
         options = settings.session
         self._report = report
         self._settings = settings
-        self._run = InitiatorRun(settings, live=live)
+        self._run = TrackerRun(settings, live=live)
         self._order = ScanOrder(settings.window, options.restart_jump, options.max_gap)
         self._queue = ScanQueue(self._order, queue_length)
         self._sweep = Sweep(settings)
@@ -94,9 +94,9 @@ class Session:
         return self._settings
 
     @property
-    def initiator(self) -> Initiator:
-        """The initiator in use."""
-        return self._run.initiator
+    def tracker(self) -> Tracker:
+        """The tracker in use."""
+        return self._run.tracker
 
     @property
     def source(self) -> str:
@@ -275,7 +275,7 @@ class Session:
         """State of the session, for its diagnostics."""
         newest = self._queue.newest_stamp
         if newest is None and not self.own_ship.restarted:
-            newest = self.initiator.stamp
+            newest = self.tracker.stamp
         return SessionSnapshot(
             **self._run.figures(),
             dropped=dict(self.dropped),
@@ -349,7 +349,7 @@ class Session:
             self._report_all(
                 Notice("gap", f"long gap before {stamp:.3f} s: potential tracks dropped")
             )
-            self.initiator.forget_potential_tracks()
+            self.tracker.forget_potential_tracks()
 
     def _report_at(self, stamp: float) -> TrackerReport | None:
         """The downstream tracker's report for the scan at a stamp (s)."""
@@ -364,12 +364,12 @@ class Session:
     def _run_on(self, scan: Scan, first: Waiting) -> ScanResult:
         """Run the initiator on a registered scan."""
         self._report_all(self._land.settle(self.fixed_frame))
-        if self._land.mask is not self.initiator.land:
-            self.initiator.land = self._land.mask
-        tracker, seen = self.initiator.maintenance.tracker, self.initiator.plots.seen
+        if self._land.mask is not self.tracker.land:
+            self.tracker.land = self._land.mask
+        tracker, seen = self.tracker.maintenance.tracker, self.tracker.plots.seen
         new, seconds = self._run.process(scan, self._report_at(scan.stamp))
         remarks = self._run.remarks(scan, tracker, seen)
-        detections = self.initiator.statistics.detections
+        detections = self.tracker.statistics.detections
         self._report_all(*remarks, *self._losses.processed(detections, self.dropped))
         return ScanResult(
             stamp=scan.stamp,
@@ -378,11 +378,11 @@ class Session:
             frame_id=self.fixed_frame,
             arrival=first.arrival,
             new=new,
-            revised=self.initiator.revised,
-            current=self.initiator.current,
-            fixed_echoes=self.initiator.fixed_echoes,
-            ended=self.initiator.maintenance.ended,
-            statistics=self.initiator.statistics,
+            revised=self.tracker.revised,
+            current=self.tracker.current,
+            fixed_echoes=self.tracker.fixed_echoes,
+            ended=self.tracker.maintenance.ended,
+            statistics=self.tracker.statistics,
             core_seconds=seconds,
             waiting=first.seconds,
         )

@@ -30,7 +30,7 @@ from tsepm_ros.settings.node_options import (
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class Settings:
         method = self.session.method
         return self.methods.get(method) or method_class(method).Options()
 
-    def make_initiator(self) -> Initiator:
+    def make_initiator(self) -> Tracker:
         """Make the initiator that these settings describe."""
-        return Initiator(self.make_method())
+        return Tracker(self.make_method())
 
     def make_method(self) -> Method:
         """Make the method that these settings describe."""

@@ -28,7 +28,7 @@ from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.path_fit import fit
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     plain_scans, sensor, options = in_plain_loops(scene, seed)
     rule = AtThreshold(threshold)
     common = CommonOptions(limit_speed=False, **AS_GIVEN)
-    initiator = Initiator(Score(sensor, common, ScoreOptions(**options), rule))
+    initiator = Tracker(Score(sensor, common, ScoreOptions(**options), rule))
     strong = 0
     for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
         grown = at_max_speed(tree, common.max_speed)
@@ -234,7 +234,7 @@ def test_a_target_is_started_that_a_held_track_explains_in_part(earlier, starts)
     # 0.45 or 0.8 of the first four hits are due to the held track, 0.67 of six at least.
     sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
     rule = PartlyHeld([earlier] * 4 + [0.4] * 2)
-    initiator = Initiator(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions(), rule))
+    initiator = Tracker(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions(), rule))
     scans = [scan_at(12.0 * k, [(3000.0, 84.0 * k)]) for k in range(6)]
     assert sum(len(initiator.process(scan)) for scan in scans) == starts
 

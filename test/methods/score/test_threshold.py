@@ -13,7 +13,7 @@ from support.score_scenes import NEVER, SONAR, clutter, score, sea
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.score.threshold import Threshold, coarse_sensor
 from tsepm_ros.numerics.arrays import TimeLimit
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 
 
 def test_a_track_says_its_evidence_and_by_how_much_it_passed():
@@ -39,7 +39,7 @@ def test_the_smallest_rate_has_a_threshold():
     assert 0.0 < initiator.method.threshold < math.inf
 
 
-def false_tracks(initiator: Initiator, scans: int, first: int = 0, density: float = 1e-6) -> int:
+def false_tracks(initiator: Tracker, scans: int, first: int = 0, density: float = 1e-6) -> int:
     rng = np.random.default_rng(8)
     return sum(
         len(initiator.process(Scan(12.0 * (first + index), *clutter(rng, density))))
@@ -138,11 +138,11 @@ def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density
     assert confirmed(factor * 1e-6, "estimated") < 2.0 * confirmed(1e-6, "given")
 
 
-def observed(scans: list[Scan], **options) -> tuple[Threshold, Initiator]:
+def observed(scans: list[Scan], **options) -> tuple[Threshold, Tracker]:
     """The threshold after scans, and the initiator that observed them."""
     initiator, threshold = score(**options), Threshold()
     for scan in scans:
-        threshold.observe(initiator.front_end.observe(scan, TimeLimit()))
+        threshold.observe(initiator.observe(scan, TimeLimit()))
     return threshold, initiator
 
 
@@ -182,7 +182,7 @@ def test_evidence_far_below_every_threshold_asks_for_none():
 
 def test_estimates_are_rounded_and_what_is_given_is_not():
     initiator = score()
-    seen = initiator.front_end.observe(sea(np.random.default_rng(2), 1, [])[0], TimeLimit())
+    seen = initiator.observe(sea(np.random.default_rng(2), 1, [])[0], TimeLimit())
     seen = replace(seen, detection_probability_in_use=0.77)
     seen.detections["clutter_density"] = 2.5e-6
     coarse = coarse_sensor(SONAR, seen, initiator.common)

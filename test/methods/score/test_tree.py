@@ -54,7 +54,7 @@ def split(seed: int, time_limit: TimeLimit | None = None, **limits: int) -> tupl
     for scan in scans[:3]:
         initiator.process(scan)
     before = initiator.method.hypotheses
-    observed = initiator.front_end.observe(scans[3], time_limit or TimeLimit())
+    observed = initiator.observe(scans[3], time_limit or TimeLimit())
     ids = np.arange(len(observed.detections)) + before.hits.max() + 1
     predicted = tree.predict(before, observed.interval, 0.001)
     probability = observed.detection_probability(predicted.state[:, 0::2])

@@ -48,7 +48,7 @@ from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated, gate_within
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
 
 AS_GIVEN: Mapping[str, Any] = MappingProxyType(
@@ -76,7 +76,7 @@ class Started:
     tracks: TrackArrays
 
     @classmethod
-    def on(cls, scene: SimulatedScene, initiator: Initiator, scans: int) -> Started:
+    def on(cls, scene: SimulatedScene, initiator: Tracker, scans: int) -> Started:
         """The tracks that a method starts in the first scans."""
         parts = [initiator.process(scan) for scan in scene.scans[:scans]]
         return cls(scene, TrackArrays.of([]).joined(*map(TrackArrays.of, parts)))
@@ -237,7 +237,7 @@ def _table_1_counts(
     method = method_class(
         scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED, **AS_GIVEN), options
     )
-    initiator = Initiator(method)
+    initiator = Tracker(method)
     started = Started.on(scene, initiator, window)
     found, wrong = started.counts()
     first = _of_first_scan(started)
@@ -340,7 +340,7 @@ def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     options = SplitMergeOptions(min_hits=TABLE_I_RULE[0], window=TABLE_I_RULE[1])
     results: Result = {}
     for name, method_class in (("split", SplitOnly), ("merged", SplitMerge)):
-        initiator = Initiator(method_class(scenario.sensor, CommonOptions(**AS_GIVEN), options))
+        initiator = Tracker(method_class(scenario.sensor, CommonOptions(**AS_GIVEN), options))
         started = Started.on(scene, initiator, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = np.zeros(len(started.tracks), bool)

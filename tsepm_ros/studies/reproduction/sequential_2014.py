@@ -31,7 +31,7 @@ from tsepm_ros.tools.simulation.scenario import WaypointMotion
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
@@ -115,7 +115,7 @@ def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
             CommonOptions(max_speed=published.SEQUENTIAL_MAX_SPEED, **AS_GIVEN),
             SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
         )
-        started = Started.on(scene, Initiator(method), scenario.scans)
+        started = Started.on(scene, Tracker(method), scenario.scans)
         judged = started.judged()
         true = [judgement for judgement in judged if judgement.outcome is Outcome.TRUE]
         for name, stamps in (

@@ -341,7 +341,7 @@ def _process(
                 with naming(path):
                     writer.write(result.in_frame())
             if recorded is not None:
-                recorded.add(result, run.session.initiator)
+                recorded.add(result, run.session.tracker)
             if with_scene:
                 scene.scans.append(
                     ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)

@@ -81,7 +81,7 @@ def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> 
         server = make_server(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
         for result in with_progress(run.results, run.scans, "scans", "scan"):
-            recorded.add(result, run.session.initiator)
+            recorded.add(result, run.session.tracker)
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
         with suppress(KeyboardInterrupt):

@@ -33,7 +33,7 @@ from tsepm_ros.tools.simulation.scenario import Motion
 from tsepm_ros.tracker.measurement import major_sigma, position_covariance
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 NO_TARGET = -1
@@ -191,7 +191,7 @@ def _majority(sources: NDArray[np.int64]) -> int:
 
 
 class TrackStarter(Protocol):
-    """Interface of what is evaluated: an `Initiator`, or an object with the same `process`.
+    """Interface of what is evaluated: an `Tracker`, or an object with the same `process`.
 
     The evaluation reads `stamp`, `state`, `covariance` (nan if unknown) and `hits` of its tracks.
     With the optional attribute `current`, tracks with a `state` (n, 4) at the last scan's
@@ -202,7 +202,7 @@ class TrackStarter(Protocol):
         """Process the next scan and return the tracks newly confirmed by it."""
 
 
-def make_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Initiator:
+def make_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Tracker:
     """Make one of the package's own methods for a scenario's sensor."""
     return make_initiator(method, sensor=scenario.sensor, **options)
 

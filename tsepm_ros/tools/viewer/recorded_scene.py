@@ -12,7 +12,7 @@ from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.tools.viewer.page_frames import Frame, encode, health_of_run, make_frame, track_facts
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert
-from tsepm_ros.tracker.tracker import Initiator
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 
@@ -49,10 +49,10 @@ class RecordedScene:
         """Number of scans."""
         return len(self._frames)
 
-    def add(self, result: ScanResult, initiator: Initiator) -> None:
+    def add(self, result: ScanResult, initiator: Tracker) -> None:
         """Take the result of a scan, before its initiator processes the next one."""
         detections = convert(result.scan, initiator.sensor, 0)["position"]
-        index = initiator.front_end.scan_index
+        index = initiator.scan_index
         if index <= max(self._scans, default=-1):  # the initiator has started over
             self._scans = {}
         self._scans[index] = result.stamp, detections

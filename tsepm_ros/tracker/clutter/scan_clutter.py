@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.tracker.clutter import amplitude
 from tsepm_ros.tracker.clutter.amplitude import RINGS, ClutterStrengths
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.overdispersion import PredictiveDensity
 from tsepm_ros.tracker.clutter.persistent_clutter import RISE, CellNumbers
 from tsepm_ros.tracker.clutter.polar_grid import Cells
 from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
+from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
+from tsepm_ros.tracker.measurement import NAMES
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel, View
+
+INTENSITY = NAMES.index("intensity")
 
 
 class ScanClutter:
@@ -135,6 +141,56 @@ class ScanClutter:
         if self._places is not None:
             learned.persistent.update(stamp, view(), self._places, moving())
         return self._raised(density)
+
+    def judge_strengths(
+        self, detections: NDArray[np.void], scan_index: int, most_hits: int
+    ) -> ScanStrengths | None:
+        """What the strengths of a scan's detections say, by the scans before.
+
+        Their exponents become the field `strength` of the detections.
+
+        Parameters
+        ----------
+        detections : (d,) ndarray of DETECTION
+        scan_index : int
+        most_hits : int
+            Hits that a path may have.
+
+        Returns
+        -------
+        ScanStrengths or None
+            None where they say nothing.
+        """
+        if self.strengths is None:
+            return None
+        judged = self.strengths.judge(
+            detections["features"][:, INTENSITY],
+            scan_index,
+            detections["index"],
+            lambda: self.rings,
+            detections["position"],
+        )
+        if judged is None:
+            return None
+        detections["strength"] = judged.extrapolated
+        return ScanStrengths.of(judged.exponent, judged.samples, most_hits)
+
+    def learn_strengths(self, detections: NDArray[np.void], moved: float) -> None:
+        """Learn the law of the strengths of clutter from the scan that was judged.
+
+        Parameters
+        ----------
+        detections : (d,) ndarray of DETECTION
+        moved : float
+            Distance that a target moves at most from scan to scan, m.
+        """
+        if self.strengths is None:
+            return
+        sigma, error = np.sort(detections["major_sigma"]), 0.0
+        if len(sigma):  # three times the median
+            error = 1.5 * float(sigma[(len(sigma) - 1) // 2] + sigma[len(sigma) // 2])
+        reach = moved * np.arange(amplitude.LAGS + 1.0) + math.sqrt(2.0) * error
+        self.strengths.update(self.weight, (amplitude.LAGS + 1.0) * moved + error, reach)
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each detection (d,): that of a target after all."""

@@ -26,7 +26,7 @@ LISTED = -math.inf
 """Value of the time since which a track is unlisted, for a listed track."""
 
 
-class Tracker(enum.Enum):
+class ExternalTracker(enum.Enum):
     """Status of a downstream tracker."""
 
     NONE = "none"
@@ -40,28 +40,28 @@ class DownstreamTracker:
 
     Attributes
     ----------
-    status : Tracker
+    status : ExternalTracker
     last_report : float
         Stamp of its last report, s.
     """
 
-    status: Tracker = Tracker.NONE
+    status: ExternalTracker = ExternalTracker.NONE
     last_report: float = -math.inf
 
     @property
     def is_alive(self) -> bool:
         """Whether it is heard."""
-        return self.status is Tracker.ALIVE
+        return self.status is ExternalTracker.ALIVE
 
     def at(self, stamp: float, timeout: float) -> DownstreamTracker:
         """The tracker at a time (s): silent if its last report is more than a timeout (s) away."""
         if self.is_alive and abs(stamp - self.last_report) > timeout:
-            return replace(self, status=Tracker.SILENT)
+            return replace(self, status=ExternalTracker.SILENT)
         return self
 
     def heard(self, stamp: float) -> DownstreamTracker:
         """The tracker after a report of a time, s."""
-        return DownstreamTracker(Tracker.ALIVE, stamp)
+        return DownstreamTracker(ExternalTracker.ALIVE, stamp)
 
     def unlisted_since(self, since: FloatArray, stamp: float) -> FloatArray:
         """Times since which tracks (n,) are unlisted as the tracker is heard at a stamp, s.

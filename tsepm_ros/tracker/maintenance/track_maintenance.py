@@ -29,7 +29,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks, Status
 from tsepm_ros.tracker.maintenance.external_tracker import (
     LISTED,
     DownstreamTracker,
-    Tracker,
+    ExternalTracker,
     declined,
 )
 from tsepm_ros.tracker.maintenance.features import Environment
@@ -164,7 +164,7 @@ class TrackMaintenance:
         return self._ended
 
     @property
-    def tracker(self) -> Tracker:
+    def tracker(self) -> ExternalTracker:
         """Whether a downstream tracker was heard since the last clearing, and still is."""
         return self._tracker.status
 

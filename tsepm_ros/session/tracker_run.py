@@ -10,13 +10,13 @@ from tsepm_ros.session.drop_reasons import FAILURES, Notice, Refusal, Remark
 from tsepm_ros.session.sensor_check import SensorCheck, findings
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
-from tsepm_ros.tracker.maintenance.external_tracker import Tracker, TrackerReport
+from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker, TrackerReport
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
-class InitiatorRun:
+class TrackerRun:
     """Runs the initiator of the settings, through failures and changes of the settings.
 
     Parameters
@@ -27,7 +27,7 @@ class InitiatorRun:
 
     Attributes
     ----------
-    initiator : Initiator
+    initiator : Tracker
     check : SensorCheck
         Compares the sensor's figures as given with what the scans show.
     """
@@ -35,7 +35,7 @@ class InitiatorRun:
     def __init__(self, settings: Settings, *, live: bool) -> None:
         self._settings = settings
         self._live = live
-        self.initiator = settings.make_initiator()
+        self.tracker = settings.make_initiator()
         self.check = SensorCheck()
         self._strengths_count = False
         self._totals_before = ScanStatistics()  # of runs before the last `start_over`
@@ -44,7 +44,7 @@ class InitiatorRun:
     @property
     def totals(self) -> ScanStatistics:
         """Sums over the scans since the start or the last `reset`, across calls of `start_over`."""
-        return self._totals_before + self.initiator.totals
+        return self._totals_before + self.tracker.totals
 
     def configure(self, settings: Settings) -> bool:
         """Change settings; an error leaves them unchanged.
@@ -55,18 +55,18 @@ class InitiatorRun:
             Whether potential tracks were kept. A change of the method or of the number of hits
             discards them.
         """
-        kept = self.initiator.configure(settings.make_method())
+        self.tracker, kept = self.tracker.with_settings(settings.make_method())
         self._settings = settings
         self.check.say_again()
         return kept
 
     def rehearse(self, settings: Settings) -> None:
         """Raise the errors of `configure`, without a change."""
-        self.initiator.rehearse(settings.make_method())
+        self.tracker.with_settings(settings.make_method())
 
     def reset(self) -> None:
         """Discard tracks and counts."""
-        self.initiator.reset()
+        self.tracker.reset()
         self.check = SensorCheck()
         self._totals_before = ScanStatistics()
         self._ends.clear()
@@ -74,7 +74,7 @@ class InitiatorRun:
     def start_over(self) -> None:
         """Discard tracks and keep counts."""
         self._totals_before = self.totals
-        self.initiator.reset()
+        self.tracker.reset()
         self.check = SensorCheck()
 
     def process(self, scan: Scan, report: TrackerReport | None) -> tuple[TrackArrays, float]:
@@ -93,24 +93,24 @@ class InitiatorRun:
             All tracks are discarded then, because the initiator's state is undefined.
         """
         if self._live:
-            self.initiator.max_scan_time = self._settings.session.max_scan_time
+            self.tracker.max_scan_time = self._settings.session.max_scan_time
         try:
             if report is not None:
-                self.initiator.maintenance.follow(report.stamp, report.tracks)
+                self.tracker.maintenance.follow(report.stamp, report.tracks)
             begin = time.perf_counter()
-            new = self.initiator.process(scan)
+            new = self.tracker.process(scan)
         except FAILURES:
             self.start_over()
             raise
         seconds = time.perf_counter() - begin
-        self._ends.update(self.initiator.maintenance.ended.values())
-        outside = self.initiator.statistics.outside_coverage
+        self._ends.update(self.tracker.maintenance.ended.values())
+        outside = self.tracker.statistics.outside_coverage
         self.check.observe(scan.stamp, len(new), outside, len(scan))
         return new, seconds
 
     def figures(self) -> dict[str, Any]:
         """The fields of a `SessionSnapshot` that describe the initiator."""
-        initiator = self.initiator
+        initiator = self.tracker
         check = self.check.figures(initiator)
         states = Counter(initiator.maintenance.held.status.tolist())
         return {
@@ -130,20 +130,22 @@ class InitiatorRun:
             "tracker": initiator.maintenance.tracker.value,
         }
 
-    def remarks(self, scan: Scan, tracker_before: Tracker, several_before: bool) -> list[Remark]:
+    def remarks(
+        self, scan: Scan, tracker_before: ExternalTracker, several_before: bool
+    ) -> list[Remark]:
         """Return notices and refusals after a processed scan.
 
         Parameters
         ----------
         scan : Scan
-        tracker_before : Tracker
+        tracker_before : ExternalTracker
             State of the downstream tracker before the scan.
         several_before : bool
             Whether targets were seen before the scan to have several detections a ping.
         """
         remarks: list[Remark] = []
-        change = tracker_before, self.initiator.maintenance.tracker
-        if change == (Tracker.ALIVE, Tracker.SILENT):
+        change = tracker_before, self.tracker.maintenance.tracker
+        if change == (ExternalTracker.ALIVE, ExternalTracker.SILENT):
             timeout = self._settings.common.tracked_timeout
             remarks.append(
                 Notice(
@@ -152,11 +154,11 @@ class InitiatorRun:
                     "maintains its tracks",
                 )
             )
-        elif change == (Tracker.SILENT, Tracker.ALIVE):
+        elif change == (ExternalTracker.SILENT, ExternalTracker.ALIVE):
             remarks.append(Notice("tracker_back", "the downstream tracker reports again"))
-        if self.initiator.plots.seen and not several_before:
-            remarks.append(Notice("plots", self.initiator.plots.sentence))
-        statistics = self.initiator.statistics
+        if self.tracker.plots.seen and not several_before:
+            remarks.append(Notice("plots", self.tracker.plots.sentence))
+        statistics = self.tracker.statistics
         outside = statistics.outside_coverage
         if outside:
             remarks.append(
@@ -169,11 +171,14 @@ class InitiatorRun:
             )
         if statistics.on_land:
             remarks.append(Refusal("on_land", "", statistics.on_land))
-        remarks += [Notice(*news) for news in self.check.news(self.initiator)]
-        counted, self._strengths_count = self._strengths_count, self.initiator.uses_intensity
+        remarks += [Notice(*news) for news in self.check.news(self.tracker)]
+        counted, self._strengths_count = (
+            self._strengths_count,
+            self.tracker.intensity.startswith("used"),
+        )
         if counted != self._strengths_count:
             remarks.append(
-                Notice("intensity", f"the intensity of detections is {self.initiator.intensity}")
+                Notice("intensity", f"the intensity of detections is {self.tracker.intensity}")
             )
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
