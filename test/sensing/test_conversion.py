@@ -10,6 +10,7 @@ from support.builders import whitened
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.measurement import (
+    LEAST_ACROSS,
     convert,
     covariance_at,
     major_sigma,
@@ -229,6 +230,25 @@ def test_covariance_at_keeps_own_deviations_and_pose_errors():
     )
     at = covariance_at(convert(scan, SENSOR, 0), there, SENSOR)
     np.testing.assert_allclose(at[0], expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("range_", [1e-3, 5.0, 60.0, 300.0, 3000.0])
+def test_the_error_across_is_at_least_that_along_where_it_is_asked_for(range_):
+    # A target's extent and own ship's position errors act on both axes, at any range.
+    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
+    scan = Scan(0.0, [range_], [0.4])
+    hits = convert(scan, sensor, 0, LEAST_ACROSS)
+    np.testing.assert_array_equal(hits["position"], convert(scan, sensor, 0)["position"])
+    there = np.array([[-0.7 * range_, 0.2 * range_]])
+    for covariance, direction in (
+        (hits["covariance"][0], [math.cos(0.4), math.sin(0.4)]),
+        (covariance_at(hits, there, sensor)[0], there[0] / np.hypot(*there[0])),
+    ):
+        across = np.array([-direction[1], direction[0]])
+        assert direction @ covariance @ direction == pytest.approx(8.0**2, rel=0.01)
+        assert math.sqrt(across @ covariance @ across) >= 8.0 * (1.0 - 1e-9)
+    if range_ > 1000.0:  # the azimuth error is the larger
+        np.testing.assert_array_equal(hits["covariance"], convert(scan, sensor, 0)["covariance"])
 
 
 def test_covariance_at_has_the_shape_of_its_detections():

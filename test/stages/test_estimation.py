@@ -12,7 +12,7 @@ from support.builders import detections, fit_matrix, whitened
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao
 from tsepm_ros.tracker import path_fit
-from tsepm_ros.tracker.measurement import DETECTION, convert, covariance_at
+from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, convert, covariance_at
 from tsepm_ros.tracker.path_fit import (
     ESTIMATORS,
     fit,
@@ -117,6 +117,21 @@ def test_the_polar_fit_gives_the_errors_at_its_state():
     at_fit = covariance_at(hits, positions_at(fitted.state, fitted.time_after_state), SENSOR)
     np.testing.assert_allclose(fitted.hit_covariance, at_fit, rtol=1e-9)
     assert not (fitted.state == fit(hits, 50.0, SENSOR, "weighted").state).all(axis=1).any()
+
+
+def test_both_fits_take_the_same_error_across_where_it_is_at_least_that_along():
+    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=1e-3)
+    hits = np.zeros((1, 6), DETECTION)
+    for k in range(6):
+        hits[:, k] = convert(Scan(2.0 * k, [200.0 + 3.0 * k], [0.3]), sensor, k, LEAST_ACROSS)
+    sigma = {}
+    for estimator in ("weighted", "polar"):
+        turn = np.kron([[math.cos(0.3), math.sin(0.3)], [-math.sin(0.3), math.cos(0.3)]], np.eye(2))
+        sigma[estimator] = np.sqrt(
+            np.diag(turn @ fit(hits, 10.0, sensor, estimator).covariance[0] @ turn.T)
+        )
+        assert sigma[estimator][2:] == pytest.approx(sigma[estimator][:2], rel=0.02), estimator
+    assert sigma["polar"] == pytest.approx(sigma["weighted"], rel=0.02)
 
 
 def test_the_published_fit_takes_the_errors_as_measured():

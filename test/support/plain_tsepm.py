@@ -67,6 +67,9 @@ class Parameters:
         P_TM, from which Eq. 5 gives the threshold of Eq. 30.
     estimator : {"unweighted", "weighted"}
         Least squares by Eqs. 19-20, or weighted with the inverse covariances of the hits.
+    across_as_along : bool
+        Whether the variance across the line of sight is at least that along it, of detections
+        without an azimuth error of their own; not of the published method.
     """
 
     range_std: float
@@ -84,6 +87,7 @@ class Parameters:
     merging: str = "moments"
     merging_probability: float = 0.9
     estimator: str = "unweighted"
+    across_as_along: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what no reading of the method covers."""
@@ -110,6 +114,8 @@ class Sensing:
         The detection's own standard deviation of the range; None means the sensor's model.
     azimuth_std : float
         Standard deviation of the azimuth.
+    across_as_along : bool
+        As in `Parameters`.
     """
 
     position: np.ndarray
@@ -117,6 +123,7 @@ class Sensing:
     pose_covariance: np.ndarray | None
     range_std: float | None
     azimuth_std: float
+    across_as_along: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,6 +360,7 @@ def sensing_of(scan: Mapping[str, Any], detection_index: int, settings: Paramete
         pose_covariance=None if pose_covariance is None else np.array(pose_covariance, float),
         range_std=detection_value(scan, "range_std", detection_index),
         azimuth_std=settings.azimuth_std if azimuth_std is None else azimuth_std,
+        across_as_along=settings.across_as_along and azimuth_std is None,
     )
 
 
@@ -414,6 +422,11 @@ def fixed_frame_covariance(
     in_sensor_frame = converted_covariance(
         range_, azimuth, range_variance(range_, sensing, settings), sensing.azimuth_std
     )
+    if sensing.across_as_along:
+        along = np.array([[math.cos(azimuth)], [math.sin(azimuth)]])
+        across = rotation_matrix(0.5 * math.pi) @ along
+        lacking = along.T @ in_sensor_frame @ along - across.T @ in_sensor_frame @ across
+        in_sensor_frame = in_sensor_frame + max(float(lacking[0, 0]), 0.0) * (across @ across.T)
     rotation = rotation_matrix(sensing.yaw)
     covariance = rotation @ in_sensor_frame @ rotation.T
     if sensing.pose_covariance is not None:

@@ -54,7 +54,7 @@ def sea(
 def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, dict[str, float]]:
     """Hypotheses of a scene under a rule that the seed chooses; sensor and options of the same."""
     rule = Rule(
-        Parameters(**scene.sensor, max_speed=10.0, min_hits=3, window=16),
+        Parameters(**scene.sensor, max_speed=10.0, min_hits=3, window=16, across_as_along=True),
         detection_probability=(0.6, 0.9, 0.999)[seed % 3],
         gate_probability=(0.9, 0.99)[seed % 2],
         process_noise=(0.0, 0.01)[seed % 2],

@@ -165,6 +165,7 @@ DETECTION = np.dtype(
         ("major_sigma", np.float64),  # m, major axis of that covariance (sigma_Rmax)
         ("range_std", np.float64),  # m; nan: the sensor model's
         ("azimuth_std", np.float64),  # rad
+        ("least_across", np.float64),  # variance across over that along, at least
         ("sensor_pose", np.float64, (3,)),  # x, y, yaw in the fixed frame
         ("sensor_pose_covariance", np.float64, (3, 3)),
         ("sensor_velocity", np.float64, (2,)),  # m/s, fixed frame
@@ -178,6 +179,13 @@ DETECTION = np.dtype(
 """A converted detection, with the fields for re-evaluating its covariance elsewhere."""
 
 
+LEAST_ACROSS = 1.0
+"""Variance across the line of sight, at least, over that along it: of detections without an azimuth
+error of their own, for held tracks and methods whose likelihoods take errors as they are.
+
+A target's extent and errors of own ship's position act on both axes. The stated range error covers
+them; across, the azimuth error falls below them at short range.
+"""
 MIN_VARIANCE_SHARE = 1e-11
 """Smallest variance of a position as a share of the largest: axes of 3e-6 to 1."""
 
@@ -224,14 +232,18 @@ def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray
 
 
 def position_covariance(
-    range: ArrayLike, azimuth: ArrayLike, range_variance: ArrayLike, azimuth_std: ArrayLike
+    range: ArrayLike,
+    azimuth: ArrayLike,
+    range_variance: ArrayLike,
+    azimuth_std: ArrayLike,
+    least_across: ArrayLike = 0.0,
 ) -> FloatArray:
     """Covariance of `unbiased_position`, exact for a target at the given range and azimuth.
 
     With ``b = exp(-s^2/2)``, along and across the line of sight::
 
         along  = (r^2 + s_r^2) (1 + b^4) / (2 b^2) - r^2
-        across = (r^2 + s_r^2) (1 - b^4) / (2 b^2)
+        across = max((r^2 + s_r^2) (1 - b^4) / (2 b^2), least_across along)
 
     rotated by the azimuth. Neither is below `MIN_VARIANCE_SHARE` of the other.
 
@@ -239,18 +251,25 @@ def position_covariance(
     ----------
     range, azimuth, range_variance, azimuth_std : (...) array_like
         m, rad, m^2, rad. The true range and azimuth, or their best estimates.
+    least_across : (...) array_like, optional
+        0: the azimuth error is all; see `LEAST_ACROSS`.
 
     Returns
     -------
     (..., 2, 2) ndarray
         m^2.
     """
-    along, across = _variances(np.square(range), np.asarray(range_variance), azimuth_std)
+    along, across = _variances(
+        np.square(range), np.asarray(range_variance), azimuth_std, least_across
+    )
     return rotated(along, across, azimuth)
 
 
 def _variances(
-    square: FloatArray, range_variance: FloatArray, azimuth_std: ArrayLike
+    square: FloatArray,
+    range_variance: FloatArray,
+    azimuth_std: ArrayLike,
+    least_across: ArrayLike,
 ) -> tuple[FloatArray, FloatArray]:
     """Variances along and across the line of sight, of squared ranges.
 
@@ -261,7 +280,7 @@ def _variances(
     # costs no digits.
     along = 2.0 * square * np.sinh(0.5 * angle_variance) ** 2
     along = along + range_variance * np.cosh(angle_variance)
-    across = (square + range_variance) * np.sinh(angle_variance)
+    across = np.maximum((square + range_variance) * np.sinh(angle_variance), least_across * along)
     # Beyond this ratio the rotation and sums of covariances lose the smaller to rounding.
     least = MIN_VARIANCE_SHARE * np.maximum(along, across)
     return np.maximum(along, least), np.maximum(across, least)
@@ -350,7 +369,9 @@ def major_sigma(covariance: FloatArray) -> FloatArray:
     return np.sqrt(half_sum + np.hypot(half_difference, covariance[..., 0, 1]))
 
 
-def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void]:
+def convert(
+    scan: Scan, sensor: SensorModel, scan_index: int, least_across: ArrayLike = 0.0
+) -> NDArray[np.void]:
     """Convert a scan to detections in the fixed frame (Step 1; Eqs. 6-11).
 
     Parameters
@@ -361,6 +382,8 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
         Errors of measurements for which the scan has none.
     scan_index : int
         Index stored with each detection.
+    least_across : (n,) array_like, optional
+        See `position_covariance`.
 
     Returns
     -------
@@ -374,6 +397,7 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
         detections["time"] += scan.time_offset
     detections["range_std"] = np.nan if scan.range_std is None else scan.range_std
     detections["azimuth_std"] = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
+    detections["least_across"] = least_across
     detections["sensor_pose"] = scan.sensor_pose
     yaw = detections["sensor_pose"][:, 2]
     offset = unbiased_position(scan.range, scan.azimuth + yaw, detections["azimuth_std"])
@@ -383,6 +407,7 @@ def convert(scan: Scan, sensor: SensorModel, scan_index: int) -> NDArray[np.void
         scan.azimuth + yaw,
         sensor.range_variance(scan.range) if scan.range_std is None else scan.range_std**2,
         detections["azimuth_std"],
+        least_across,
     )
     if scan.sensor_pose_covariance is not None:
         detections["sensor_pose_covariance"] = scan.sensor_pose_covariance
@@ -422,7 +447,9 @@ def covariance_at(
     x, y = offset[..., 0], offset[..., 1]
     range_ = np.hypot(x, y)
     range_variance = range_variance_at(detections, range_, sensor)
-    along, across = _variances(range_**2, range_variance, detections["azimuth_std"])
+    along, across = _variances(
+        range_**2, range_variance, detections["azimuth_std"], detections["least_across"]
+    )
     away = range_ > 0.0
     cosine = np.divide(x, range_, out=np.ones(range_.shape), where=away)
     sine = np.divide(y, range_, out=np.zeros(range_.shape), where=away)

@@ -367,8 +367,11 @@ def _polar_information(
     jacobian = jacobian.reshape(*range_.shape, 2, 2)  # of range and azimuth by position
     across = np.swapaxes(jacobian, -1, -2)
     covariance = jacobian @ pose_error_covariance(offset, hits["sensor_pose_covariance"]) @ across
-    covariance[..., 0, 0] += range_variance_at(hits, range_, sensor)
-    covariance[..., 1, 1] += np.square(hits["azimuth_std"])
+    along = range_variance_at(hits, range_, sensor)
+    covariance[..., 0, 0] += along
+    covariance[..., 1, 1] += np.maximum(
+        np.square(hits["azimuth_std"]), hits["least_across"] * along / np.square(range_)
+    )
     information = inverse_or_nan(covariance)
     measured_range, measured_azimuth = measured_polar(hits)
     error = np.stack([measured_range - range_, wrap(measured_azimuth - np.arctan2(y, x))], axis=-1)

@@ -27,7 +27,7 @@ from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY, Hel
 from tsepm_ros.tracker.maintenance.shape import Hulls, further_plots
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.measurement import convert, measured_polar
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, measured_polar
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.plot_extraction import PlotExtraction
 from tsepm_ros.tracker.recent_hits import RecentHits
@@ -434,7 +434,10 @@ class Tracker:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         made = self.plots.plots_of(found, self._joined if self.plots.hulls else None)
         measured = found if made is None else made.scan
-        detections = convert(measured, self.sensor, self.scan_index)
+        as_stated = found.azimuth_std is not None or not self.method.most_tracks_true
+        own = np.zeros(len(measured), bool) if made is None else made.own_range_std
+        least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
+        detections = convert(measured, self.sensor, self.scan_index, least)
         self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
         detections["index"] = rows if made is None else rows[made.strongest]
         if made is not None and scan.range_std is None:

@@ -25,7 +25,7 @@ from tsepm_ros.methods.score.hypotheses import Grown
 from tsepm_ros.methods.score.score import Score
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.tracker.detection_window import DetectionWindow
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.path_fit import fit
 from tsepm_ros.tracker.tracker import Tracker
@@ -71,7 +71,10 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
 
 def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance over hypotheses, each fitted to its hits; negligible ones left out."""
-    converted = [convert(scan, sensor, index) for index, scan in enumerate(scans)]
+    converted = [
+        convert(scan, sensor, index, LEAST_ACROSS * (scan.azimuth_std is None))
+        for index, scan in enumerate(scans)
+    ]
     most = max(one.score for one in members)
     counted = [one for one in members if one.score >= most + math.log(0.01)]
     weights = np.exp([one.score - most for one in counted])

@@ -77,6 +77,16 @@ def test_a_rarer_wish_has_a_higher_threshold_whatever_the_sensor(sensor, window)
     assert thresholds[2] > 10.0
 
 
+def test_an_azimuth_error_far_below_the_range_error_changes_no_threshold():
+    # Detections have as large an error across as along then, in the plan as in the method.
+    near = {"range_std": 8.0, "range_std_fraction": 0.0, "max_range": 300.0}
+    thresholds = [plan(**near, azimuth_std=std).threshold(1e-4) for std in (1e-6, 1e-4, 1e-2)]
+    assert thresholds[:2] == pytest.approx([thresholds[2]] * 2, abs=0.2)
+    own = [plan(**near, azimuth_std=std).passed_share for std in (1e-6, 1e-4)]
+    assert own[0].shape == own[1].shape
+    np.testing.assert_allclose(*own, atol=0.01)
+
+
 def test_strengths_overshoot_more_so_that_the_threshold_is_lower():
     plain = plan()
     strong = threshold_plan.score_plan(SensorModel(), **RULE, strengths=True)

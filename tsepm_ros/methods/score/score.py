@@ -37,6 +37,8 @@ Readings
 - No published method is reproduced: these are textbook parts put together.
 - Between detections a Kalman filter predicts, begun with a velocity of variance v_max^2 / 4 on each
   axis; x_i and P_i of the state are fitted by least squares to the hits alone, without that prior.
+- The error across the line of sight is at least that along it, where a detection has no azimuth
+  error of its own (`LEAST_ACROSS`).
 - Hypotheses outside the gate, deleted or beyond a limit are not in the sum.
 """
 

@@ -43,7 +43,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clutter import target_strength
 from tsepm_ros.tracker.clutter.target_strength import PathRatio
-from tsepm_ros.tracker.measurement import DETECTION, position_covariance
+from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
 from tsepm_ros.tracker.method import Observation
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -151,15 +151,15 @@ def errors_at(state: FloatArray, sensor: SensorModel) -> FloatArray:
     """Covariance of a detection at each state's position, (n, 2, 2), m^2."""
     range_ = np.hypot(state[:, 0], state[:, 2])
     azimuth = np.arctan2(state[:, 2], state[:, 0])
-    return position_covariance(range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std)
+    return position_covariance(
+        range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std, LEAST_ACROSS
+    )
 
 
 def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> FloatArray:
     """Errors of the covariances of `errors_at`, along and across the line of sight, (n, 2), m."""
     range_ = np.hypot(state[:, 0], state[:, 2])
-    straight = position_covariance(
-        range_, np.zeros(len(state)), sensor.range_variance(range_), sensor.azimuth_std
-    )
+    straight = errors_at(np.stack([range_, *np.zeros((3, len(state)))], axis=1), sensor)
     along, across = rng.standard_normal((2, len(state))) * np.sqrt(
         [straight[:, 0, 0], straight[:, 1, 1]]
     )

@@ -80,7 +80,14 @@ GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
 ROUNDING = 1e-9
 """Relative margin of a gate's radius beyond rounding errors."""
-_ERRORS = "time", "range_std", "azimuth_std", "sensor_pose", "sensor_pose_covariance"
+_ERRORS = (
+    "time",
+    "range_std",
+    "azimuth_std",
+    "least_across",
+    "sensor_pose",
+    "sensor_pose_covariance",
+)
 """What the innovation covariance of a hypothesis and a detection depends on."""
 
 

@@ -43,7 +43,7 @@ from tsepm_ros.tools.design.prediction import (
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.terminal import Progress
-from tsepm_ros.tracker.measurement import position_covariance
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, position_covariance
 
 Labelled = Callable[[str], Progress]
 """Progress of a part of the simulation by its name."""
@@ -147,7 +147,9 @@ def ping_increments(case: Case, gate_probability: float) -> PingIncrements:
     d^2 / 2 has the mean 1.
     """
     sensor, range_ = case.sensor, case.typical_range
-    error = position_covariance(range_, 0.0, sensor.range_variance(range_), sensor.azimuth_std)
+    error = position_covariance(
+        range_, 0.0, sensor.range_variance(range_), sensor.azimuth_std, LEAST_ACROSS
+    )
     size = 2.0 * math.pi * math.sqrt(float(np.linalg.det(error)))  # 1 / N(0)
     probability = min(sensor.detection_probability, MAX_DETECTION_PROBABILITY)
     missed = float(miss_increment(np.array([probability]), gate_probability)[0])
