@@ -11,6 +11,9 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors, MeasurementErrors
 from tsepm_ros.tracker.measurement import convert
 
+HELD = np.array([7, 9, 11]), np.array([True, True, False])
+"""Ids of the held tracks, and which move."""
+
 
 def fitted(
     true: SensorModel,
@@ -37,11 +40,11 @@ def fitted(
         detections = convert(Scan(float(ping), range_, azimuth), given, ping)
         seen = rng.random(2) < 0.9
         variance = given.range_variance(range_)
-        errors.update(held[seen], detections[seen], variance[seen], np.array([7, 9, 11]))
+        errors.update(held[seen], detections[seen], variance[seen], *HELD)
         if at_the_sensor:
             third = convert(Scan(float(ping), [1.0], [0.0]), given, ping)
             third["position"] = 0.0  # a plot, joined of echoes around the sensor
-            errors.update(np.array([11]), third, np.ones(1), np.array([7, 9, 11]))
+            errors.update(np.array([11]), third, np.ones(1), *HELD)
     return errors.fitted
 
 
@@ -80,10 +83,12 @@ def test_each_track_has_its_own_detections_however_the_held_ones_change():
         place = 100.0 * np.exp(1j * seen) + ping * (1.0 + seen) + rng.standard_normal(len(seen))
         detections = convert(Scan(float(ping), np.abs(place), np.angle(place)), given, ping)
         variance = given.range_variance(np.abs(place))
-        together.update(seen, detections, variance, held)
+        moves = held % 2 > 0
+        together.update(seen, detections, variance, held, moves)
         for track, errors in alone.items():
             own = seen == track
-            errors.update(seen[own], detections[own], variance[own], held[held == track])
+            of = held == track
+            errors.update(seen[own], detections[own], variance[own], held[of], moves[of])
     assert len(together.samples) > 300
     assert sorted(together.samples) == sorted(row for one in alone.values() for row in one.samples)
 
@@ -108,11 +113,44 @@ def test_three_detections_in_a_row_by_a_plain_formula():
         ):
             scan = Scan(10.0 * number + time, [far], [turn])
             variance = np.ones(1)
-            errors.update(held, convert(scan, sensor, ping), variance, held)
-        errors.update(held[:0], convert(scan, sensor, ping)[:0], variance[:0], held[:0])
+            errors.update(held, convert(scan, sensor, ping), variance, held, held > 0)
+        errors.update(
+            held[:0], convert(scan, sensor, ping)[:0], variance[:0], held[:0], held[:0] > 0
+        )
     found = errors.fitted
     assert found is not None
     # e = 3 over sqrt(1 + (2/3)^2 + (1/3)^2); the median of squares over that of chi-square.
     factor = 1.0 / math.sqrt(1.0 + 4.0 / 9.0 + 1.0 / 9.0)
     assert found.range_std == pytest.approx(3.0 * factor / math.sqrt(0.4549), rel=5e-3)
     assert found.azimuth_std == pytest.approx(0.01 * factor / math.sqrt(0.4549), rel=0.05)
+
+
+def walked(
+    given: SensorModel, cell: float = 0.0, turns: bool = False, moves: bool = True
+) -> FittedErrors:
+    """Errors fitted to a target whose ranges are rounded to cells, or that turns now and then."""
+    rng, errors, place, course = np.random.default_rng(7), MeasurementErrors(), 300.0 + 0j, 0.3
+    held = np.array([4])
+    for ping in range(600):
+        course += 1.5 * (turns and ping % 12 == 0)
+        place += (20.0 if turns else 0.02) * np.exp(1j * course)
+        range_ = abs(place) + given.range_std * rng.standard_normal() * (cell == 0.0)
+        range_ = round(range_ / cell) * cell if cell else range_
+        azimuth = np.angle(place) + given.azimuth_std * rng.standard_normal()
+        found = convert(Scan(float(ping), [range_], [azimuth]), given, ping)
+        errors.update(held, found, np.full(1, given.range_std**2), held, np.array([moves]))
+    assert errors.fitted is not None
+    return errors.fitted
+
+
+def test_ranges_rounded_to_cells_are_not_taken_for_exact_ones():
+    # A slow target stays in a cell for 25 pings: nearly all innovations are 0.
+    found = walked(model(0.2, 0.0, 1e-3), cell=0.5)
+    assert 0.5 <= found.range_factor <= 1.0
+    assert found.range_std == pytest.approx(0.2 * found.range_factor)
+    assert walked(model(0.2, 0.0, 1e-3), cell=0.5, moves=False).range_factor < 0.01, "by the median"
+
+
+def test_a_target_that_turns_does_not_make_errors_larger():
+    still, turning = (walked(model(1.0, 0.0, 0.01), turns=turns) for turns in (False, True))
+    assert turning.range_factor == pytest.approx(still.range_factor, rel=0.25)

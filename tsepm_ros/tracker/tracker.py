@@ -391,8 +391,9 @@ class Tracker:
         rows = np.isnan(detections["range_std"][row])
         own = taken(detections, row[rows])
         variance = self.sensor.range_variance(measured_polar(own)[0])
-        tracks = self.maintenance.held.tracks
-        self.learned.errors.update(track_id[rows], own, variance, tracks.track_id)
+        held = self.maintenance.held
+        ids, moves = held.tracks.track_id, held.fits.moves
+        self.learned.errors.update(track_id[rows], own, variance, ids, moves)
 
     def _learn_clutter(self, clutter: FloatArray, held: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""

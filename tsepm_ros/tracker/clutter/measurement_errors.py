@@ -3,22 +3,32 @@
 Of three detections of one target in a row, the middle one is compared with the straight line
 between the other two. With ``a = (t_3 - t_2) / (t_3 - t_1)`` the innovation
 ``e = z_2 - a z_1 - (1 - a) z_3`` of a target of constant velocity has the variance
-``(1 + a^2 + (1 - a)^2) s^2`` along and across the line of sight, whatever errors were assumed. The
-medians are taken, which a manoeuvre, or a detection of another origin, moves little.
+``(1 + a^2 + (1 - a)^2) s^2`` along and across the line of sight, whatever errors were assumed.
+
+Of the squares the median is taken, which a manoeuvre, or a detection of another origin, moves
+little. Beside it stands the 0.95 quantile, over chi-square's, of tracks that move: a sensor that
+rounds its ranges to cells, and echoes that wander over a target from time to time, leave most
+squares near 0 and the errors in the few others. That the errors are smaller than assumed must be
+shown by both. That they are larger is shown by the median alone, as manoeuvres raise the quantile.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 
 CHI_SQUARE_MEDIAN = 0.4549
 """Median of a squared standard normal variable."""
+CHI_SQUARE_TAIL = 3.841
+"""Its 0.95 quantile."""
+NEARLY_ZERO = 1e-4
+"""Squared innovation over its assumed variance below which it shows a rounding."""
 MAX_SAMPLES = 1000
 MIN_SAMPLES = 60
 """Innovations from which on a judgement is made: a standard deviation of it is a sixth."""
@@ -55,7 +65,7 @@ class MeasurementErrors:
     ----------
     samples : deque of tuple of float
         Range, m, squared innovations in range and azimuth, m^2 and rad^2, and the variances that
-        were assumed, the last ones.
+        were assumed, the last ones; and whether the track moved.
     """
 
     def __init__(self) -> None:
@@ -63,7 +73,7 @@ class MeasurementErrors:
         # Of the last three detections of each track, the oldest first; NaN before the first.
         self._time = np.zeros((0, 3))
         self._place = np.zeros((0, 3), complex)  # x + iy
-        self.samples: deque[tuple[float, float, float, float, float]] = deque(maxlen=MAX_SAMPLES)
+        self.samples: deque[tuple[float, ...]] = deque(maxlen=MAX_SAMPLES)
 
     def update(
         self,
@@ -71,6 +81,7 @@ class MeasurementErrors:
         detections: NDArray[np.void],
         range_variance: FloatArray,
         held: IntArray,
+        moves: BoolArray,
     ) -> None:
         """Update with the detections (k,) that are held tracks' own.
 
@@ -82,6 +93,8 @@ class MeasurementErrors:
             Assumed, m^2.
         held : (n,) ndarray of int
             Ids of all held tracks; others are forgotten.
+        moves : (n,) ndarray of bool
+            Whether each moves.
         """
         self._follow(held)
         order = np.argsort(self._track_id)
@@ -102,6 +115,7 @@ class MeasurementErrors:
             sensor[:, 0] + 1j * sensor[:, 1],
             range_variance[own],
             detections["azimuth_std"] ** 2,
+            moves[row],
         )
 
     def _follow(self, held: IntArray) -> None:
@@ -121,6 +135,7 @@ class MeasurementErrors:
         sensor: NDArray[np.complex128],
         range_variance: FloatArray,
         azimuth_variance: FloatArray,
+        moves: BoolArray,
     ) -> None:
         """Add the innovations of the last three places (k, 3), ``x + iy``, from sensors' (k,)."""
         before, after = time[:, 1] - time[:, 0], time[:, 2] - time[:, 1]
@@ -137,7 +152,7 @@ class MeasurementErrors:
         distance = distance[use]
         turned = (z2 - expected) / spread * sight[use].conj() / distance
         along, turn = turned.real**2, (turned.imag / distance) ** 2
-        columns = distance, along, turn, range_variance[use], azimuth_variance[use]
+        columns = distance, along, turn, range_variance[use], azimuth_variance[use], moves[use]
         self.samples.extend(zip(*(column.tolist() for column in columns), strict=True))
 
     @property
@@ -145,23 +160,34 @@ class MeasurementErrors:
         """The errors that fit; None before enough innovations."""
         if len(self.samples) < MIN_SAMPLES:
             return None
-        distance, along, turn, range_variance, azimuth_variance = np.array(self.samples).T
-        constant = _variance(along)
-        fraction = _variance(along / distance**2)
-        grows = _grows(along, distance)
+        columns = np.array(self.samples).T
+        distance, along, turn, range_variance, azimuth_variance = columns[:5]
+        variance = partial(_variance, columns[5] > 0.0)
+        square, one = distance**2, np.ones(1)
+        # Squares of nearly 0, of rounded ranges, leave it as it was assumed.
+        grows = _grows(np.maximum(along, NEARLY_ZERO * range_variance), distance)
         return FittedErrors(
-            range_std=0.0 if grows else float(np.sqrt(constant)),
-            range_std_fraction=float(np.sqrt(fraction)) if grows else 0.0,
-            azimuth_std=float(np.sqrt(_variance(turn))),
-            range_factor=float(np.sqrt(_variance(along / range_variance))),
-            azimuth_factor=float(np.sqrt(_variance(turn / azimuth_variance))),
+            range_std=0.0 if grows else variance(along, range_variance) ** 0.5,
+            range_std_fraction=variance(along / square, range_variance / square) ** 0.5
+            if grows
+            else 0.0,
+            azimuth_std=variance(turn, azimuth_variance) ** 0.5,
+            range_factor=variance(along / range_variance, one) ** 0.5,
+            azimuth_factor=variance(turn / azimuth_variance, one) ** 0.5,
             median_range=float(np.median(distance)),
         )
 
 
-def _variance(square: FloatArray) -> float:
-    """Variance of normal innovations from the median of their squares."""
-    return float(np.median(square)) / CHI_SQUARE_MEDIAN
+def _variance(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> float:
+    """Variance of normal innovations by their squares: by the median, or the tail up to `assumed`.
+
+    The tail counts from as many innovations of tracks that move as a judgement needs.
+    """
+    by_median = float(np.median(square)) / CHI_SQUARE_MEDIAN
+    if np.count_nonzero(moves) < MIN_SAMPLES:
+        return by_median
+    by_tail = float(np.quantile(square[moves], 0.95)) / CHI_SQUARE_TAIL
+    return max(by_median, min(by_tail, float(np.median(assumed))))
 
 
 def _grows(square: FloatArray, distance: FloatArray) -> bool:
