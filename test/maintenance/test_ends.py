@@ -13,7 +13,7 @@ from support.held import P_D, holding, ids, published, step, tracks
 
 from tsepm_ros.tracker.clustering import PlotExtent
 from tsepm_ros.tracker.maintenance import track_maintenance
-from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks, Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, HeldTracks, Status
 from tsepm_ros.tracker.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_VANISH
 from tsepm_ros.tracker.maintenance.publication import stands_still, statuses
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, StraightFits
@@ -172,6 +172,8 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     hold = silent()
     assert hold.held.status.tolist() == [Status.WITHHELD]
     again = start(hold, 30.0, (6, 1), (7, 1), (8, 1)).numbered(np.array([1]))
+    again = replace(again, age=np.array([24.0]), scan_count=np.array([3]))
+    hold._held = replace(hold.held, proven=np.array([1e-4]))
     found = hold.revise(again, (), np.array([0.95]))
     assert published(hold) == [1] == found.track_id.tolist()
     assert (hold.held.existence[0], hold.held.visible[0]) == (0.95, 1.0)
@@ -179,6 +181,10 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     np.testing.assert_array_equal(hold.held.tracks.state, again.state)
     assert found.revision.tolist() == [1]
     assert (found.existence_probability[0], found.time_since_hit[0]) == (0.95, 0.0)
+    assert hold.held.hit_sigma[0] == pytest.approx(50.0), "the start's, not the lost track's"
+    assert hold.held.proven[0] >= UNPROVEN
+    assert found.age[0] == 96.0, "since its first hit of all"
+    assert found.hits == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
     assert hold.ended == {}
 
 

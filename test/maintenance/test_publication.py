@@ -152,3 +152,21 @@ def test_a_fixed_echo_outside_the_coverage_is_remembered_as_it_is():
     assert after.track_id.tolist() == [1]
     np.testing.assert_allclose(after.state, before.state, rtol=1e-9)
     np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-6)
+
+
+def test_min_speed_off_does_not_publish_places_that_are_remembered_outside_the_coverage():
+    hold = holding(1)
+    for stamp in range(12, 61, 12):
+        step(hold, stamp, detections([[2000.0, 1000.0]], stamp, 400.0), P_D)
+    step(hold, 72.0, detectable=0.0)
+    assert echoes(hold) == [1]
+    hold.speed_prior = SpeedPrior()
+    step(hold, 84.0, detectable=0.0)
+    assert len(hold.released) == len(hold.current) == len(hold.held) == 0
+
+
+def test_an_existence_that_is_not_known_leaves_the_others_their_probability_to_stand_still():
+    fits = holding(1, 2, 3).held.fits
+    alone = fits[np.array([0, 1])].stationary_probability(SLOW, np.array([0.9, 0.8]))
+    found = fits.stationary_probability(SLOW, np.array([0.9, 0.8, np.nan]))
+    np.testing.assert_allclose(found[:2], alone)

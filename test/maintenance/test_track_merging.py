@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 from support.builders import detections
 from support.held import P_D, ids, step, tracks
 
@@ -173,3 +174,32 @@ def test_two_tracks_that_explain_two_detections_do_not_agree():
         each = np.full(2, explained)
         found = duplicates.agrees_with_older(state, covariance, unknown, None, each)
         assert found.tolist() == [False, agrees]
+
+
+def test_continuations_by_a_bound_are_those_of_all_pairs():
+    # And each pair that cannot be is left out before anything is solved: 0.7 s at 1000 x 1000.
+    rng = np.random.default_rng(4)
+    places = rng.uniform(-300.0, 300.0, (40, 2))
+    lost = starts_at(*map(tuple, places)).numbered(np.arange(40))
+    starts = starts_at(*map(tuple, places[:20] + rng.normal(0.0, 6.0, (20, 2))))
+    existence, births = rng.uniform(0.05, 0.9, 40), 1e-5
+    free, expected = set(range(40)), []
+    for one in starts:
+        ratios = {
+            k: existence[k]
+            * multivariate_normal(lost.state[k], one.covariance + lost.covariance[k]).pdf(one.state)
+            for k in free
+        }
+        best = max(ratios, key=ratios.__getitem__)
+        expected.append(best if ratios[best] > births else -1)
+        free.discard(expected[-1])
+    assert 3 < expected.count(-1) < 20
+    assert track_merging.continued(starts, lost, existence, {}, births).tolist() == expected
+
+
+def test_starts_far_from_lost_tracks_solve_nothing(monkeypatch):
+    monkeypatch.delattr(track_merging, "solve")
+    lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
+    starts = starts_at((1e4, 0.0), (0.0, 1e4))
+    found = track_merging.continued(starts, lost, np.full(2, 0.9), {}, 1e-9)
+    assert found.tolist() == [-1, -1]

@@ -355,6 +355,8 @@ class Tracker:
 
         With plots, a target may have others beside its own.
         """
+        width = self.sensor.sector_width
+        share = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
         density = self.maintenance.step(
             scan.stamp,
             detections,
@@ -362,9 +364,9 @@ class Tracker:
             self.detection_probability_at,
             self.sensor_in_use,
             self.common.max_speed,
-            self.learned.scan_interval.median,
+            self.learned.scan_interval.median / share,
             environment,
-            whole=scan.swept is None or scan.swept[1] > WHOLE_SHARE * self.sensor.sector_width,
+            whole=share > WHOLE_SHARE,
         )
         association = self.maintenance.held_association
         if self.plots.active:

@@ -200,7 +200,8 @@ class HeldTracks:
         """The rows with the starts of tracks, by their ids, that were corrected.
 
         Each goes on from the corrected state, as its next revision. Its target exists as before, or
-        with a given probability if it was just found again.
+        with a given probability if it was just found again: then its age stays, since
+        the first hit of all. Its hits are those of the start, by which it is judged.
         """
         tracks = self.tracks
         _, row, place = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
@@ -208,6 +209,8 @@ class HeldTracks:
         hits = list(tracks.hits)
         for to, of in zip(row, new.hits, strict=True):
             hits[to] = of
+        if existence is not None:
+            new = changed(new, age=np.maximum(new.age, tracks.age[row]))
         names = ("state", "covariance", "hit_count", "evaluation", "score", "scan_count", "age")
         figures: dict[str, Any] = {
             name: _put(getattr(tracks, name), row, getattr(new, name)) for name in names
@@ -217,6 +220,8 @@ class HeldTracks:
         if existence is not None:
             found = {
                 "existence": _put(self.existence, row, existence[place]),
+                "proven": _put(self.proven, row, np.maximum(self.proven[row], UNPROVEN)),
+                "hit_sigma": _put(self.hit_sigma, row, major_sigma(new.covariance[:, 0::2, 0::2])),
                 "visible": _put(self.visible, row, 1.0),
                 "covered_scans": _put(self.covered_scans, row, 0.0),
                 "last_detected": _put(self.last_detected, row, new.stamp),

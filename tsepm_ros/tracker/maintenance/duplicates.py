@@ -37,6 +37,7 @@ NEAREST = 8
 """Nearest tracks among which older tracks are sought, the track itself included."""
 MAX_EXPLAINED = 1.5
 """Detections that two tracks together explain, above which they are of two targets."""
+ROUNDING = 1e-6
 MIN_OWN_HITS = 2
 """Hits of a start that were probably a held track's own, from which on it is that track."""
 
@@ -216,17 +217,25 @@ def continued(
     (n,) ndarray of int
     """
     ids, free = np.full(len(starts), -1), np.ones(len(lost), bool)
+    odds = np.log(existence) - math.log(births)
+    variances = np.diagonal(lost.covariance, axis1=1, axis2=2)
     for row in range(len(starts) if len(lost) else 0):
-        apart = starts.state[row] - lost.state
-        spread = starts.covariance[row] + lost.covariance
+        apart, covariance = starts.state[row] - lost.state, starts.covariance[row]
+        # The ratio is at most that of the distance of a single component and of P_new alone.
+        most = 2.0 * odds - np.linalg.slogdet(2.0 * np.pi * covariance)[1] + ROUNDING
+        squares = apart**2 / (variances + np.diagonal(covariance))
+        near = np.flatnonzero(free & (squares.max(axis=1) < most))
+        if not len(near):
+            continue
+        apart, spread = apart[near], covariance + lost.covariance[near]
         square = np.einsum("ti,ti->t", apart, solve(spread, apart))
         density = -0.5 * square - 0.5 * np.linalg.slogdet(2.0 * np.pi * spread)[1]
-        ratio = np.log(existence) + density - math.log(births)
+        ratio = odds[near] + density
         hits = starts.hits[row]
         first, own = hits[0][0], set(hits)
         found = {track for hit, track in owned.items() if hit[0] >= first and hit not in own}
-        ratio[~free | np.isin(lost.track_id, list(found))] = -np.inf
+        ratio[np.isin(lost.track_id[near], list(found))] = -np.inf
         best = int(np.argmax(ratio))
         if ratio[best] > 0.0:
-            ids[row], free[best] = lost.track_id[best], False
+            ids[row], free[near[best]] = lost.track_id[near[best]], False
     return ids

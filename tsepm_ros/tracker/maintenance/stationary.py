@@ -201,10 +201,12 @@ class StraightFits(Rows):
         changed is estimated from all that exist (empirical Bayes; n tracks of probabilities r_i)::
 
             share <- (w share_0 + sum_i r_i p_i) / (w + sum_i r_i)
+
+        Those whose r_i is not known (nan) do not count.
         """
         even = prior.stationary_probability(self.state, self.covariance, 0.5)
         new = self.share == STATIONARY_SHARE
-        share, weight = self.share, np.where(new, existence, 0.0)
+        share, weight = self.share, np.where(new & (existence > 0.0), existence, 0.0)
         for _ in range(SHARE_PASSES):
             still = share * even / (share * even + (1.0 - share) * (1.0 - even))
             mean = PRIOR_TRACKS * STATIONARY_SHARE + weight @ still

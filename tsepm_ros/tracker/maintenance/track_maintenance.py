@@ -88,7 +88,8 @@ class TrackMaintenance:
     hold_time : float
         Time, s, for which a track is held without a detection of its own; it ends at the first scan
         after that, or sooner, where its target was missed so often that it probably exists no more,
-        or where it repeats an older track. 0: the time of `HOLD_SCANS` scans.
+        or where it repeats an older track. 0: the time of `HOLD_SCANS` scans
+        of the whole coverage.
     tracked_timeout : float, optional
         Time, s, after which a downstream tracker without a report is silent, and for which it may
         leave a track unlisted before that counts as declined.
@@ -206,7 +207,7 @@ class TrackMaintenance:
         max_speed : float
             v_max, m/s: the velocity after a turn is unknown up to it; see `held_update` too.
         interval : float, optional
-            Median time between scans, s; 0 if it is not known.
+            Median time between scans of the whole coverage, s; 0 if it is not known.
         environment : Environment, optional
             Clutter zones and encounters, in which plots' features count.
         whole : bool, optional
@@ -479,9 +480,10 @@ class TrackMaintenance:
         last = self._held.last_detected
         longest = self.hold_time or HOLD_SCANS * interval or np.inf
         away = away[self._end(fixed | (last >= stamp - longest), "not_detected")]
-        if np.count_nonzero(away) > MOST_PLACES:
+        most = MOST_PLACES if self.speed_prior.min_speed else 0
+        if np.count_nonzero(away) > most:
             kept = ~away
-            kept[np.flatnonzero(away)[-MOST_PLACES:]] = True
+            kept[np.flatnonzero(away)[np.count_nonzero(away) - most :]] = True
             away = away[self._end(kept, "forgotten")]
         return away
 
