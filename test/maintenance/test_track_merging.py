@@ -194,12 +194,12 @@ def test_continuations_by_a_bound_are_those_of_all_pairs():
         expected.append(best if ratios[best] > births else -1)
         free.discard(expected[-1])
     assert 3 < expected.count(-1) < 20
-    assert track_merging.continued(starts, lost, existence, {}, births).tolist() == expected
+    assert duplicates.continued(starts, lost, existence, {}, births).tolist() == expected
 
 
 def test_starts_far_from_lost_tracks_solve_nothing(monkeypatch):
-    monkeypatch.delattr(track_merging, "solve")
+    monkeypatch.delattr(duplicates, "solve")
     lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
     starts = starts_at((1e4, 0.0), (0.0, 1e4))
-    found = track_merging.continued(starts, lost, np.full(2, 0.9), {}, 1e-9)
+    found = duplicates.continued(starts, lost, np.full(2, 0.9), {}, 1e-9)
     assert found.tolist() == [-1, -1]
