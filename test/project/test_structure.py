@@ -39,7 +39,7 @@ WITH_ROS = (
 MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
 MAX_LINES = 900
 MAX_IN_PACKAGE = 22
-BUDGETS = {"first": (126, 12_478), "tools": (52, 5_290), "studies": (20, 1_840)}
+BUDGETS = {"first": (125, 12_422), "tools": (52, 5_277), "studies": (20, 1_840)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 
@@ -109,6 +109,22 @@ def test_a_storey_stays_within_its_budgets(storey):
     assert len(modules) <= most_modules
     assert sum(map(statements, modules)) <= most_statements
     assert max(Counter(path.parent for path in modules).values()) <= MAX_IN_PACKAGE
+
+
+def test_the_verb_of_the_tracker_fits_a_screen_and_stands_on_the_page():
+    tree = ast.parse((ROOT / "tsepm_ros/tracker/tracker.py").read_text(encoding="utf-8"))
+    (process,) = (
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and node.name == "process"
+    )
+    lines = process.body[-1].end_lineno - process.body[1].lineno + 1  # below the docstring
+    assert lines <= 40
+    page = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
+    (loop,) = (node for node in process.body if isinstance(node, ast.For))
+    shown = page[page.index("again = self._scans") :]
+    for statement in loop.body[:-1]:
+        assert ast.unparse(statement) in shown
 
 
 def statements(path: Path) -> int:
