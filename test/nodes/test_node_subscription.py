@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, LaserScan, PointCloud2
@@ -157,6 +158,45 @@ def test_type_and_reliability_given_subscribe_before_there_is_a_driver(world):
     node = world.make(TrackInitiator, named(given))
     assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
     assert world.status("detections").message == "no scan yet"
+
+
+@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
+@pytest.mark.parametrize("kind", [PointCloud2, LaserScan])
+def test_the_graph_has_the_subscription_before_the_first_driver_and_then_its_type(world, kind, qos):
+    detections = subscribe(world)
+    look = world.observer.get_subscriptions_info_by_topic
+    world.until(lambda: look("detections"), "a subscription")
+    assert [end.topic_type for end in look("detections")] == [POINT_CLOUD]
+    assert not detections.connected, "there is no driver yet"
+    with World(world.domain) as elsewhere:  # one process cannot have two types on one topic
+        driver = elsewhere.add(Node("driver", context=elsewhere.context))
+        publisher = driver.create_publisher(kind, "detections", qos)
+        world.until(lambda: detections.connected, "the driver")
+        world.until(publisher.get_subscription_count, "the subscription that fits")
+        [found] = look("detections")
+        assert found.topic_type.endswith(kind.__name__)
+        assert found.qos_profile.reliability == qos.reliability
+        assert world.warned() == [], "nothing is wrong with such a driver"
+
+
+def test_a_driver_that_fits_is_heard_from_its_first_message_on(world):
+    world.make(TrackInitiator, named({}))
+    tracks = world.listen(PointCloud2, "tracks")
+    world.until(lambda: world.observer.count_subscribers("detections"), "a subscription")
+    driver = world.add(Driver(world.context))
+    world.until(driver.publisher.get_subscription_count, "the match")
+    for ping in SENT:
+        driver.ping(ping)
+    world.until(lambda: len(tracks) == len(SENT), "tracks")
+    assert_same(tracks, confirmed(SENT))
+
+
+def test_a_best_effort_driver_beside_a_reliable_one_is_read(world):
+    detections = subscribe(world)
+    reliable, less = (world.add(Driver(world.context, qos)) for qos in (RELIABLE, BEST_EFFORT))
+    world.until(lambda: detections.connected, "the drivers")
+    world.until(less.publisher.get_subscription_count, "a subscription to both")
+    world.until(reliable.publisher.get_subscription_count, "a subscription to both")
 
 
 def test_best_effort_may_be_asked_of_a_reliable_driver(world):

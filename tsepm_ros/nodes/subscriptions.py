@@ -108,7 +108,15 @@ class OfferedSubscription:
         Keep the reliability; a mismatch is only logged.
     durability : rclpy.qos.DurabilityPolicy, optional
         Initial durability; volatile once a publisher offers no other.
+
+    Attributes
+    ----------
+    provisional : str
+        Name of its type, if it was made before there is a publisher: a mismatch is left to its
+        owner then, who looks at what is published. Else empty.
     """
+
+    provisional = ""
 
     def __init__(
         self,
@@ -154,6 +162,10 @@ class OfferedSubscription:
             )
         return entry
 
+    def end(self) -> None:
+        """End the subscription."""
+        self._node.destroy_subscription(self._subscription)
+
     def _subscribe(self, reliability: ReliabilityPolicy) -> None:
         self._subscription = self._node.create_subscription(
             self._message_type,
@@ -164,6 +176,8 @@ class OfferedSubscription:
         )
 
     def _incompatible(self, event: Any) -> None:
+        if self.provisional:
+            return
         self._watch.heard[self.topic_name] += 1
         if event.last_policy_kind == QoSPolicyKind.DURABILITY:
             self._durability = DurabilityPolicy.VOLATILE
@@ -184,6 +198,8 @@ class OfferedSubscription:
 
 
 TOPIC = "detections"
+DEFAULT_TYPE = "sensor_msgs/msg/PointCloud2"
+"""Type that is subscribed to while there is no publisher."""
 POLL_PERIOD = 0.1
 """Period of the first graph queries while no driver is known, s."""
 PROMPT_QUERIES = 50
@@ -201,6 +217,10 @@ _RELIABILITY = {
 
 class DetectionsSubscription:
     """A subscription to `detections` that takes its type and reliability from the publisher.
+
+    While there is no publisher, it is a reliable subscription of the given type, else of
+    `DEFAULT_TYPE`: the graph shows what the node waits for, and a driver that fits is heard from
+    its first message on.
 
     Parameters
     ----------
@@ -263,8 +283,8 @@ class DetectionsSubscription:
 
     @property
     def connected(self) -> bool:
-        """Whether the subscription exists."""
-        return self._subscription is not None
+        """Whether type and reliability are known: given, or those of a publisher."""
+        return bool(self._subscribed)
 
     def take_waiting(self) -> list[tuple[Any, Any]]:
         """Take all messages that wait in the middleware; see `OfferedSubscription`."""
@@ -282,7 +302,7 @@ class DetectionsSubscription:
 
     @property
     def subscribed(self) -> str:
-        """Type of the subscription; empty if there is no subscription yet."""
+        """Type of the subscription; empty while there is no publisher of a readable type."""
         return self._subscribed
 
     def _query_publishers(self) -> None:
@@ -290,9 +310,20 @@ class DetectionsSubscription:
         self._published_types = tuple(sorted({publisher.topic_type for publisher in publishers}))
         readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
         if readable and not self.connected:
-            offered = readable[0].qos_profile.reliability
-            reliability = _RELIABILITY.get(self._reliability, offered)
-            self._subscribe(readable[0].topic_type, reliability)
+            kind = readable[0].topic_type
+            offers = {one.qos_profile.reliability for one in readable if one.topic_type == kind}
+            less = ReliabilityPolicy.BEST_EFFORT in offers
+            if self._subscription is not None and (less or self._subscription.provisional != kind):
+                self._subscription.end()
+                self._subscription = None
+            offered = ReliabilityPolicy.BEST_EFFORT if less else ReliabilityPolicy.RELIABLE
+            self._subscribe(kind, _RELIABILITY.get(self._reliability, offered))
+        elif self._queries and not publishers and self._subscription is None:
+            # Not at the start: a process has one type of a topic, and may have a driver of its own.
+            expected = DEFAULT_TYPE if self._type_name == "auto" else self._type_name
+            asked = _RELIABILITY.get(self._reliability, ReliabilityPolicy.RELIABLE)
+            self._subscription = self._made(expected, asked)
+            self._subscription.provisional = expected
         for name in self._published_types:
             if name != self._subscribed and name not in self._refused_types:
                 self._refused_types.add(name)
@@ -328,10 +359,17 @@ class DetectionsSubscription:
         return ""
 
     def _subscribe(self, type_name: str, reliability: ReliabilityPolicy) -> None:
-        if reliability != ReliabilityPolicy.BEST_EFFORT:
-            reliability = ReliabilityPolicy.RELIABLE
+        if self._subscription is None:
+            self._subscription = self._made(type_name, reliability)
+        self._subscription.provisional = ""
         self._subscribed = type_name
-        self._subscription = OfferedSubscription(
+        self._node.get_logger().info(
+            f"subscribed to {self._subscription.topic_name} as {type_name}, "
+            f"{reliability.name.lower()}"
+        )
+
+    def _made(self, type_name: str, reliability: ReliabilityPolicy) -> OfferedSubscription:
+        return OfferedSubscription(
             self._node,
             self._find_class(type_name),
             TOPIC,
@@ -340,10 +378,6 @@ class DetectionsSubscription:
             self._watch,
             reliability=reliability,
             fixed=self._reliability != "auto",
-        )
-        self._node.get_logger().info(
-            f"subscribed to {self._subscription.topic_name} as {type_name}, "
-            f"{reliability.name.lower()}"
         )
 
 
