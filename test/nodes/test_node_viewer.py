@@ -17,17 +17,18 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
-from support.boat import Boat
+from support.boat import Boat, named
 from support.pages import Watcher, held
 from support.patience import WAIT
-from support.ros_world import BEST_EFFORT, RELIABLE
-from support.sonar_driver import pings
+from support.ros_world import BEST_EFFORT, RELIABLE, WARN
+from support.sonar_driver import cloud, pings
 
 pytest.importorskip("tornado")
 
 from msg_adapters import diagnostics, make_header, odometry_message, track_cloud
 from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
@@ -179,3 +180,78 @@ def test_tsepm_watch_serves_the_live_topics_until_interrupted(domain, tmp_path):
     finally:
         process.kill()
         process.wait()
+
+
+def live(world, **node_options):
+    """A viewer, and what a page of it gets."""
+    viewer = world.make(TrackViewer, {"port": 0}, **node_options)
+    return viewer, Watcher(viewer.url)
+
+
+def topic_shown(watcher):
+    return ([update["info"]["topic"] for update in watcher.updates if "info" in update] or [""])[-1]
+
+
+REMAPPED = ["--ros-args", "-r", "__ns:=/boat", "-r", "tracks/current:=/elsewhere/held"]
+REMAPPED += ["-r", "own_ship/odometry:=/navigation"]
+
+
+def test_the_page_takes_the_remapped_topics_that_the_node_states(world):
+    world.make(TrackInitiator, named({"own_ship_source": "odometry"}), cli_args=REMAPPED)
+    odometry = world.observer.create_publisher(Odometry, "/navigation", 10)
+    sonar = world.observer.create_publisher(PointCloud2, "/boat/detections", 10)
+    _, page = live(world)
+    with page as watcher:
+        world.until(lambda: topic_shown(watcher) == "/elsewhere/held", "the node's topic")
+        world.until(lambda: odometry.get_subscription_count() == 2, "node and page")
+        world.until(sonar.get_subscription_count, "the node")
+        number = 0
+
+        def shown():
+            nonlocal number
+            number += 1
+            pose = PoseSample(100.0 + number, 5.0, 6.0, 0.25, None, frame_id="odom")
+            odometry.publish(odometry_message(pose))
+            columns = {"range": [500.0], "azimuth": [0.1]}
+            sonar.publish(cloud(round((99.5 + number) * 1e9), columns))
+            for _ in range(40):  # all callbacks of this ping, before the next
+                world.spin_once(0.01)
+            return watcher.frames and watcher.frames[-1]["own_ship"]
+
+        world.until(shown, "a frame with the own ship")
+    world.until_logged("shows /boat/track_initiator, with tracks on /elsewhere/held")
+
+
+def test_a_remapping_of_the_page_s_own_is_kept(world):
+    world.make(TrackInitiator, named({}), cli_args=REMAPPED)
+    world.observer.create_publisher(PointCloud2, "/mine", LATCHED)
+    viewer, page = live(world, cli_args=["--ros-args", "-r", "tracks/current:=/mine"])
+    with page as watcher:
+        world.until(lambda: len(world.diagnostics) > 3, "what the node states")
+        assert topic_shown(watcher) == "/mine"
+    assert "/mine" in [one.topic_name for one in viewer.subscriptions]
+
+
+def test_a_page_in_a_namespace_shows_the_node_in_it_under_any_topic(world):
+    for boat in ("port", "starboard"):
+        arguments = ["--ros-args", "-r", f"__ns:=/{boat}", "-r", f"tracks/current:=/held/{boat}"]
+        world.make(TrackInitiator, named({}), cli_args=arguments)
+    _, page = live(world, cli_args=["--ros-args", "-r", "__ns:=/starboard"])
+    with page as watcher:
+        world.until(lambda: topic_shown(watcher) == "/held/starboard", "the topic of that node")
+
+
+def test_several_nodes_that_fit_are_named_and_none_is_guessed(world):
+    for boat in ("port", "starboard"):
+        world.make(TrackInitiator, named({}), cli_args=["--ros-args", "-r", f"__ns:=/{boat}"])
+    world.until(
+        lambda: len({message.status[0].name for message in world.diagnostics}) == 2, "both nodes"
+    )
+    world.until(lambda: len(world.diagnostics) > 6, "their diagnostics")
+    viewer, page = live(world)
+    viewer._hear(world.diagnostics[-1])
+    viewer._hear(world.diagnostics[-2])
+    with page as watcher:
+        line = world.until_logged("several nodes publish tracks", level=WARN)
+        assert "/port/track_initiator" in line and "/starboard/track_initiator" in line
+        assert topic_shown(watcher) == "/tracks/current"

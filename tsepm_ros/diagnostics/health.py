@@ -179,8 +179,11 @@ def _sensor_values(figures: HealthFigures) -> Mapping[str, object]:
 
 
 def _quality_of_service_values(figures: HealthFigures) -> Mapping[str, object]:
-    mismatches = figures.connections.mismatches_heard
-    return {f"mismatches.{topic}": number for topic, number in sorted(mismatches.items())}
+    connections = figures.connections
+    return {
+        **{f"topics.{name}": topic for name, topic in connections.topics.items()},
+        **{f"mismatches.{name}": n for name, n in sorted(connections.mismatches_heard.items())},
+    }
 
 
 def _tracker(figures: HealthFigures) -> str:

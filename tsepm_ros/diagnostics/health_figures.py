@@ -136,6 +136,8 @@ class Connections:
         Topics that have an incompatible endpoint now.
     unused_own_ship : str
         Topic of own-ship data that is published without a subscription of the node.
+    topics : mapping of str to str
+        Full names of the node's topics, by their names without remapping.
     clock_fault : str
         A sentence while the node's clock stands still.
     """
@@ -147,6 +149,7 @@ class Connections:
     mismatches_heard: Mapping[str, int] = field(default_factory=dict)
     mismatches: Sequence[str] = ()
     unused_own_ship: str = ""
+    topics: Mapping[str, str] = field(default_factory=dict)
     clock_fault: str = ""
 
 

@@ -28,6 +28,9 @@ WARNING_PERIOD = 10.0
 """Minimum time between warnings with the same reason, s."""
 MORE_DETECTIONS = 10
 """Factor between the numbers of dropped detections of two warnings: many pings have some."""
+TOPICS = ("detections", "own_ship/odometry", "tracks", "tracks/current")
+TOPICS += ("detections/placed", "potential_tracks", "fixed_echoes")
+"""Topics whose full names are published, for programs that show the node."""
 FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart")
 """Reasons that are no fault."""
 
@@ -131,6 +134,7 @@ class DiagnosticsPublisher:
             unread=self._detections.unread,
             subscribed_type=self._detections.subscribed,
             other_readable=self._detections.other_readable,
+            topics={name: self._node.resolve_topic_name(name) for name in TOPICS},
             mismatches_heard=dict(self._qos.heard),
             mismatches=self._qos.standing(),
             unused_own_ship=self._unused_own_ship(),

@@ -42,6 +42,7 @@ FIGURES = {
     "`sweep_latency_ms`": "waiting time of the first message of the last scan",
     "`on_land`, `land_area_m2`": "detections left out on land; area of the chart's land",
     "`mismatches.TOPIC`": "events of incompatible quality of service",
+    "`topics.NAME`": "full name of a topic of the node, after namespace and remapping",
 }
 
 NOTES = """\

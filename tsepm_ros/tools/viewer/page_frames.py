@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from msg_adapters.track_markers import drawn_candidates, ellipses
 from tsepm_ros.diagnostics.health import ENTRIES
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
+from tsepm_ros.diagnostics.judgements import QUALITY_OF_SERVICE
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -285,6 +286,19 @@ def health_of_message(message: Any) -> Frame | None:
                 )
             )
     return _health(entries) if entries else None
+
+
+def topics_of_message(message: Any) -> dict[str, dict[str, str]]:
+    """Topics that the track initiators of a message of ``/diagnostics`` use, by node and name."""
+    return {
+        status.hardware_id: {
+            value.key.removeprefix("topics."): value.value
+            for value in status.values
+            if value.key.startswith("topics.")
+        }
+        for status in message.status
+        if status.name == f"{status.hardware_id}: {QUALITY_OF_SERVICE}"
+    }
 
 
 def health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[str]) -> Frame:

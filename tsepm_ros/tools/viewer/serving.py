@@ -102,6 +102,10 @@ class LiveFeed:
             self._published = known
             self._state.put_info(published=known)
 
+    def watching(self, topic: str) -> None:
+        """Say which topic of held tracks is shown."""
+        self._state.put_info(title=f"Tracks on {topic}", topic=topic)
+
     def stop(self) -> None:
         """End the server."""
         self.server.stop()

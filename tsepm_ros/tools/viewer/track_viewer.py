@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
@@ -22,6 +23,7 @@ from tsepm_ros.nodes.subscriptions import OfferedSubscription
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.settings.settings import TRACK_VIEWER, help_text
 from tsepm_ros.tools.viewer.live_frames import CLOUDS, DIAGNOSTICS, FIXED, OWN_SHIP, TRACKS
+from tsepm_ros.tools.viewer.page_frames import topics_of_message
 from tsepm_ros.tools.viewer.serving import LiveFeed
 
 CLOUD_DEPTH = 10
@@ -35,20 +37,33 @@ SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class TrackViewer(ParameterisedNode):
-    """Subscribes to what the track initiator publishes, and serves a page of it."""
+    """Subscribes to what the track initiator publishes, and serves a page of it.
+
+    Topics without a remapping of its own are those that the track initiator states on
+    ``/diagnostics``: of the node that publishes the viewer's tracks; if none does, of the only node
+    in the viewer's namespace, or in any namespace for a viewer without one.
+    """
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_viewer", **node_options)
         options: ViewerNodeOptions = NodeParameters(self, TRACK_VIEWER).options[ViewerNodeOptions]
         self._gathered = 0.0  # when the last pause ended
-        warnings = ThrottledWarnings(self)
-        topic = self.resolve_topic_name(TRACKS)
+        self._warnings = ThrottledWarnings(self)
+        self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP)}
+        own = self.get_name(), self.get_namespace()
+        self._remapped = {
+            name for name, topic in self._given.items() if topic != expand_topic_name(name, *own)
+        }
+        self._topics = self._given
+        self._stated: dict[str, dict[str, str]] = {}  # topics by node
+        self._shown = ""
+        topic = self._given[TRACKS]
         with refusing():
             self._feed = LiveFeed(
                 options,
                 f"Tracks on {topic}",
                 topic,
-                lambda sentence: warnings.warn(sentence.partition(":")[0], sentence, 0),
+                lambda sentence: self._warnings.warn(sentence.partition(":")[0], sentence, 0),
                 partial(deserialize_message, message_type=Odometry),
             )
         try:
@@ -64,15 +79,23 @@ class TrackViewer(ParameterisedNode):
         return self._feed.server.url
 
     def _subscribe(self) -> None:
-        qos = QosWatch(self)
+        self._qos = QosWatch(self)
+        self._subscribe_topics()
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
+        # A node without a timer might never notice that the context was shut down by a signal.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(CHECK_PERIOD, self._check_publisher, clock=steady)
+        self.refuse_unused_overrides()
+
+    def _subscribe_topics(self) -> None:
         self._clouds = [
             OfferedSubscription(
                 self,
                 PointCloud2,
-                name,
+                self._topics[name],
                 CLOUD_DEPTH,
                 self._taking(name),
-                qos,
+                self._qos,
                 durability=DurabilityPolicy.TRANSIENT_LOCAL
                 if name in (TRACKS, FIXED)
                 else DurabilityPolicy.VOLATILE,
@@ -80,12 +103,9 @@ class TrackViewer(ParameterisedNode):
             for name in CLOUDS
         ]
         # Odometry may come much more often than scans: only the newest before a scan is read.
-        self.create_subscription(Odometry, OWN_SHIP, self._taking(OWN_SHIP), NEWEST, raw=True)
-        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._taking(DIAGNOSTICS), SOME)
-        # A node without a timer might never notice that the context was shut down by a signal.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CHECK_PERIOD, self._check_publisher, clock=steady)
-        self.refuse_unused_overrides()
+        self._own_ship = self.create_subscription(
+            Odometry, self._topics[OWN_SHIP], self._taking(OWN_SHIP), NEWEST, raw=True
+        )
 
     def destroy_node(self) -> None:
         """Destroy the node and end the server."""
@@ -93,7 +113,57 @@ class TrackViewer(ParameterisedNode):
         super().destroy_node()
 
     def _check_publisher(self) -> None:
-        self._feed.published(self.count_publishers(TRACKS) > 0)
+        nodes = self._candidates()
+        if len(nodes) == 1:
+            [self._shown] = nodes
+        elif nodes and self._shown not in nodes:
+            self._warnings.warn(
+                "nodes",
+                f"several nodes publish tracks: {', '.join(nodes)}; --ros-args -r __ns:=NAMESPACE "
+                "or -r tracks/current:=TOPIC chooses",
+                0,
+            )
+        self._follow(self._stated.get(self._shown, {}))
+        self._feed.published(self.count_publishers(self._topics[TRACKS]) > 0)
+
+    def _candidates(self) -> list[str]:
+        """Nodes whose topics may be those to be shown."""
+        topic = self._given[TRACKS]
+        by_node = {
+            node: topics[TRACKS]
+            for node, topics in self._stated.items()
+            if self.count_publishers(topics[TRACKS])
+        }
+        nodes = [node for node, stated in by_node.items() if stated == topic]
+        if nodes or TRACKS in self._remapped or self.count_publishers(topic):
+            return nodes
+        namespace = self.get_namespace().rstrip("/")
+        near = [node for node in by_node if node.rpartition("/")[0] == namespace]
+        return near or ([] if namespace else list(by_node))
+
+    def _follow(self, stated: Mapping[str, str]) -> None:
+        """Subscribe to the topics that the shown node states, where they are others."""
+        topics = {
+            name: given if name in self._remapped else stated.get(name, given)
+            for name, given in self._given.items()
+        }
+        if topics == self._topics:
+            return
+        self._topics = topics
+        for subscription in self._clouds:
+            subscription.end()
+        self.destroy_subscription(self._own_ship)
+        self._subscribe_topics()
+        self._feed.watching(topics[TRACKS])
+        self.get_logger().info(f"shows {self._shown}, with tracks on {topics[TRACKS]}")
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        """Take a message of diagnostics, unless it is of another node than the one shown."""
+        stated = topics_of_message(message)
+        self._stated.update(stated)
+        if not stated or self._shown in ("", *stated):
+            self._feed.take(DIAGNOSTICS, message)
+            self._gather()
 
     def _taking(self, topic: str) -> Callable[[Any], None]:
         """Return the callback of a topic."""
