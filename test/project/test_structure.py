@@ -33,6 +33,7 @@ Three storeys: the tracker and what runs its node, the tools, and the studies.
 WITH_ROS = (
     "tsepm_ros.nodes",
     "tsepm_ros.tools.demo",
+    "tsepm_ros.tools.live_commands",
     "tsepm_ros.tools.players",
     "tsepm_ros.tools.viewer.track_viewer",
 )

@@ -28,8 +28,10 @@ WARNING_PERIOD = 10.0
 """Minimum time between warnings with the same reason, s."""
 MORE_DETECTIONS = 10
 """Factor between the numbers of dropped detections of two warnings: many pings have some."""
-TOPICS = ("detections", "own_ship/odometry", "tracks", "tracks/current")
-TOPICS += ("detections/placed", "potential_tracks", "fixed_echoes")
+TOPICS = (
+    *("detections", "own_ship/odometry", "tracks", "tracks/current"),
+    *("detections/placed", "potential_tracks", "fixed_echoes"),
+)
 """Topics whose full names are published, for programs that show the node."""
 FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart")
 """Reasons that are no fault."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import pkgutil
 import shlex
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
+from tsepm_ros.diagnostics.health_figures import ORDER, Level
 from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination
 from tsepm_ros.methods.registry import METHODS, method_class
 from tsepm_ros.settings.parameter_files import ANY_NODE, as_markdown, as_page, as_yaml
@@ -20,6 +23,7 @@ from tsepm_ros.tools.commands.evaluate_command import add_evaluation_arguments, 
 from tsepm_ros.tools.commands.init_command import add_init_arguments, run_init
 from tsepm_ros.tools.commands.run_command import add_recording_arguments, run_recording
 from tsepm_ros.tools.commands.watch_command import add_watch_arguments, run_watch
+from tsepm_ros.tools.replay.bag import ROLES
 from tsepm_ros.whole_files import naming
 
 AddArguments = Callable[[argparse.ArgumentParser], None]
@@ -120,6 +124,64 @@ def _parameters(options: argparse.Namespace) -> None:
         print(as_markdown(NODES[options.node]), end="")
 
 
+def _add_ros_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--ros-args", nargs=argparse.REMAINDER, default=[], help="arguments of ROS, such as -r"
+    )
+
+
+def _add_health_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("node", nargs="?", default="", help="full name; default every node")
+    parser.add_argument("--timeout", type=float, default=5.0, help="longest time, s; default 5")
+    _add_ros_arguments(parser)
+
+
+def _live(make: str, options: argparse.Namespace, *arguments: Any) -> Any:
+    """Run a node of the commands on live topics to its end, and return it."""
+    try:
+        from tsepm_ros.nodes.running import run
+
+        kind = pkgutil.resolve_name(f"tsepm_ros.tools.live_commands:{make}")
+    except ImportError as error:
+        raise ValueError(f"live topics need ROS 2 ({error})") from None
+    made: list[Any] = []
+
+    def make_node() -> Any:
+        made.append(kind(*arguments))
+        return made[0]
+
+    code = run(make_node, ["--ros-args", *options.ros_args])
+    if code:
+        raise SystemExit(code)
+    return made[0]
+
+
+def _health(options: argparse.Namespace) -> None:
+    if not 0.0 < options.timeout < math.inf:
+        raise ValueError("--timeout must be a positive number of seconds")
+    entries = _live("HealthReader", options, options.node, options.timeout).entries
+    for level, sentence in entries:
+        print(f"{level.name:5} {sentence}")
+    if not entries:
+        print(f"no track initiator was heard within {options.timeout:g} s", file=sys.stderr)
+        raise SystemExit(int(Level.STALE))
+    raise SystemExit(int(max((level for level, _ in entries), key=ORDER.index)))
+
+
+def _add_record_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("out", type=Path, help="folder of the bag, which must not exist")
+    names = (*ROLES, "/tf", "/tf_static")
+    parser.add_argument(
+        "topics", nargs="*", default=names, help=f"default the inputs: {', '.join(names)}"
+    )
+    _add_ros_arguments(parser)
+
+
+def _record(options: argparse.Namespace) -> None:
+    counts = _live("TopicRecorder", options, options.out, options.topics).counts
+    print("\n".join(f"{topic}: {number} messages" for topic, number in counts.items()))
+
+
 COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
     "methods": ("list the methods", lambda parser: None, _methods),
     "parameters": (
@@ -141,6 +203,16 @@ COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
         "show live topics, a recording, a bag or a simulated scenario on a page in a browser",
         add_watch_arguments,
         run_watch,
+    ),
+    "health": (
+        "print the health of the running nodes; the exit code is that of the worst level",
+        _add_health_arguments,
+        _health,
+    ),
+    "record": (
+        "write a bag of live topics until interrupted, without ros2 bag",
+        _add_record_arguments,
+        _record,
     ),
     "design": (
         "predict detection and false tracks of a sonar at a target false-track rate",

@@ -225,7 +225,6 @@ class _RosbagsStorage:
     def __init__(self, path: Path, stack: ExitStack) -> None:
         try:
             from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         except ImportError:
             raise ImportError(
                 "which requires ROS with the packages of its message types, or the library "
@@ -236,10 +235,7 @@ class _RosbagsStorage:
             link = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind_of(path)}")
             link.symlink_to(path.resolve())
             path = link
-        store = get_typestore(Stores.ROS2_JAZZY)
-        standard = set(store.fielddefs)
-        for name, text in LAYOUTS.items():
-            store.register(get_types_from_msg(text, name))
+        store, standard = _types()
         reader = AnyReader([path], default_typestore=store)
         reader.open()
         stack.callback(reader.close)
@@ -264,6 +260,84 @@ class _RosbagsStorage:
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
         return self._reader.deserialize(data, type_name)
+
+
+def _types() -> tuple[Any, set[str]]:
+    """Message types of rosbags: those of ROS and `LAYOUTS`, and the names of those of ROS."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    standard = set(store.fielddefs)
+    for name, text in LAYOUTS.items():
+        store.register(get_types_from_msg(text, name))
+    return store, standard
+
+
+class BagWriter:
+    """Writes an MCAP bag by rosbag2_py where ROS is sourced, else by the library rosbags.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag, which must not exist.
+
+    Raises
+    ------
+    ValueError
+        If no library can write bags, or the folder cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.exists():
+            raise ValueError(f"{path} exists; give a new folder for the bag")
+        self._topics: dict[str, Any] = {}
+        try:
+            self._ros: Any = import_module("rosbag2_py")
+        except ImportError:
+            self._ros = None
+        try:
+            self._writer = self._opened(path)
+        except ImportError:
+            raise ValueError(
+                "to write a bag needs rosbag2_py of a sourced ROS, or the library rosbags: "
+                "pip install rosbags"
+            ) from None
+        except Exception as error:  # the libraries raise errors of many kinds
+            raise ValueError(f"the bag {path} cannot be written: {error}") from error
+
+    def add(self, topic: str, kind: str) -> None:
+        """Add a topic of a message type; a ValueError if rosbags has no definition of it."""
+        if self._ros:
+            self._writer.create_topic(
+                self._ros.TopicMetadata(id=0, name=topic, type=kind, serialization_format="cdr")
+            )
+            self._topics[topic] = topic
+            return
+        store, _ = _types()
+        if kind not in store.fielddefs:
+            raise ValueError(f"rosbags has no definition of {kind}; ros2 bag record writes it")
+        self._topics[topic] = self._writer.add_connection(topic, kind, typestore=store)
+
+    def write(self, topic: str, log_ns: int, data: bytes) -> None:
+        """Write a serialised message of an added topic, with its time of reception, ns."""
+        given = (data, log_ns) if self._ros else (log_ns, data)
+        self._writer.write(self._topics[topic], *given)
+
+    def close(self) -> None:
+        """Write what is left, and close the bag."""
+        self._writer.close()
+
+    def _opened(self, path: Path) -> Any:
+        if self._ros:
+            writer = self._ros.SequentialWriter()
+            options = self._ros.StorageOptions(uri=str(path), storage_id="mcap")
+            writer.open(options, self._ros.ConverterOptions("", ""))
+            return writer
+        from rosbags.rosbag2 import StoragePlugin, Writer
+
+        written = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        written.open()
+        return written
 
 
 LAYOUTS = {

@@ -1,0 +1,117 @@
+"""The commands `tsepm health` and `tsepm record` beside running nodes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from support.boat import named
+from support.patience import WAIT
+from support.ros_world import BEST_EFFORT, RELIABLE
+from support.sonar_driver import Driver, pings
+
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.replay.bag import Bag
+
+BOAT = ["--ros-args", "-r", "__ns:=/boat"]
+
+
+def command(world, *arguments: str) -> subprocess.Popen[str]:
+    """A command of tsepm in the domain of the test."""
+    line = [sys.executable, "-m", "tsepm_ros.tools.commands.cli", *arguments]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(world.domain)}
+    return subprocess.Popen(
+        line, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def ended(world, process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Exit code and text of a command, while the nodes here go on."""
+    world.until(lambda: process.poll() is not None, "the end of the command")
+    out, error = process.communicate(timeout=WAIT)
+    return process.returncode, out + error
+
+
+def test_health_says_each_entry_and_ends_with_the_worst_level(world):
+    world.make(TrackInitiator, named({}), cli_args=BOAT)
+    code, said = ended(world, command(world, "health"))
+    lines = said.splitlines()
+    assert code == 1, "no driver yet is a warning"
+    assert lines[0].startswith("WARN  /boat/track_initiator: overall: detections: no publisher")
+    assert any(line.startswith("OK    /boat/track_initiator: latency") for line in lines)
+
+
+def test_health_is_of_every_node_or_of_the_one_that_is_named(world):
+    for name in ("port", "starboard"):
+        world.make(TrackInitiator, named({}), cli_args=["--ros-args", "-r", f"__ns:=/{name}"])
+    _, said = ended(world, command(world, "health"))
+    assert "/port/track_initiator: overall" in said
+    assert "/starboard/track_initiator: overall" in said
+    _, said = ended(world, command(world, "health", "/port/track_initiator"))
+    assert "/port/track_initiator: overall" in said
+    assert "/starboard" not in said
+
+
+def test_an_error_is_exit_code_2(world):
+    world.make(TrackInitiator, named({"detections_reliability": "reliable"}))
+    driver = world.add(Driver(world.context, BEST_EFFORT))
+    world.until(lambda: world.status("quality of service").level == b"\x02", "the error")
+    code, said = ended(world, command(world, "health"))
+    assert driver
+    assert code == 2
+    assert "ERROR /track_initiator: quality of service" in said
+
+
+def test_no_node_and_a_node_that_is_silent_are_stale(world):
+    code, said = ended(world, command(world, "health", "--timeout", "1.5"))
+    assert code == 3
+    assert "no track initiator was heard within 1.5 s" in said
+    world.make(TrackInitiator, named({"diagnostics_period": 1000.0}))
+    code, said = ended(world, command(world, "health", "--timeout", "2"))
+    assert code == 3
+    assert said == "STALE /track_initiator: no message on /diagnostics within 2 s\n"
+
+
+@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
+def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
+    bag = tmp_path / "trial"
+    driver = world.add(Driver(world.context, qos))
+    process = command(world, "record", str(bag), "detections", "nobody")
+    try:
+        world.until(driver.publisher.get_subscription_count, "the recorder")
+        sent = pings(12)
+        for ping in sent:
+            driver.ping(ping)
+            for _ in range(5):
+                world.spin_once(0.01)
+        time.sleep(1.0)  # the last message may be on its way
+    finally:
+        process.send_signal(signal.SIGINT)
+    code, said = ended(world, process)
+    assert code == 0, said
+    assert "/detections: 12 messages\n/nobody: 0 messages" in said
+    with Bag(bag) as opened:
+        assert opened.topics == {"/detections": "sensor_msgs/msg/PointCloud2"}
+        assert opened.count("/detections") == 12
+    assert main(["run", str(bag), "-p", "method:=tsepm", "-p", "own_ship_source:=none"]) == 0
+    assert "5 hits in 5 pings, by the rule 5/8" in capsys.readouterr().out
+
+
+def test_a_folder_that_exists_is_refused(world, tmp_path):
+    code, said = ended(world, command(world, "record", str(tmp_path)))
+    assert code == 2
+    assert f"refused: {tmp_path} exists; give a new folder" in said
+
+
+def test_without_a_library_the_remedy_is_said(world, tmp_path, monkeypatch):
+    from tsepm_ros.tools.replay.bag import BagWriter
+
+    for library in ("rosbag2_py", "rosbags.rosbag2"):
+        monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ValueError, match="pip install rosbags"):
+        BagWriter(tmp_path / "bag")

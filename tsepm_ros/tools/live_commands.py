@@ -1,0 +1,155 @@
+"""The nodes of `tsepm health` and `tsepm record`: health in one shot, and bags of live topics."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from rclpy.task import Future
+
+from tsepm_ros.diagnostics.health_figures import OVERALL, Level
+from tsepm_ros.nodes.node_parameters import refusing
+from tsepm_ros.nodes.quality_of_service import QosWatch
+from tsepm_ros.nodes.subscriptions import OfferedSubscription
+from tsepm_ros.tools.replay.bag import BagWriter
+
+MIN_TIME = 1.0
+"""Time in which running nodes are discovered, s."""
+POLL_PERIOD = 0.1
+"""Time between looks at the graph, s."""
+DEPTH = 1000
+DIAGNOSTICS = "/diagnostics"
+SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Best effort is compatible with every publisher."""
+
+
+class HealthReader(Node):
+    """Reads one message of ``/diagnostics`` of each track initiator, or of one node.
+
+    Parameters
+    ----------
+    name : str
+        Full name of a node; all track initiators if empty.
+    timeout : float
+        Longest time for all messages, s.
+
+    Attributes
+    ----------
+    entries : list of (Level, str)
+        Level and sentence of each entry; a node that runs and states nothing is stale.
+    """
+
+    def __init__(self, name: str, timeout: float) -> None:
+        super().__init__("tsepm_health")
+        self.finished = Future()
+        self._name = name and f"/{name.lstrip('/')}"
+        self._timeout = timeout
+        self._begin = time.monotonic()
+        self._heard: dict[str, Sequence[Any]] = {}
+        self._silent: set[str] = set()
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
+        self.create_timer(POLL_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def entries(self) -> list[tuple[Level, str]]:
+        """Level and sentence of each entry, by node."""
+        found = [
+            (Level(status.level[0]), f"{status.name}: {status.message}")
+            for _, statuses in sorted(self._heard.items())
+            for status in statuses
+        ]
+        silence = f"no message on {DIAGNOSTICS} within {self._timeout:g} s"
+        return found + [(Level.STALE, f"{name}: {silence}") for name in sorted(self._silent)]
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        for status in message.status[:1]:  # track initiators begin with this entry
+            if status.name == f"{status.hardware_id}: {OVERALL}":
+                self._heard[status.hardware_id] = message.status
+
+    def _look(self) -> None:
+        services = {name for name, _ in self.get_service_names_and_types()}
+        nodes = {
+            f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+            for end in self.get_publishers_info_by_topic(DIAGNOSTICS)
+        }
+        running = {name for name in nodes if f"{name}/reset" in services}
+        if self._name:
+            running = {self._name}
+            self._heard = {name: self._heard[name] for name in running & self._heard.keys()}
+        self._silent = running - self._heard.keys()
+        elapsed = time.monotonic() - self._begin
+        complete = self._heard and not self._silent and (self._name or elapsed > MIN_TIME)
+        if (complete or elapsed > self._timeout) and not self.finished.done():
+            self.finished.set_result(None)
+
+
+class TopicRecorder(Node):
+    """Writes a bag of topics, each from the time on at which it is published.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag, which must not exist.
+    topics : sequence of str
+
+    Raises
+    ------
+    ParameterError
+        If the bag cannot be written.
+    """
+
+    def __init__(self, path: Path, topics: Sequence[str]) -> None:
+        super().__init__("tsepm_record")
+        self.counts = Counter({self.resolve_topic_name(topic): 0 for topic in topics})
+        with refusing():
+            self._bag = BagWriter(path)
+        self._qos = QosWatch(self)
+        self._waiting = set(self.counts)
+        self._subscriptions_made: list[OfferedSubscription] = []
+        self.create_timer(POLL_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def destroy_node(self) -> None:
+        """Destroy the node and close the bag."""
+        super().destroy_node()
+        self._bag.close()
+
+    def _look(self) -> None:
+        for topic in sorted(self._waiting):
+            publishers = self.get_publishers_info_by_topic(topic)
+            if publishers:
+                self._waiting.remove(topic)
+                try:
+                    self._record(topic, publishers)
+                except (ValueError, ImportError, AttributeError) as error:
+                    self.get_logger().error(f"{topic} is not recorded: {error}")
+
+    def _record(self, topic: str, publishers: Sequence[Any]) -> None:
+        kind = publishers[0].topic_type
+        package, _, name = kind.split("/")
+        message_type = getattr(import_module(f"{package}.msg"), name)
+        self._bag.add(topic, kind)
+        latched = {end.qos_profile.durability for end in publishers}
+        durability = DurabilityPolicy.VOLATILE
+        if latched == {DurabilityPolicy.TRANSIENT_LOCAL}:
+            durability = DurabilityPolicy.TRANSIENT_LOCAL
+        take = partial(self._take, topic)
+        self._subscriptions_made.append(
+            OfferedSubscription(
+                self, message_type, topic, DEPTH, take, self._qos, durability=durability
+            )
+        )
+        self.get_logger().info(f"records {topic} ({kind})")
+
+    def _take(self, topic: str, message: Any) -> None:
+        self._bag.write(topic, time.time_ns(), serialize_message(message))
+        self.counts[topic] += 1
