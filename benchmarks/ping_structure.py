@@ -32,7 +32,7 @@ from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 FIRST = 60
 OURS = tuple(str(Path(package.__file__).parent) for package in (tsepm_ros, msg_adapters))
-VERB = ("initiator.py", "process")
+VERB = ("tracker.py", "process")
 """File and name of the function that processes a scan."""
 
 
