@@ -22,11 +22,11 @@ ifneq ($(SOURCED),)
   # The distribution's rclpy, numpy and scipy stay; pip adds only what is missing.
   PYTHONS := python3
   VENV_FLAGS := --system-site-packages
-  RUNTIME := plot,viewer
+  RUNTIME := plot,viewer,progress
   MADE := $(VENV)/.made-sourced
 else
   PYTHONS := python3 python3.12 python3.11
-  RUNTIME := ros,plot,viewer
+  RUNTIME := ros,plot,viewer,progress
   MADE := $(VENV)/.made-wheels
   # Only Fast DDS comes as a wheel. Another ROS in the calling shell must not mix with the wheels,
   # nor may the library path of other wheels, which comes with their guard variable.
@@ -83,10 +83,10 @@ ifndef TEST_ARGS
 	$(VENV)/bin/python .ci/check_coverage.py $(COVERAGE)
 endif
 
-campaigns: $(MADE)-test  ## each campaign for half a minute; campaigns/README.md for more
+campaigns: $(MADE)-test  ## each campaign for half a minute; test/campaigns/README.md for more
 	@for name in messages parameters files middleware processes kills replays; do \
 	  echo "== $$name"; \
-	  $(VENV)/bin/python campaigns/$$name.py --fresh --seconds $(SECONDS_EACH) > build/campaigns-$$name.log 2>&1; \
+	  $(VENV)/bin/python test/campaigns/$$name.py --fresh --seconds $(SECONDS_EACH) > build/campaigns-$$name.log 2>&1; \
 	  code=$$?; \
 	  grep -a '^FOUND\|findings;\|, seed' build/campaigns-$$name.log; \
 	  [ $$code = 0 ] || { tail -n 40 build/campaigns-$$name.log; exit 1; }; \
@@ -98,7 +98,7 @@ lint: $(MADE)-test  ## ruff and mypy
 	$(VENV)/bin/python -m mypy
 
 docs: $(MADE)-docs  ## the documentation as a site in build/site; a warning is an error
-	$(VENV)/bin/python -m mkdocs build --strict
+	$(VENV)/bin/python -m mkdocs build --strict -f .ci/mkdocs.yml
 
 env: $(MADE)-demo $(MADE)-test $(MADE)-docs  ## only the environment of all of these, in .venv
 

@@ -18,7 +18,9 @@ from support.patience import WAIT
 
 PACKAGE = "tsepm_ros"
 EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "track_viewer", "tsepm"]
-SHARED = ["package.xml", "config/*.yaml", "launch/*.xml", "rviz/*", "foxglove/*", "sros2/*"]
+SHARED = ["package.xml", "config/*.yaml", "launch/*.xml"]
+OF_CONFIG = ["rviz/*", "foxglove/*", "sros2/*"]
+"""Of config/ in the source tree, and beside it in the share directory."""
 DOMAIN = 1 + os.getpid() % 100  # so that checks side by side do not meet
 
 
@@ -28,8 +30,10 @@ def check_files(prefix: Path) -> None:
         assert os.access(prefix / "lib" / PACKAGE / name, os.X_OK), f"no executable {name}"
     share = Path(get_package_share_directory(PACKAGE))
     assert share == prefix / "share" / PACKAGE, f"share directory is {share}"
-    for source in chain.from_iterable(Path().glob(pattern) for pattern in SHARED):
-        assert (share / source).is_file(), f"not in share: {source}"
+    for folder, patterns in ((Path(), SHARED), (Path("config"), OF_CONFIG)):
+        for source in chain.from_iterable(folder.glob(pattern) for pattern in patterns):
+            name = source.relative_to(folder)
+            assert (share / name).is_file(), f"not in share: {name}"
     package = Path(str(resources.files(PACKAGE)))
     assert package.is_relative_to(prefix), f"another {PACKAGE} is imported: {package}"
     data = ("tools/simulation/scenarios/*.yaml", "tools/viewer/page/*")

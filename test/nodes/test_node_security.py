@@ -12,7 +12,7 @@ from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
-POLICY = Path(__file__).parents[2] / "sros2" / "tsepm_ros.policy.xml"
+POLICY = Path(__file__).parents[2] / "config" / "sros2" / "tsepm_ros.policy.xml"
 EVERYTHING = {
     "track_initiator": {"own_ship_source": "odometry", "publish_potential_tracks": True},
     "sonar_simulator": {"publish_clock": True},

@@ -17,8 +17,9 @@ from tsepm_ros.settings.node_options import SimulatorNodeOptions
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 ROOT = Path(__file__).parents[2]
-RVIZ = yaml.safe_load((ROOT / "rviz/track_initiator.rviz").read_text())["Visualization Manager"]
-FOXGLOVE = json.loads((ROOT / "foxglove/track_initiator.json").read_text())
+RVIZ_FILE = ROOT / "config/rviz/track_initiator.rviz"
+RVIZ = yaml.safe_load(RVIZ_FILE.read_text())["Visualization Manager"]
+FOXGLOVE = json.loads((ROOT / "config/foxglove/track_initiator.json").read_text())
 TYPES = {
     "PointCloud2": "sensor_msgs/msg/PointCloud2",
     "MarkerArray": "visualization_msgs/msg/MarkerArray",
@@ -112,4 +113,4 @@ def test_the_launch_file_starts_rviz_with_a_file_that_exists():
     [rviz] = [node for node in launch.iter("node") if node.get("pkg") == "rviz2"]
     assert rviz.get("if") == "$(var shows)"
     [path] = re.findall(r"\$\(find-pkg-share tsepm_ros\)/(\S+)", rviz.get("args"))
-    assert (ROOT / path).is_file()
+    assert (ROOT / "config" / path).is_file()  # config/ is left out where it is installed

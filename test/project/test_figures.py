@@ -104,7 +104,7 @@ def sections() -> dict[str, list[str]]:
     return pages
 
 
-CONFIG = (ROOT / "mkdocs.yml").read_text(encoding="utf-8") if DOCS.exists() else ""
+CONFIG = (ROOT / ".ci" / "mkdocs.yml").read_text(encoding="utf-8") if DOCS.exists() else ""
 
 
 def test_the_pages_are_short():

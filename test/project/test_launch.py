@@ -188,7 +188,7 @@ def test_without_rviz2_the_launch_says_so_and_goes_on(monkeypatch):
 
 
 def test_a_display_of_rviz_is_remapped_into_the_namespace():
-    config = (ROOT / "rviz" / "track_initiator.rviz").read_text(encoding="utf-8")
+    config = (ROOT / "config" / "rviz" / "track_initiator.rviz").read_text(encoding="utf-8")
     shown = set(re.findall(r"Value: (/[a-z_/]+)$", config, re.MULTILINE))
     assert shown <= set(started(rviz="true")["rviz2"].remaps)
 

@@ -34,14 +34,16 @@ def test_the_changelog_begins_with_what_is_not_released():
 
 @pytest.mark.parametrize("page", ["QUALITY_DECLARATION.md", "SECURITY.md", "CONTRIBUTING.md"])
 def test_what_a_page_names_exists(page):
-    content = text(page)
-    named = re.findall(r"\]\((?!http)([^)#]+)", content)
-    named += re.findall(
-        r"`((?:test|campaigns|benchmarks|docs|sros2|\.github|\.ci)/[\w./-]+)`", content
+    path = ROOT / ".github" / page
+    content = path.read_text(encoding="utf-8")
+    named = [path.parent / link for link in re.findall(r"\]\((?!http)([^)#]+)", content)]
+    quoted = re.findall(
+        r"(?:`|python )((?:test|benchmarks|docs|config|\.github|\.ci)/[\w./-]+)`", content
     )
+    named += [ROOT / name for name in quoted]
     assert named
-    for name in named:
-        assert (ROOT / name).exists(), f"{page} names {name}"
+    for place in named:
+        assert place.exists(), f"{page} names {place}"
     targets = set(re.findall(r"^([a-z]+):", text("Makefile"), re.MULTILINE))
     assert set(re.findall(r"`make ([a-z]+)", content)) <= targets
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import shutil
+import subprocess
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,6 +42,7 @@ WITH_ROS = (
 MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
 MAX_LINES = 900
 MAX_IN_PACKAGE = 22
+MAX_AT_THE_TOP = 22
 BUDGETS = {"first": (125, 12_422), "tools": (52, 5_277), "studies": (20, 1_840)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
@@ -126,6 +129,16 @@ def test_the_verb_of_the_tracker_fits_a_screen_and_stands_on_the_page():
     shown = page[page.index("again = self._scans") :]
     for statement in loop.body[:-1]:
         assert ast.unparse(statement) in shown
+
+
+def test_the_top_of_the_repository_is_read_at_a_glance():
+    if not (ROOT / ".git").exists() or not shutil.which("git"):
+        pytest.skip("only in the source tree")
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip(f"git does not list the files: {listed.stderr}")
+    entries = {name.partition("/")[0] for name in listed.stdout.splitlines()}
+    assert len(entries) <= MAX_AT_THE_TOP, sorted(entries)
 
 
 def statements(path: Path) -> int:

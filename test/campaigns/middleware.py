@@ -12,7 +12,7 @@ A case has a node, a driver and an observer in a domain of their own. Five kinds
 No callback raises; everything that came in is a scan or a counted drop; after it a good stream
 confirms its target, at the same ping as alone where only refused messages came before.
 
-    python campaigns/middleware.py [--seed 1] [--seconds 60]
+    python test/campaigns/middleware.py [--seed 1] [--seconds 60]
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ a stream of good pings is processed with it: from the start, and as a change in 
 Every eighth case calls the services of a node with values of every type, also empty arrays and
 values of no type: each call is answered.
 
-    python campaigns/parameters.py [--seed 1] [--seconds 60]
+    python test/campaigns/parameters.py [--seed 1] [--seconds 60]
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ end may differ by 1 MB, and the processor time per scan of the last tenth may be
 the second. Times are of this process alone, but caches and clocks are shared: on a busy machine
 only memory is judged (--busy). This campaign is one case: an interrupted call begins again.
 
-    python campaigns/endurance.py [--scans 300000] [--method score]
+    python test/campaigns/endurance.py [--scans 300000] [--method score]
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "campaigns"
 for folder in (ROOT, ROOT / "test"):  # the package as it is here, and what its tests share
     if str(folder) not in sys.path:
@@ -146,7 +146,7 @@ def _all_cases(
         and len(state.findings) < MAX_FINDINGS
         and time.monotonic() - begin < options.seconds
     ):
-        _one(case, options.seed, state, f"python campaigns/{name}.py")
+        _one(case, options.seed, state, f"python test/campaigns/{name}.py")
         state.seconds = before + time.monotonic() - begin
         if time.monotonic() - written > SAVING_PERIOD:
             state.write(path)

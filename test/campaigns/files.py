@@ -7,7 +7,7 @@ without them, if they are used. The command must end with 0, or with another cod
 never with a traceback, a hang, or memory without bound. Each runs in a process of its own, with
 limits, in a folder of its own, and writes to no other.
 
-    python campaigns/files.py [--seed 1] [--seconds 60]
+    python test/campaigns/files.py [--seed 1] [--seconds 60]
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def originals() -> Path:
     (recording / "target.csv").write_text("\n".join(["time_s,east_m,north_m", *target, ""]))
     for storage in ("mcap", "sqlite3"):
         write_bag(folder / storage, simulated(small_scenario(scans=4)), storage)
-    scenarios = Path(campaign.ROOT) / "tsepm_ros" / "simulation" / "scenarios"
+    scenarios = Path(campaign.ROOT) / "tsepm_ros" / "tools" / "simulation" / "scenarios"
     for name in shipped_scenarios():
         text = (scenarios / f"{name}.yaml").read_text()
         (folder / f"{name}.yaml").write_text(re.sub(r"scans: \d+", "scans: 3", text))

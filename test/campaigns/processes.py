@@ -4,7 +4,7 @@ A node starts as a process and gets a signal after a random time, now and then t
 at which its handlers are set it ends with code 0, without a traceback, and leaves nothing in shared
 memory. Before that moment the signal's own end is right.
 
-    python campaigns/processes.py [--seed 1] [--seconds 60]
+    python test/campaigns/processes.py [--seed 1] [--seconds 60]
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ only messages that are refused; then the good pings must give the tracks of the 
 bit. In the other cases anything may come, and what differs from the stream alone must be explained
 by a message that was accepted.
 
-    python campaigns/messages.py [--seed 1] [--seconds 60]
+    python test/campaigns/messages.py [--seed 1] [--seconds 60]
 """
 
 from __future__ import annotations

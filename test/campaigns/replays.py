@@ -4,7 +4,7 @@ Every case processes the same recorded messages offline, from sqlite3 and MCAP i
 every track message to the bit with those of the first time; every fourth case plays the bag through
 the nodes and compares theirs.
 
-    python campaigns/replays.py [--seed 1] [--seconds 60]
+    python test/campaigns/replays.py [--seed 1] [--seconds 60]
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ not grow beyond a random size, as on a full disk. What they leave under a result
 result, whole: equal to what an undisturbed call writes. The same call again ends with 0 and the
 results of an undisturbed call, and no temporary file is left.
 
-    python campaigns/kills.py [--seed 1] [--seconds 60]
+    python test/campaigns/kills.py [--seed 1] [--seconds 60]
 """
 
 from __future__ import annotations
