@@ -65,11 +65,12 @@ def _executable(module: str, interrupted: int) -> Callable[[], int]:
 
     def main() -> int:
         try:
-            code: int = importlib.import_module(module).main()
+            return importlib.import_module(module).main()
         except KeyboardInterrupt:  # during the imports; afterwards the module has its own way
             print("interrupted", file=sys.stderr)
             return interrupted
-        return code
+        except ModuleNotFoundError as error:
+            sys.exit(f"failed: {error}, which is needed: package.xml names its package")
 
     return main
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros.tools.terminal import with_progress, write_line
+from tsepm_ros.tools import terminal
+from tsepm_ros.tools.terminal import progress_bar, with_progress, write_line
 
 ROOT = Path(__file__).parents[2]
 SHOW = (
@@ -62,3 +63,13 @@ def test_every_long_command_shows_its_progress(command):
     (path,) = ROOT.glob(f"tsepm_ros/**/{command}_command.py")
     source = path.read_text("utf-8")
     assert "from tsepm_ros.tools.terminal import" in source
+
+
+def test_without_the_library_of_the_bars_the_work_is_done_without_them(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "tqdm", None)
+    assert list(with_progress(iter("abc"), 3, "work")) == ["a", "b", "c"]
+    with progress_bar(3, "pings", "ping", keep=True) as bar:
+        bar.set_postfix_str("confirmed tracks: 1", refresh=False)
+        bar.update(3 - bar.n)
+    write_line("a line", sys.stdout)
+    assert capsys.readouterr() == ("a line\n", "")

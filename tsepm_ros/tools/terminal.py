@@ -11,9 +11,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any, TextIO
 
-from tqdm import tqdm
+try:
+    from tqdm import tqdm
+except ImportError:  # no bars then
+    tqdm = None
 
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
 """Passes an iterable of a given length through and shows its progress."""
@@ -28,7 +33,7 @@ def silent(results: Iterable[Any], total: int) -> Iterable[Any]:
 
 
 def progress_bar(total: int | None, label: str | None, unit: str, keep: bool = False) -> Any:
-    """A bar on the standard error, if that is a terminal.
+    """A bar on the standard error, if that is a terminal and tqdm is installed.
 
     Parameters
     ----------
@@ -40,6 +45,9 @@ def progress_bar(total: int | None, label: str | None, unit: str, keep: bool = F
     keep : bool, optional
         The finished bar stays on the terminal.
     """
+    if tqdm is None:
+        ignore = lambda *_, **__: None  # noqa: E731
+        return nullcontext(SimpleNamespace(n=0, update=ignore, set_postfix_str=ignore))
     return tqdm(
         total=total,
         desc=label,
@@ -79,7 +87,7 @@ def named_progress(label: str) -> Progress:
 
 def write_line(text: str, file: TextIO) -> None:
     """Write a line at once, above the bars of the same terminal."""
-    tqdm.write(text, file=file)
+    (print if tqdm is None else tqdm.write)(text, file=file)
     file.flush()
 
 

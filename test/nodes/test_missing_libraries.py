@@ -1,0 +1,151 @@
+"""The node needs few libraries; what needs more says in one sentence what is missing."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import PointCloud2
+from support import missing
+from support.bag_files import simulated, write_bag
+from support.patience import WAIT
+from support.ros_world import RELIABLE
+from support.sonar_driver import Driver, pings
+
+from msg_adapters import read_track_cloud
+
+ROOT = Path(__file__).parents[2]
+OPTIONAL = (
+    *("tqdm", "matplotlib", "PIL", "tornado", "rosbags", "rosbag2_py", "tf2_ros", "distributed"),
+    *("stonesoup", "marine_acoustic_msgs", "radar_msgs", "vision_msgs"),
+)
+"""Modules without which the node works."""
+HIGHER_STOREYS = ("tsepm_ros.tools", "tsepm_ros.studies")
+PYTHON_PACKAGES = {"python3-numpy": "numpy", "python3-scipy": "scipy", "python3-yaml": "yaml"}
+
+
+def test_the_node_runs_without_any_library_of_the_tools(world, start):
+    """It starts, confirms a target, and ends with 0."""
+    script = missing.script("track_initiator", (*OPTIONAL, *HIGHER_STOREYS))
+    node = start("track_initiator", script=script)
+    driver, tracks = (
+        world.add(Driver(context=world.context)),
+        world.listen(PointCloud2, "tracks", RELIABLE),
+    )
+    world.until(lambda: world.observer.count_subscribers("detections"), "the node")
+    world.until_connected()
+    for ping in pings(14):
+        driver.ping(ping)
+    world.until(lambda: any(message.width for message in tracks), "a track")
+    points = np.concatenate([read_track_cloud(message) for message in tracks])
+    assert np.hypot(points["x"] - 3000.0, points["y"] - 1500.0).min() < 1000.0  # the target
+    node.interrupt()
+    assert node.exit_code() == 0
+    assert "Traceback" not in node.said
+
+
+def imported(folder: Path) -> set[str]:
+    """Top-level modules that the modules below a folder import."""
+    return {
+        name.partition(".")[0]
+        for path in folder.rglob("*.py")
+        if not {"tools", "studies"} & set(path.relative_to(ROOT).parts)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+        )
+    }
+
+
+@pytest.mark.skipif(not (ROOT / "package.xml").exists(), reason="only in the source tree")
+def test_the_manifest_names_first_what_the_node_imports():
+    manifest = (ROOT / "package.xml").read_text(encoding="utf-8")
+    needed = re.findall("<exec_depend>(.+)</exec_depend>", manifest.partition("Format 3")[0])
+    modules = imported(ROOT / "tsepm_ros") | imported(ROOT / "msg_adapters")
+    others = modules - sys.stdlib_module_names - {"tsepm_ros", "msg_adapters", *OPTIONAL}
+    assert {PYTHON_PACKAGES.get(name, name) for name in needed} == others
+
+
+def outcome(executable: str, without: tuple[str, ...], *arguments: str) -> tuple[int, str, str]:
+    """Exit code, standard output, and standard error of an executable without some modules."""
+    done = subprocess.run(
+        [sys.executable, "-c", missing.script(executable, without), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=WAIT,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def parameters(**values: object) -> list[str]:
+    given = (("-p", f"{name}:={value}") for name, value in values.items())
+    return ["--ros-args", *(part for pair in given for part in pair)]
+
+
+BAG = "a bag that is written for the test"
+RUN = ("run", "four_targets")
+
+
+@pytest.mark.parametrize(
+    ("executable", "without", "arguments", "named"),
+    [
+        ("tsepm", "matplotlib", [*RUN, "--picture", "p.png"], "need matplotlib"),
+        ("tsepm", "tornado", ["watch", "four_targets"], "pip install tornado"),
+        ("tsepm", "tornado", ["watch"], "pip install tornado"),
+        ("tsepm", "rclpy", ["watch"], "live topics need ROS 2"),
+        ("tsepm", "rosbags rosbag2_py", ["run", BAG], "pip install rosbags"),
+        ("tsepm", "distributed", ["evaluate", "box", "--scheduler", "tcp://h:1"], "distributed"),
+        ("tsepm_demo", "matplotlib", [], "No module named 'matplotlib'"),
+        ("tsepm_demo", "rclpy", [], "No module named 'rclpy'"),
+        ("track_viewer", "tornado", [], "pip install tornado"),
+        ("track_viewer", "rclpy", [], "No module named 'rclpy'"),
+        ("scan_player", "rosbags rosbag2_py", parameters(recording=BAG), "pip install rosbags"),
+        ("scan_player", "rosgraph_msgs", [], "No module named 'rosgraph_msgs'"),
+        ("sonar_simulator", "rclpy", [], "No module named 'rclpy'"),
+        (
+            "track_initiator",
+            "tf2_ros",
+            parameters(own_ship_source="tf", fixed_frame="map"),
+            "tf2_ros is not installed",
+        ),
+        ("track_initiator", "scipy", [], "No module named 'scipy'"),
+    ],
+    ids=str,
+)
+def test_a_tool_says_in_one_sentence_what_is_missing(
+    tmp_path, monkeypatch, executable, without, arguments, named
+):
+    monkeypatch.chdir(tmp_path)
+    given = " ".join(arguments)
+    if BAG in given:
+        path = str(write_bag(tmp_path / "bag", simulated()))
+        arguments = [part.replace(BAG, path) for part in arguments]
+    code, _, said = outcome(executable, tuple(without.split()), *arguments)
+    assert code in (1, 2)
+    assert named in said.splitlines()[-1]
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("without", "arguments", "said"),
+    [
+        ("tqdm", ["--out", "o"], "picture: o/picture.png"),
+        ("matplotlib PIL rosbags", ["--out", "o"], "no picture: it needs matplotlib"),
+        ("tornado rclpy tqdm", ["--html", "page.html"], "page: page.html"),
+    ],
+)
+def test_a_run_without_a_library_does_what_it_can(tmp_path, monkeypatch, without, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    code, _, written = outcome("tsepm", tuple(without.split()), *RUN, *arguments)
+    assert code == 0
+    assert said in written
+    assert "Traceback" not in written
