@@ -43,7 +43,7 @@ MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*
 MAX_LINES = 900
 MAX_IN_PACKAGE = 22
 MAX_AT_THE_TOP = 22
-BUDGETS = {"first": (125, 12_422), "tools": (52, 5_277), "studies": (20, 1_840)}
+BUDGETS = {"first": (125, 12_442), "tools": (53, 5_502), "studies": (20, 1_840)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 
