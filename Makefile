@@ -54,7 +54,7 @@ help:  ## list the targets
 demo: $(MADE)-demo  ## simulator and track initiator as two processes; DEMO_ARGS="--help" lists options
 	$(VENV)/bin/python -m tsepm_ros.tools.demo $(DEMO_ARGS)
 
-test: $(MADE)-test  ## the tests but the long ones; TEST_ARGS="test/stages -k merging" for others
+test: $(MADE)-test  ## the tests but the long ones; TEST_ARGS="test/tracker -k merging" for others
 ifdef TEST_ARGS
 	$(VENV)/bin/python -m pytest $(TEST_ARGS)
 else

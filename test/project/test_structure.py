@@ -43,6 +43,8 @@ MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*
 MAX_LINES = 900
 MAX_IN_PACKAGE = 22
 MAX_AT_THE_TOP = 22
+OTHER_TESTS = {"adapters", "benchmarks", "campaigns", "examples", "golden", "project", "support"}
+"""Folders of test/ that are no package of tsepm_ros."""
 BUDGETS = {"first": (125, 12_442), "tools": (53, 5_502), "studies": (20, 1_840)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
@@ -129,6 +131,13 @@ def test_the_verb_of_the_tracker_fits_a_screen_and_stands_on_the_page():
     shown = page[page.index("again = self._scans") :]
     for statement in loop.body[:-1]:
         assert ast.unparse(statement) in shown
+
+
+def test_the_folders_of_the_tests_are_the_packages():
+    for path in ROOT.glob("test/*/**/*.py"):
+        folder = path.parent.relative_to(ROOT / "test")
+        if folder.parts[0] not in OTHER_TESTS:
+            assert (ROOT / "tsepm_ros" / folder / "__init__.py").exists(), path
 
 
 def test_the_top_of_the_repository_is_read_at_a_glance():

@@ -10,7 +10,7 @@ import pytest
 
 from tsepm_ros.tools.replay.recording import read_recording
 
-JOYRIDE = Path(__file__).parents[2].parent / "shared" / "data" / "joyride"
+JOYRIDE = Path(__file__).parents[3].parent / "shared" / "data" / "joyride"
 
 
 @pytest.fixture
