@@ -73,7 +73,7 @@ coverage: $(MADE)-test  ## lines and branches that all tests run, also the long 
 	  $(VENV)/bin/python -m coverage run -m pytest -q -m "" -n $(WORKERS) --dist worksteal $(TEST_ARGS)
 	$(VENV)/bin/python -m coverage combine -q --data-file=$(COVERAGE)/data $(COVERAGE)
 	@for part in all core; do \
-	  omit=$$([ $$part = all ] || echo '--omit=tsepm_ros/nodes/*,tsepm_ros/demo/*'); \
+	  omit=$$([ $$part = all ] || echo '--omit=tsepm_ros/nodes/*,tsepm_ros/tools/demo.py,tsepm_ros/tools/live_commands.py,tsepm_ros/tools/players/*,tsepm_ros/tools/viewer/track_viewer.py'); \
 	  echo "== $$part"; \
 	  $(VENV)/bin/python -m coverage report --data-file=$(COVERAGE)/data $$omit --skip-covered; \
 	  $(VENV)/bin/python -m coverage json -q --data-file=$(COVERAGE)/data $$omit -o $(COVERAGE)/$$part.json; \
