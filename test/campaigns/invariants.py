@@ -12,6 +12,8 @@ from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.tracker.tracks import TrackArrays
 
+ROUNDING = 1e-9
+"""Speed that rounding of positions may leave, m/s."""
 MAX_SPEED_SLACK = 1.0 + 1e-6
 MAX_ASYMMETRY = 1e-12
 """Of the correlations: rounding alone."""
@@ -66,7 +68,7 @@ class TrackBook:
         for tracks, what in ((result.new, "new tracks"), (result.current, "held tracks")):
             own = np.isin(tracks.track_id, list(self._given))  # not those of a downstream tracker
             speed = np.hypot(tracks.state[:, 1], tracks.state[:, 3])[own]
-            limit = self.max_speed * MAX_SPEED_SLACK
+            limit = self.max_speed * MAX_SPEED_SLACK + ROUNDING
             require((speed <= limit).all(), f"a speed of {what} is above the maximum")
 
 

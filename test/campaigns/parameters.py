@@ -30,7 +30,13 @@ from support.ros_world import World
 from tsepm_ros import available_methods
 from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.settings import TRACK_INITIATOR, full_table, make_groups, settings_from
+from tsepm_ros.settings.settings import (
+    TRACK_INITIATOR,
+    full_table,
+    make_groups,
+    settings_from,
+    with_method,
+)
 
 METHODS = available_methods()
 KIND = "sensor_msgs/msg/PointCloud2"
@@ -48,8 +54,9 @@ SLOW = ("learned_file",)
 
 @functools.cache
 def rows() -> dict[str, Parameter]:
-    """The table of the node."""
-    return {row.name: row for row in full_table(TRACK_INITIATOR) if row.name not in SLOW}
+    """The table of the node, with the parameters of every method."""
+    every = functools.reduce(with_method, METHODS, TRACK_INITIATOR)
+    return {row.name: row for row in full_table(every) if row.name not in SLOW}
 
 
 def values_of(row: Parameter) -> list[Value]:
