@@ -267,10 +267,12 @@ class PlotExtraction:
         """What was seen, for the user."""
         extent = self.extent
         beam = f" (and {np.degrees(extent.beam):.2g} degrees)" if extent.beam else ""
+        size = self.scatter.mean_size
+        average = f", {size:.2g} on average" if size > 1.0 else ""  # 1 before any is measured
         return (
             "targets give several detections per ping: detections within "
-            f"{extent.along:.3g} m{beam} of each other are combined into one plot, "
-            f"{self.scatter.mean_size:.2g} on average"
+            f"{extent.along:.3g} m{beam} of each other are combined into one "
+            f"plot{average}"
         )
 
 

@@ -347,6 +347,11 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
         values["sensor.azimuth_max"] = math.radians(answers["sector_centre"] + half)
     if answers["extent"]:
         values["plots"] = "on"
+        # The echoes of one target also lie apart by their errors: by a cell of such errors.
+        beam = min(answers["bearing_accuracy"] / CELL_TO_STD, math.degrees(1.0))
+        values["sensor.azimuth_resolution"] = math.radians(answers["beam_width"] or beam)
+        cell = min(answers["range_accuracy"] / CELL_TO_STD, 1e4)
+        values["sensor.range_resolution"] = answers["range_cell"] or cell
     if answers["false_detections"]:
         sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
         values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area
