@@ -174,7 +174,7 @@ class TrackerRun:
         remarks += [Notice(*news) for news in self.check.news(self.tracker)]
         counted, self._strengths_count = (
             self._strengths_count,
-            self.tracker.intensity.startswith("used"),
+            self.tracker.uses_intensity,
         )
         if counted != self._strengths_count:
             remarks.append(

@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from tsepm_ros.diagnostics.health_figures import OVERALL, Level
 from tsepm_ros.nodes.node_parameters import refusing
 from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.subscriptions import OfferedSubscription
-from tsepm_ros.tools.replay.bag import BagWriter
+from tsepm_ros.tools.replay.bag import BagWriter, installed_class
 
 MIN_TIME = 1.0
 """Time in which running nodes are discovered, s."""
@@ -135,8 +134,7 @@ class TopicRecorder(Node):
 
     def _record(self, topic: str, publishers: Sequence[Any]) -> None:
         kind = publishers[0].topic_type
-        package, _, name = kind.split("/")
-        message_type = getattr(import_module(f"{package}.msg"), name)
+        message_type = installed_class(kind)
         self._bag.add(topic, kind)
         latched = {end.qos_profile.durability for end in publishers}
         durability = DurabilityPolicy.VOLATILE

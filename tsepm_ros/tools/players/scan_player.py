@@ -9,7 +9,6 @@ The node that plays recorded scans on the topics of a sonar driver.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import chain
@@ -49,6 +48,7 @@ from tsepm_ros.tools.replay.bag import (
     Bag,
     BagMessage,
     find_topics,
+    installed_class,
 )
 from tsepm_ros.tools.replay.recording import RecordedMotion, RecordedScan, read_recording, source_of
 
@@ -159,14 +159,12 @@ class PlayedBag:
 
     def _class(self, topic: str) -> type:
         type_name = self._bag.topics[topic]
-        package, _, name = type_name.split("/")
         try:
-            message_class: type = getattr(importlib.import_module(f"{package}.msg"), name)
+            return installed_class(type_name)
         except (ImportError, AttributeError):
             raise ParameterError(
                 f"recording: {topic} is of type {type_name}, whose package is not installed"
             ) from None
-        return message_class
 
     def _add_tf(self) -> None:
         for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, LATCHED)):

@@ -215,8 +215,7 @@ class _Rosbag2Storage:
             yield topic, log_ns, bytes(data)
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
-        package, _, name = type_name.split("/")
-        return self._deserialize(data, getattr(import_module(f"{package}.msg"), name))
+        return self._deserialize(data, installed_class(type_name))
 
 
 class _RosbagsStorage:
@@ -362,6 +361,13 @@ LAYOUTS = {
     "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections\n",
 }
 """Definitions of the supported message types that ROS itself does not have, for bags without."""
+
+
+def installed_class(kind: str) -> type:
+    """The class of a message type; ImportError or AttributeError if it is not installed."""
+    package, _, name = kind.split("/")
+    found: type = getattr(import_module(f"{package}.msg"), name)
+    return found
 
 
 def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
