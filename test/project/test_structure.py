@@ -38,6 +38,7 @@ WITH_ROS = (
     "tsepm_ros.tools.live_commands",
     "tsepm_ros.tools.players",
     "tsepm_ros.tools.viewer.track_viewer",
+    "tsepm_ros.tools.bridge.track_bridge",
 )
 MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
 MAX_LINES = 900

@@ -12,7 +12,15 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import Pose, PoseWithCovariance, Vector3
+from geometry_msgs.msg import (
+    AccelWithCovariance,
+    Point,
+    Polygon,
+    Pose,
+    PoseWithCovariance,
+    TwistWithCovariance,
+    Vector3,
+)
 from std_msgs.msg import Header
 
 FLOAT32_ARRAY = object()
@@ -90,9 +98,63 @@ Detection3D = message_type(
 )
 Detection3DArray = message_type("vision_msgs/msg/Detection3DArray", header=Header, detections=list)
 
+
+def six_zeros() -> list[float]:
+    """Default of a field `float32[6]`."""
+    return [0.0] * 6
+
+
+UUID = message_type("unique_identifier_msgs/msg/UUID", uuid=lambda: [0] * 16)
+RadarTrack = message_type(
+    "radar_msgs/msg/RadarTrack",
+    uuid=UUID,
+    position=Point,
+    velocity=Vector3,
+    acceleration=Vector3,
+    size=Vector3,
+    classification=int,
+    position_covariance=six_zeros,
+    velocity_covariance=six_zeros,
+    acceleration_covariance=six_zeros,
+    size_covariance=six_zeros,
+)
+RadarTracks = message_type("radar_msgs/msg/RadarTracks", header=Header, tracks=list)
+ObjectClassification = message_type(
+    "autoware_perception_msgs/msg/ObjectClassification", label=int, probability=float
+)
+Shape = message_type(
+    "autoware_perception_msgs/msg/Shape", type=int, footprint=Polygon, dimensions=Vector3
+)
+TrackedObjectKinematics = message_type(
+    "autoware_perception_msgs/msg/TrackedObjectKinematics",
+    pose_with_covariance=PoseWithCovariance,
+    twist_with_covariance=TwistWithCovariance,
+    acceleration_with_covariance=AccelWithCovariance,
+    orientation_availability=int,
+    is_stationary=bool,
+)
+TrackedObject = message_type(
+    "autoware_perception_msgs/msg/TrackedObject",
+    object_id=UUID,
+    existence_probability=float,
+    classification=list,
+    kinematics=TrackedObjectKinematics,
+    shape=Shape,
+)
+TrackedObjects = message_type(
+    "autoware_perception_msgs/msg/TrackedObjects", header=Header, objects=list
+)
+
 PACKAGES: dict[str, tuple[type, ...]] = {
     "marine_acoustic_msgs": (PingInfo, DetectionFlag, SonarDetections, SonarRanges),
-    "radar_msgs": (RadarReturn, RadarScan),
+    "radar_msgs": (RadarReturn, RadarScan, RadarTrack, RadarTracks),
+    "autoware_perception_msgs": (
+        ObjectClassification,
+        Shape,
+        TrackedObjectKinematics,
+        TrackedObject,
+        TrackedObjects,
+    ),
     "vision_msgs": (
         ObjectHypothesis,
         ObjectHypothesisWithPose,

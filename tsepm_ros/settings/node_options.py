@@ -12,6 +12,7 @@ Parameters of the node `track_viewer`.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
@@ -420,3 +421,77 @@ class ViewerNodeOptions:
             )
         if not self.token.isascii():
             raise ValueError("token must be of ASCII characters")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BridgeNodeOptions:
+    """Options of the node `track_bridge`."""
+
+    nmea_address: str = parameter(
+        "127.0.0.1:10110",
+        "Address and UDP port to which sentences of NMEA 0183 are sent; empty: none",
+        read_only=True,
+    )
+    nmea_sentences: str = parameter(
+        "TTM",
+        "Sentences: TTM relative to own ship, TLL with latitude and longitude, or both",
+        choices=("TTM", "TLL", "both"),
+        read_only=True,
+    )
+    nmea_talker: str = parameter(
+        "RA", "Two letters with which sentences begin: RA is a radar", read_only=True
+    )
+    nmea_period: float = parameter(
+        1.0,
+        "Minimum time between the sentences of a track, by the stamps; 0: each ping",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+        read_only=True,
+    )
+    origin: str = parameter(
+        "",
+        "latitude,longitude of the fixed frame's origin in degrees, x east and y north; empty: by "
+        "the newest message on fix, with own ship's position",
+        read_only=True,
+    )
+    own_ship_source: str = parameter(
+        "odometry",
+        "odometry: own ship as own_ship/odometry says; none: at the fixed frame's origin, at rest",
+        choices=("odometry", "none"),
+        read_only=True,
+    )
+    own_ship_timeout: float = parameter(
+        5.0,
+        "Time over which own ship is extrapolated",
+        unit="s",
+        positive=True,
+        maximum=3600.0,
+        read_only=True,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+        udp_address(self.nmea_address)
+        if not re.fullmatch("[A-Z]{2}", self.nmea_talker):
+            raise ValueError(
+                f"nmea_talker must be two capital letters, such as RA; got {self.nmea_talker!r}"
+            )
+
+
+def udp_address(text: str) -> tuple[str, int] | None:
+    """Host and port of an address; None of an empty text.
+
+    Raises
+    ------
+    ValueError
+        If it is no ``host:port``.
+    """
+    if not text:
+        return None
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65_536:
+        raise ValueError(
+            f"nmea_address must be an address and a port, such as 127.0.0.1:10110; got {text!r}"
+        )
+    return host, int(port)

@@ -19,6 +19,7 @@ from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, metho
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
 from tsepm_ros.settings.node_options import (
+    BridgeNodeOptions,
     DiagnosticsOptions,
     InitiatorNodeOptions,
     PlaybackOptions,
@@ -107,12 +108,14 @@ TRACK_INITIATOR: Groups = (
 SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions), ("", PlaybackOptions))
 SCAN_PLAYER: Groups = (("", PlayerNodeOptions), ("", PlaybackOptions))
 TRACK_VIEWER: Groups = (("", ViewerNodeOptions),)
+TRACK_BRIDGE: Groups = (("", BridgeNodeOptions),)
 
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,
     "sonar_simulator": SONAR_SIMULATOR,
     "scan_player": SCAN_PLAYER,
     "track_viewer": TRACK_VIEWER,
+    "track_bridge": TRACK_BRIDGE,
 }
 """Every node's groups of parameters."""
 
@@ -210,6 +213,7 @@ _EXAMPLES = {
     "sonar_simulator": "-p scenario:=four_targets -p rate_factor:=10.0",
     "scan_player": "-p recording:=my_recording -p rate_factor:=10.0",
     "track_viewer": "-r tracks/current:=/my_boat/tracks/current -p port:=8080",
+    "track_bridge": "-p nmea_address:=127.0.0.1:10110 -p nmea_sentences:=both",
 }
 _TOPICS = {
     "track_initiator": "subscribes to detections, own_ship/odometry and tracked; publishes tracks, "
@@ -218,6 +222,9 @@ _TOPICS = {
     "scan_player": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
     "track_viewer": "subscribes to tracks/current, fixed_echoes and others "
     "(docs/watch_and_operate.md)",
+    "track_bridge": "subscribes to tracks/current, own_ship/odometry and fix; publishes "
+    "tracks/radar and tracks/objects where their packages are installed, and sends NMEA 0183 "
+    "(docs/use_the_tracks.md)",
 }
 
 

@@ -1,0 +1,143 @@
+"""NMEA sentences of tracks, as an independent reader understands them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pynmea2
+import pytest
+from pyproj import Geod
+
+from tsepm_ros.tools.bridge import nmea
+from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+
+STAMP = 1_700_000_000.26  # 22:13:20.26 UTC
+AT_REST = np.zeros(2), np.zeros(2)
+
+
+def tracks(*states, ids=None):
+    ids = range(len(states)) if ids is None else ids
+    return TrackArrays.of(
+        [
+            ConfirmedTrack(track_id, STAMP, np.array(state, float), np.eye(4), (), math.nan)
+            for track_id, state in zip(ids, states, strict=True)
+        ]
+    )
+
+
+def numbered(found):
+    numbers = nmea.TargetNumbers()
+    numbers.update(found.track_id.tolist())
+    return numbers.of
+
+
+def parsed(sentences):
+    sentences = list(sentences)
+    assert all(len(one) <= 82 and one.endswith("\r\n") for one in sentences)
+    return [pynmea2.parse(one, check=True) for one in sentences]
+
+
+def scene(rng):
+    """Twenty tracks around own ship, to port and starboard of its course."""
+    bearing, range_ = rng.uniform(0.0, 360.0, 20), rng.uniform(50.0, 9000.0, 20)
+    velocity = rng.uniform(-8.0, 8.0, (20, 2))
+    position = np.stack(
+        [range_ * np.sin(np.radians(bearing)), range_ * np.cos(np.radians(bearing))], axis=1
+    )
+    return bearing, range_, position, velocity
+
+
+def test_ttm_puts_twenty_tracks_at_their_bearings_and_ranges_from_own_ship():
+    bearing, range_, position, velocity = scene(np.random.default_rng(1))
+    own_ship = np.array([1000.0, -400.0]), np.array([3.0, 1.0])
+    states = np.stack([position + own_ship[0], velocity], axis=2).reshape(20, 4)
+    found = tracks(*states)
+    messages = parsed(nmea.ttm("RA", found, numbered(found), own_ship))
+    assert [int(one.data[0]) for one in messages] == list(range(20))
+    for row, one in enumerate(messages):
+        distance, angle, axis, speed, course = one.data[1:6]
+        assert float(distance) * 1852.0 == pytest.approx(range_[row], abs=1.0)
+        assert float(angle) == pytest.approx(bearing[row], abs=0.051)
+        assert axis == "T"
+        assert float(speed) * 1852.0 / 3600.0 == pytest.approx(np.hypot(*velocity[row]), abs=0.03)
+        expected = math.degrees(math.atan2(*velocity[row])) % 360.0
+        assert abs((float(course) - expected + 180.0) % 360.0 - 180.0) <= 0.051
+        assert one.data[9] == "N"
+        assert one.data[11] == "T"
+        assert one.data[13] == "221320.3"
+
+
+@pytest.mark.parametrize("longitude", [10.6, 179.99, -179.99])
+@pytest.mark.parametrize("latitude", [59.65, -33.9, 0.01])
+def test_tll_puts_twenty_tracks_where_they_are_on_the_earth(latitude, longitude):
+    bearing, range_, position, velocity = scene(np.random.default_rng(2))
+    found = tracks(*np.stack([position, velocity], axis=2).reshape(20, 4))
+    places = GeographicReference(latitude, longitude).geographic(position)
+    for row, one in enumerate(parsed(nmea.tll("RA", found, numbered(found), places))):
+        angle, _, distance = Geod(ellps="WGS84").inv(
+            longitude, latitude, one.longitude, one.latitude
+        )
+        assert distance == pytest.approx(range_[row], abs=0.3)
+        assert abs((angle - bearing[row] + 180.0) % 360.0 - 180.0) * distance <= 20.0
+
+
+def test_a_track_dead_ahead_of_a_sensor_without_north_is_at_the_relative_bearing_0():
+    found = tracks([1852.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1852.0, 0.0])
+    ahead, port = parsed(nmea.ttm("RA", found, numbered(found), AT_REST, from_north=False))
+    assert (ahead.data[1], ahead.data[2], ahead.data[3]) == ("1.000", "0.0", "R")
+    assert (port.data[1], port.data[2], port.data[3]) == ("1.000", "270.0", "R")
+
+
+def test_the_approach_is_in_miles_and_minutes():
+    # 1 nautical mile east, half a mile north, westwards at 10 knots: abeam in 6 minutes.
+    found = tracks([1852.0, -10.0 * nmea.KNOT, 926.0, 0.0])
+    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    assert (one.data[7], one.data[8]) == ("0.500", "6.0")
+
+
+def test_a_direction_that_rounds_to_360_degrees_is_0():
+    found = tracks([-0.001, 0.0, 1000.0, 0.0])
+    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    assert one.data[2] == "0.0" or one.data[1] == "0.0"
+
+
+def test_minutes_of_arc_never_round_to_60():
+    found = tracks([0.0, 0.0, 0.0, 0.0])
+    (text,) = nmea.tll("RA", found, numbered(found), np.array([[9.9999999999, -0.0000001]]))
+    assert ",1000.0000,N,00000.0000,W," in text
+
+
+def test_the_longest_sentences_have_at_most_82_characters():
+    found = tracks([-1.8e6, -50.0, 1.8e6, 50.0], ids=[2**32 - 1])
+    numbers = numbered(found)
+    parsed(nmea.ttm("RA", found, numbers, AT_REST))
+    parsed(nmea.tll("RA", found, numbers, np.array([[-59.123456, -179.654321]])))
+
+
+@pytest.mark.parametrize("kind", ["TTM", "TLL"])
+def test_a_track_that_ends_is_lost_under_its_number(kind):
+    (one,) = parsed(nmea.lost("RA", {17: 3}, STAMP, kind))
+    assert one.data[0] == "03"
+    assert "L" in one.data
+    assert one.data[{"TTM": 11, "TLL": 7}[kind]] == "L"
+
+
+def test_numbers_are_free_at_a_tracks_end_and_a_track_that_comes_back_has_its_own_again():
+    numbers = nmea.TargetNumbers()
+    assert numbers.update([5, 6, 7]) == ({}, 0)
+    assert numbers.of == {5: 0, 6: 1, 7: 2}
+    assert numbers.update([5, 7]) == ({6: 1}, 0)
+    numbers.update([5, 7, 8])
+    assert numbers.of == {5: 0, 7: 2, 8: 3}, "the number that is free for the longest time"
+    numbers.update([5, 6, 7, 8])
+    assert numbers.of[6] == 1
+
+
+def test_beyond_100_tracks_the_last_have_no_number():
+    numbers = nmea.TargetNumbers()
+    assert numbers.update(list(range(103))) == ({}, 3)
+    assert sorted(numbers.of.values()) == list(range(100))
+    numbers.update(list(range(50, 103)))
+    assert set(numbers.of) == set(range(50, 103))

@@ -1,0 +1,1 @@
+"""Tracks for chart plotters, navigation stacks and monitoring."""

@@ -1,0 +1,96 @@
+"""Latitude and longitude of positions in the fixed frame, on WGS 84.
+
+A position is found by the geodesic from a point that is known in both: the frame's origin, or the
+place of own ship at a position fix.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import Geod
+
+MAX_LATITUDE = 89.0
+"""Largest latitude, degrees: near a pole the fixed frame's north is not that of its targets."""
+WGS84 = Geod(ellps="WGS84")
+
+
+@dataclass(frozen=True)
+class GeographicReference:
+    """A point whose place is known in the fixed frame and on the earth.
+
+    Attributes
+    ----------
+    latitude, longitude : float
+        Degrees.
+    east, north : float
+        m, in the fixed frame.
+
+    Raises
+    ------
+    ValueError
+        If the latitude is beyond `MAX_LATITUDE`, or the longitude beyond 360 degrees.
+    """
+
+    latitude: float
+    longitude: float
+    east: float = 0.0
+    north: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not abs(self.latitude) <= MAX_LATITUDE:
+            raise ValueError(
+                f"the latitude must be from -{MAX_LATITUDE:g} to {MAX_LATITUDE:g} degrees: near a "
+                f"pole north changes within the coverage; got {self.latitude:g}"
+            )
+        if not abs(self.longitude) <= 360.0:
+            raise ValueError(f"the longitude must be in degrees; got {self.longitude:g}")
+
+    @classmethod
+    def read(cls, text: str) -> GeographicReference:
+        """The reference of a text `latitude,longitude`, at the fixed frame's origin.
+
+        Raises
+        ------
+        ValueError
+            If it is no such text, or out of bounds.
+        """
+        try:
+            latitude, longitude = (float(part) for part in text.split(","))
+        except ValueError:
+            raise ValueError(
+                "the origin must be latitude,longitude in degrees, such as 59.65,10.63; "
+                f"got {text!r}"
+            ) from None
+        return cls(latitude, longitude)
+
+    def geographic(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Latitude and longitude of positions.
+
+        Parameters
+        ----------
+        position : (n, 2) ndarray
+            East and north, m, in the fixed frame.
+
+        Returns
+        -------
+        (n, 2) ndarray
+            Degrees; longitudes from -180 to 180.
+        """
+        east, north = (np.reshape(position, (-1, 2)) - (self.east, self.north)).T
+        n = len(east)
+        longitude, latitude, _ = WGS84.fwd(
+            np.full(n, self.longitude),
+            np.full(n, self.latitude),
+            np.degrees(np.arctan2(east, north)),
+            np.hypot(east, north),
+        )
+        return np.stack([latitude, (longitude + 180.0) % 360.0 - 180.0], axis=1)
+
+
+def compass(east: float, north: float) -> float:
+    """Direction of a vector, degrees clockwise from north, from 0 to 360."""
+    return math.degrees(math.atan2(east, north)) % 360.0

@@ -1,0 +1,201 @@
+"""Tracks as sentences of NMEA 0183: TTM, relative to own ship, and TLL, on the earth.
+
+``$--TTM,number,distance,bearing,T,speed,course,T,CPA,time,N,name,status,,hhmmss.s,A*sum`` in
+nautical miles, degrees, knots and minutes, and
+``$--TLL,number,ddmm.mmmm,N,dddmm.mmmm,E,name,hhmmss.s,status,*sum``. A receiver knows 100 numbers
+of targets.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from functools import reduce
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.bridge.closest_approach import closest_approach
+from tsepm_ros.tools.bridge.geographic import compass
+from tsepm_ros.tracker.tracks import TrackArrays
+
+NUMBERS = 100
+"""Numbers of targets: 00 to 99."""
+NAUTICAL_MILE = 1852.0
+"""m."""
+KNOT = NAUTICAL_MILE / 3600.0
+"""m/s."""
+MAX_MINUTES = 999.9
+"""Largest time of an approach that is written, min."""
+TRACKED, LOST = "T", "L"
+MINUTE_PARTS = 10_000
+"""Parts of a minute of arc that are written: 0.2 m."""
+
+
+class TargetNumbers:
+    """Numbers 00 to 99 of the tracks: each is free again at its track's end.
+
+    A track that comes back has its number again if no other took it; the number that is free for
+    the longest time is taken first.
+    """
+
+    def __init__(self) -> None:
+        self._free = deque(range(NUMBERS))
+        self._last: dict[int, int] = {}  # id by number
+        self.of: dict[int, int] = {}
+        """Number of each track, by its id."""
+
+    def update(self, ids: Sequence[int]) -> tuple[dict[int, int], int]:
+        """Take the ids of the present tracks.
+
+        Returns
+        -------
+        ended : dict of int to int
+            Numbers of the tracks that are no longer there, by id.
+        without : int
+            Tracks that are left without a number, the last ones.
+        """
+        present = set(ids)
+        ended = {track: number for track, number in self.of.items() if track not in present}
+        for track, number in ended.items():
+            del self.of[track]
+            self._free.append(number)
+        for track in ids:
+            if track not in self.of and self._free:
+                before = (one for one in self._free if self._last.get(one) == track)
+                number = next(before, self._free[0])
+                self._free.remove(number)
+                self.of[track] = number
+                self._last[number] = track
+        return ended, len(present) - len(self.of)
+
+
+def sentence(*fields: str) -> str:
+    """A sentence of fields, with its checksum and line end.
+
+    Parameters
+    ----------
+    *fields : str
+        The first is talker and type, such as ``RATTM``.
+    """
+    body = ",".join(fields)
+    return f"${body}*{reduce(lambda value, byte: value ^ byte, body.encode('ascii'), 0):02X}\r\n"
+
+
+def ttm(
+    talker: str,
+    tracks: TrackArrays,
+    numbers: dict[int, int],
+    own_ship: tuple[FloatArray, FloatArray],
+    from_north: bool = True,
+) -> Iterator[str]:
+    """Tracks relative to own ship.
+
+    Parameters
+    ----------
+    talker : str
+        Two letters.
+    tracks : TrackArrays
+        In east and north, or ahead and to port of a sensor that stands still.
+    numbers : dict of int to int
+        Number of each track that is written, by id.
+    own_ship : tuple of (2,) ndarray
+        Position and velocity at the stamp of the tracks, m and m/s.
+    from_north : bool
+        Whether the axes are east and north: bearings are true, else from the x axis.
+    """
+    state = tracks.state
+    position, velocity = state[:, 0::2] - own_ship[0], state[:, 1::2] - own_ship[1]
+    distances, times = closest_approach(position, velocity)
+    axis = "T" if from_north else "R"
+    for row, track in enumerate(tracks.track_id.tolist()):
+        if track not in numbers:
+            continue
+        speed = math.hypot(*state[row, 1::2])
+        minutes = min(max(times[row] / 60.0, -MAX_MINUTES), MAX_MINUTES)
+        yield sentence(
+            f"{talker}TTM",
+            f"{numbers[track]:02d}",
+            f"{math.hypot(*position[row]) / NAUTICAL_MILE:.3f}",
+            f"{_direction(position[row], from_north)}",
+            axis,
+            f"{speed / KNOT:.1f}",
+            f"{_direction(state[row, 1::2], from_north)}",
+            axis,
+            f"{distances[row] / NAUTICAL_MILE:.3f}",
+            f"{minutes:.1f}",
+            "N",
+            _name(track),
+            TRACKED,
+            "",
+            _time(float(tracks.stamp[row])),
+            "A",
+        )
+
+
+def tll(
+    talker: str, tracks: TrackArrays, numbers: dict[int, int], geographic: FloatArray
+) -> Iterator[str]:
+    """Tracks on the earth.
+
+    Parameters
+    ----------
+    talker, tracks, numbers
+        See `ttm`.
+    geographic : (n, 2) ndarray
+        Latitude and longitude of the tracks, degrees.
+    """
+    for row, track in enumerate(tracks.track_id.tolist()):
+        if track in numbers:
+            place = (*_angle(geographic[row, 0], 2, "NS"), *_angle(geographic[row, 1], 3, "EW"))
+            time = _time(float(tracks.stamp[row]))
+            number = f"{numbers[track]:02d}"
+            yield sentence(f"{talker}TLL", number, *place, _name(track), time, TRACKED, "")
+
+
+def lost(talker: str, ended: dict[int, int], stamp: float, kind: str) -> Iterator[str]:
+    """The end of tracks: sentences of a kind, TTM or TLL, with the status lost.
+
+    Parameters
+    ----------
+    talker : str
+    ended : dict of int to int
+        Number of each track by its id.
+    stamp : float
+        s.
+    kind : str
+    """
+    for track, number in ended.items():
+        name, time = _name(track), _time(stamp)
+        if kind == "TLL":
+            yield sentence(f"{talker}TLL", f"{number:02d}", *[""] * 4, name, time, LOST, "")
+        else:
+            empty = [""] * 9
+            yield sentence(f"{talker}TTM", f"{number:02d}", *empty, name, LOST, "", time, "A")
+
+
+def _direction(vector: FloatArray, from_north: bool) -> str:
+    """Direction, degrees clockwise from north or ahead, below 360 when rounded."""
+    x, y = vector.tolist()
+    degrees = compass(x, y) if from_north else compass(-y, x)
+    return f"{round(degrees, 1) % 360.0:.1f}"
+
+
+def _name(track: int) -> str:
+    """The track's id; of a long one the last digits, since a sentence has 82 characters."""
+    return str(track % 10_000_000)
+
+
+def _time(stamp: float) -> str:
+    """Time of day in UTC, hhmmss.s."""
+    tenths = round(stamp * 10.0) % 864_000
+    seconds, tenth = divmod(tenths, 10)
+    minutes, seconds = divmod(seconds, 60)
+    return f"{minutes // 60:02d}{minutes % 60:02d}{seconds:02d}.{tenth}"
+
+
+def _angle(degrees: float, digits: int, signs: str) -> tuple[str, str]:
+    """Degrees and minutes of an angle, and its direction."""
+    parts = round(abs(degrees) * 60 * MINUTE_PARTS)
+    whole, parts = divmod(parts, 60 * MINUTE_PARTS)
+    minutes = f"{parts / MINUTE_PARTS:07.4f}"
+    return f"{whole:0{digits}d}{minutes}", signs[0] if degrees >= 0.0 else signs[1]
