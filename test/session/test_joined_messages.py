@@ -10,8 +10,8 @@ import pytest
 from support.sweeps import FIRST, RADAR, START_NS, STEP, beam, fan, read
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.sweep import joined, part_of
+from tsepm_ros.own_ship.registration import SensorScan, selected
+from tsepm_ros.session.sweep import joined
 
 RICH = SensorScan(
     Scan(
@@ -60,7 +60,7 @@ def test_empty_messages_are_an_empty_scan():
 
 
 def test_a_part_keeps_everything_of_its_detections():
-    part = part_of(RICH, np.array([False, True]))
+    part = selected(RICH, np.array([False, True]))
     assert part.scan.range.tolist() == [200.0]
     assert part.scan.features["intensity"].tolist() == [6.0]
     assert part.transmit_offset.tolist() == [0.02]

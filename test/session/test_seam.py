@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
-from support.sweeps import RADAR, beam
+from support.sweeps import RADAR
 
 from tsepm_ros.session.sweep import SeamEchoes
 from tsepm_ros.tracker.sensor import SensorModel
@@ -18,9 +19,9 @@ def followed(echoes, sensor=RADAR, extent: float = 0.0):
     seam, found = SeamEchoes(sensor, extent, DEGREE), []
     for degrees, range_ in echoes:
         if degrees < 0:
-            seam.add(degrees * DEGREE, beam(0.0, 0.0, range_))
+            seam.add(degrees * DEGREE, np.array([range_]))
         else:
-            found += seam.take(degrees * DEGREE, beam(0.0, 0.0, range_)).tolist()
+            found += seam.take(degrees * DEGREE, np.array([range_])).tolist()
     return found
 
 
@@ -51,6 +52,6 @@ def test_resolution_and_extent_widen_the_reach():
 def test_it_ends_where_no_echo_can_follow():
     seam = SeamEchoes(RADAR, 0.0, DEGREE)
     assert seam.ends(0.0)
-    seam.add(-DEGREE, beam(0.0, 0.0, 500.0))
+    seam.add(-DEGREE, np.array([500.0]))
     assert not seam.ends(DEGREE)
     assert seam.ends(2 * DEGREE)

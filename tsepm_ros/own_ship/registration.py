@@ -19,6 +19,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
 from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
+from tsepm_ros.tracker.clustering import chosen
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, wrap
 
 MAX_ECHO_TIME = 60.0
@@ -187,19 +188,9 @@ def selected(sensor_scan: SensorScan, kept: NDArray[np.bool_]) -> SensorScan:
     def select(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else values[kept]
 
-    scan = sensor_scan.scan
     return dataclasses.replace(
         sensor_scan,
-        scan=Scan.trusted(
-            stamp=scan.stamp,
-            range=scan.range[kept],
-            azimuth=scan.azimuth[kept],
-            range_std=select(scan.range_std),
-            azimuth_std=select(scan.azimuth_std),
-            time_offset=select(scan.time_offset),
-            features={name: values[kept] for name, values in scan.features.items()},
-            group=None if scan.group is None else scan.group[kept],
-        ),
+        scan=chosen(sensor_scan.scan, np.flatnonzero(kept)),
         transmit_offset=select(sensor_scan.transmit_offset),
         height=select(sensor_scan.height),
     )
@@ -219,33 +210,15 @@ def _with_horizontal(sensor_scan: SensorScan, range: FloatArray, azimuth: FloatA
     scan = sensor_scan.scan
     if range is scan.range and (sensor_scan.height is None or "range_rate" not in scan.features):
         return sensor_scan
-    usable = (range >= MIN_MAGNITUDE["range"]) & (range <= MAX_MAGNITUDE["range"])
-
-    def select(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else values[usable]
-
     features = dict(scan.features)
     if "range_rate" in features:
         height = 0.0 if sensor_scan.height is None else sensor_scan.height
         slant = np.hypot(scan.range, height)
         features["range_rate"] = horizontal_range_rate(features["range_rate"], slant, range)
-    levelled_scan = Scan.trusted(
-        stamp=scan.stamp,
-        range=range[usable],
-        azimuth=wrap(azimuth[usable]),
-        range_std=select(scan.range_std),
-        azimuth_std=select(scan.azimuth_std),
-        time_offset=select(scan.time_offset),
-        features={name: values[usable] for name, values in features.items()},
-        group=None if scan.group is None else scan.group[usable],
-        swept=scan.swept,
-    )
-    return dataclasses.replace(
-        sensor_scan,
-        scan=levelled_scan,
-        transmit_offset=select(sensor_scan.transmit_offset),
-        height=None,
-    )
+    usable = (range >= MIN_MAGNITUDE["range"]) & (range <= MAX_MAGNITUDE["range"])
+    changed = {"range": range, "azimuth": wrap(azimuth), "features": features}
+    moved = Scan.trusted(**vars(scan) | changed)
+    return selected(dataclasses.replace(sensor_scan, scan=moved, height=None), usable)
 
 
 def _sensor_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:

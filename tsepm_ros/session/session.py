@@ -148,7 +148,7 @@ class Session:
         self._order.max_gap = options.max_gap
         self.own_ship.configure(options)
         self._frames.options = options
-        self._sweep.configure(settings)
+        self._sweep.settings = settings
         return kept
 
     def rehearse(self, settings: Settings) -> None:

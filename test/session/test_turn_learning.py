@@ -10,16 +10,16 @@ from support.sweeps import beam
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.sweep_learning import SweepLearner
+from tsepm_ros.session.turn import TurnLearner
 from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tracker.scan import Arc, arc_of
 
 
 def learned(messages):
     """Number of messages until a sweep is seen, and its seconds; None if it is never."""
-    learner = SweepLearner()
+    learner = TurnLearner()
     for number, message in enumerate(messages):
-        turning = learner.take(message)
+        turning = learner.take(message.scan.stamp, message.beams, message.scan.range)
         if turning is not None:
             return number, turning.seconds
     return None
