@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from msg_adapters import MessageError, odometry_message, read_own_ship
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
-from tsepm_ros.session.frames import MAX_YAW_VARIANCE
+from tsepm_ros.session.inputs import MAX_YAW_VARIANCE
 from tsepm_ros.tracker.scan import Scan
 
 

@@ -17,8 +17,8 @@ from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import Driver, cloud, pings
 
 from msg_adapters import MessageError
+from tsepm_ros.diagnostics.health import unread_type
 from tsepm_ros.diagnostics.health_figures import Connections
-from tsepm_ros.diagnostics.judgements import unread_type
 from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.subscriptions import DetectionsSubscription
 from tsepm_ros.nodes.track_initiator import TrackInitiator

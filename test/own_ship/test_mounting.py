@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.builders import whitened
 
-from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
+from tsepm_ros.own_ship.registration import Mounting, sensor_covariance
 
 HEADINGS = [
     pytest.param(0.0, (100 + 8, 200 + 3), id="east"),

@@ -11,13 +11,17 @@ RESTART, GAP = Arrival.RESTART, Arrival.GAP
 
 
 class Order(ScanOrder):
-    """The order of scans that are all processed, but for those that come late."""
+    """The order of scans that are all processed, but for those that come late.
+
+    Those that are far back are taken as confirmed.
+    """
 
     def __init__(self, window: int = 8, restart_jump: float = 60.0, max_gap: float = 0.0) -> None:
         super().__init__(window, restart_jump, max_gap)
 
     def classify(self, stamp: float) -> Arrival:
         arrival = super().classify(stamp)
+        arrival = RESTART if arrival is Arrival.FAR_BACK else arrival
         if arrival not in (SAME, LATE):
             self.accept(stamp, arrival)
         return arrival
@@ -66,7 +70,8 @@ def test_a_late_scan_is_forgotten():
 def test_a_stamp_far_back_is_confirmed_by_one_that_follows_it_before_the_last(following, confirmed):
     one = Order()
     one.classify(100_000.0)
-    assert one.is_far_back(10.0) and not one.is_far_back(99_940.0)
+    assert ScanOrder.classify(one, 10.0) is Arrival.FAR_BACK
+    assert ScanOrder.classify(one, 99_940.0) is LATE
     assert one.is_confirmed(10.0, following) is confirmed
 
 
@@ -186,6 +191,6 @@ def test_single_late_scans_between_good_ones_never_restart():
 def test_a_scan_that_is_not_accepted_leaves_no_trace():
     one = Order(max_gap=100.0)
     one.classify(0.0)
-    for stamp, arrival in [(1e6, GAP), (12.0, NEXT), (-1e6, RESTART), (12.0, NEXT)]:
+    for stamp, arrival in [(1e6, GAP), (12.0, NEXT), (-1e6, Arrival.FAR_BACK), (12.0, NEXT)]:
         assert ScanOrder.classify(one, stamp) is arrival
     assert one.classify(12.0) is NEXT

@@ -29,9 +29,9 @@ from tsepm_ros.nodes.subscriptions import (
     newest,
 )
 from tsepm_ros.nodes.tf_own_ship import TfOwnShip
-from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP
-from tsepm_ros.session.sensor_check import questions
+from tsepm_ros.session.plausibility import questions
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, help_text, settings_from
@@ -154,13 +154,13 @@ class TrackInitiator(ParameterisedNode):
         return True
 
     def _subscribe_own_ship(self, qos: QosWatch) -> None:
-        if self._session.source == "none":
+        if self._session.own_ship.source == "none":
             frame = self._session.settings.session.fixed_frame or "of the detections"
             self.get_logger().info(
                 "own_ship_source is none: the sensor is assumed fixed, tracks are in the frame "
                 f"{frame}"
             )
-        elif self._session.source == "tf":
+        elif self._session.own_ship.source == "tf":
             self._session.own_ship.look_up = TfOwnShip(self, self._session).look_up
         else:
             self._own_ship = OfferedSubscription(

@@ -347,13 +347,11 @@ class Sweep:
         )
         return Taken([], [Notice("sweep", said)], changed=True)
 
-    def overdue(self, now: Now) -> list[SensorScan]:
+    def overdue(self, now: Now) -> Taken:
         """End the open scan if no message has arrived for the time of a turn."""
-        if not self.is_open:
-            return []
         silence = waited(self._heard, now)
-        overdue = max(self._turn.seconds, MIN_SILENCE) < silence < math.inf
-        return self._end() if overdue else []
+        late = self.is_open and max(self._turn.seconds, MIN_SILENCE) < silence < math.inf
+        return Taken(self._end() if late else [], [])
 
     def close(self) -> Taken:
         """End the open scan: no message follows."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterable
 
-from tsepm_ros.diagnostics.judgements import RULES, Rule
+from tsepm_ros.diagnostics.health import ENTRIES, Rule
 from tsepm_ros.session.drop_reasons import as_markdown
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 
@@ -60,8 +59,8 @@ target of a report, or a chart on `land`.
 def as_page() -> str:
     """The page, Markdown."""
     parts = []
-    for task, rules in RULES.items():
-        rows = [_row(rule) for alternatives in rules for rule in alternatives]
+    for task, entry in ENTRIES.items():
+        rows = [_row(rule) for alternatives in entry.rules for rule in alternatives]
         table = markdown_rows(["level", "condition", "remedy"], rows)
         parts.append(f"### `{task}`\n\n{table}")
     conditions = "\n\n".join(parts)
@@ -82,6 +81,5 @@ def markdown_rows(header: list[str], rows: Iterable[tuple[str, ...]]) -> str:
 
 def _row(rule: Rule) -> tuple[str, str, str]:
     thresholds = ", ".join(f"`diagnostics.{name}`" for name in rule.thresholds)
-    condition = inspect.getdoc(rule.judge) or ""
-    told = condition.splitlines()[0].rstrip(".") + (f" ({thresholds})" if thresholds else "")
+    told = rule.condition + (f" ({thresholds})" if thresholds else "")
     return rule.level.name.lower(), told, rule.remedy

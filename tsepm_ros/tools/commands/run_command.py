@@ -20,9 +20,8 @@ from msg_adapters.message_input import MessageInput
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.message_check import explained
+from tsepm_ros.session.plausibility import explained, questions
 from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.sensor_check import questions
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values
@@ -130,7 +129,7 @@ class Run:
     @property
     def north(self) -> bool:
         """Whether the axes of the tracks are known from north."""
-        return self.session.source != "none" or self.mounting_yaw is None
+        return self.session.own_ship.source != "none" or self.mounting_yaw is None
 
     def recorded_scene(self) -> RecordedScene:
         """An empty scene for a page of this run."""

@@ -37,9 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.track_markers import drawn_candidates, ellipses
-from tsepm_ros.diagnostics.health import ENTRIES
+from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
-from tsepm_ros.diagnostics.judgements import QUALITY_OF_SERVICE
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
