@@ -11,11 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msg_adapters.detection_fields import fitted, intensity_feature
-from msg_adapters.detection_types import register, register_writer
-from msg_adapters.errors import MessageError
-from msg_adapters.ping import SOUND_SPEED, Ping, ReadingOptions, good_detections
-from msg_adapters.stamps import time_to_ns
+from msg_adapters.ping import (
+    SOUND_SPEED,
+    Ping,
+    ReadingOptions,
+    fitted,
+    good_detections,
+    intensity_feature,
+    register,
+    register_writer,
+)
+from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.tracker.scan import Scan
 

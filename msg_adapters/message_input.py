@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from msg_adapters import (
     MessageError,
+    Ping,
     read_detections,
     read_land,
     read_own_ship,
@@ -52,16 +54,18 @@ class MessageInput:
 
     def take_detections(self, message: Any, now: Now) -> None:
         """Take a message of any type of `read_detections` that arrived at `now`, s."""
-        try:
-            ping = read_detections(
-                message,
-                bearing_reference=self.options.bearing_reference,
-                sound_speed=self.options.sound_speed,
-                sensor=self._session.settings.sensor,
+        with self._dropping("detections"):
+            self._take(
+                read_detections(
+                    message,
+                    bearing_reference=self.options.bearing_reference,
+                    sound_speed=self.options.sound_speed,
+                    sensor=self._session.settings.sensor,
+                ),
+                now,
             )
-        except MessageError as error:
-            self._session.drop(error.reason, f"detections dropped: {error}")
-            return
+
+    def _take(self, ping: Ping, now: Now) -> None:
         for reason, number in ping.dropped.items():
             meaning = reason_of(reason).meaning or reason
             self._session.drop(reason, f"{number} detections dropped: {meaning}", number)
@@ -73,23 +77,23 @@ class MessageInput:
 
     def take_own_ship(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
-        try:
-            sample = read_own_ship(message, self._session.fixed_frame)
-        except MessageError as error:
-            self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
-            return
-        self._session.add_own_ship(sample)
+        with self._dropping("own-ship data", "own_ship_invalid"):
+            self._session.add_own_ship(read_own_ship(message, self._session.fixed_frame))
 
     def take_tracked(self, message: Any) -> None:
         """Take a downstream tracker's report, a cloud in the layout of tracks."""
-        try:
+        with self._dropping("tracked targets", prefix="tracked_"):
             self._session.add_tracked(tracker_report(message))
-        except MessageError as error:
-            self._session.drop(f"tracked_{error.reason}", f"tracked targets dropped: {error}")
 
     def take_land(self, message: Any) -> None:
         """Take a nav_msgs/OccupancyGrid."""
-        try:
+        with self._dropping("land"):
             self._session.add_land(read_land(message), message.header.frame_id)
+
+    @contextmanager
+    def _dropping(self, subject: str, reason: str = "", prefix: str = "") -> Iterator[None]:
+        """Drop and count an unusable message, by its error's reason if no other is given."""
+        try:
+            yield
         except MessageError as error:
-            self._session.drop(error.reason, f"land dropped: {error}")
+            self._session.drop(reason or prefix + error.reason, f"{subject} dropped: {error}")

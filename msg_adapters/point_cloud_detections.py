@@ -20,12 +20,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from msg_adapters.detection_fields import along_axes, azimuth_of_bearing, in_plane
-from msg_adapters.detection_types import register, register_writer
-from msg_adapters.errors import MessageError
-from msg_adapters.ping import Ping, ReadingOptions, good_detections
+from msg_adapters.ping import (
+    Ping,
+    ReadingOptions,
+    along_axes,
+    azimuth_of_bearing,
+    good_detections,
+    in_plane,
+    register,
+    register_writer,
+)
 from msg_adapters.point_cloud import read_fields, write_cloud
-from msg_adapters.stamps import time_to_ns
+from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import stated_axes
 from tsepm_ros.tracker.scan import FEATURES, Scan

@@ -6,8 +6,9 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.clock import Clock, ClockType
+from rclpy.qos import DurabilityPolicy
 from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -24,11 +25,10 @@ from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import NodeClocks, run
 from tsepm_ros.nodes.subscriptions import (
     DetectionsSubscription,
-    LandSubscription,
     OfferedSubscription,
+    TfOwnShip,
     newest,
 )
-from tsepm_ros.nodes.tf_own_ship import TfOwnShip
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP
 from tsepm_ros.session.plausibility import questions
@@ -76,7 +76,16 @@ class TrackInitiator(ParameterisedNode):
         self._tracked = OfferedSubscription(
             self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, qos
         )
-        self._land = LandSubscription(self, self._input.take_land, qos)
+        self._land = OfferedSubscription(
+            self,
+            OccupancyGrid,
+            "land",
+            1,
+            self._input.take_land,
+            qos,
+            refusal="reliable, transient local delivery, so its chart is not received",
+            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        )
         self._detections = DetectionsSubscription(
             self,
             options.detections_type,

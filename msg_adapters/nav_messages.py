@@ -1,10 +1,12 @@
-"""nav_msgs/Odometry: own ship in, a track out.
+"""nav_msgs: own ship and land in, a track out.
 
 The 6 x 6 covariances of nav_msgs/Odometry: x, y, z, then rotations about the x, y, z axes.
 
 The own ship's pose and motion in nav_msgs/Odometry.
 
 A track as nav_msgs/Odometry, for tools that read only standard messages.
+
+Land in nav_msgs/OccupancyGrid.
 """
 
 from __future__ import annotations
@@ -16,14 +18,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.errors import MessageError
-from msg_adapters.stamps import make_header, ns_to_seconds, seconds_to_ns, time_to_ns
+from msg_adapters.stamps import (
+    MessageError,
+    make_header,
+    ns_to_seconds,
+    refusing,
+    seconds_to_ns,
+    time_to_ns,
+)
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
+from tsepm_ros.tracker.clutter.land import LandMask
 
 if TYPE_CHECKING:
-    from nav_msgs.msg import Odometry
+    from nav_msgs.msg import OccupancyGrid, Odometry
     from std_msgs.msg import Header
 
     from tsepm_ros.tracker.tracks import ConfirmedTrack
@@ -121,13 +130,17 @@ def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
         vertically up or down.
     """
     pose, twist = message.pose.pose, message.twist.twist
-    world = _world(message.header.frame_id or fixed_frame)
+    with refusing("frame_axes"):
+        world = east_north_up(message.header.frame_id or fixed_frame)
     x, y = (float(v) for v in world[:2, :2] @ _finite("pose.position", pose.position, "xy"))
-    rotation = world @ _rotation(_finite("pose.orientation", pose.orientation, "xyzw"))
+    quaternion = _finite("pose.orientation", pose.orientation, "xyzw")
+    with refusing("zero_quaternion", "pose.orientation"):
+        rotation = world @ rotation_of(quaternion)
     linear = _finite("twist.linear", twist.linear, "xyz")
     angular = _finite("twist.angular", twist.angular, "xyz")
     body = AXES[_body_axes(message.child_frame_id, world, rotation)]
-    yaw, pitch, roll = _angles(rotation @ body)
+    with refusing("undefined_heading", "pose.orientation"):
+        yaw, pitch, roll = angles_of(rotation @ body)
     with np.errstate(over="ignore", invalid="ignore"):  # refused by `PoseSample.check`
         vx, vy, _ = (float(value) for value in rotation @ linear)
     _, rate_y, rate_z = (float(value) for value in body.T @ angular)
@@ -146,13 +159,6 @@ def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
     )
 
 
-def _world(frame_id: str) -> FloatArray:
-    try:
-        return east_north_up(frame_id)
-    except ValueError as error:
-        raise MessageError("frame_axes", str(error)) from None
-
-
 def _body_axes(child_frame_id: str, world: FloatArray, rotation: FloatArray) -> str:
     """Return the axes of the vessel's frame."""
     stated = stated_axes(child_frame_id)
@@ -167,22 +173,6 @@ def _finite(name: str, vector: Any, components: str) -> list[float]:
         if not math.isfinite(value):
             raise MessageError("not_finite", f"{name}.{component} must be finite; got {value}")
     return values
-
-
-def _rotation(quaternion: list[float]) -> FloatArray:
-    """Return the matrix that rotates vectors of the child frame into the fixed frame."""
-    try:
-        return rotation_of(quaternion)
-    except ValueError as error:
-        raise MessageError("zero_quaternion", f"pose.orientation {error}") from None
-
-
-def _angles(rotation: FloatArray) -> tuple[float, float, float]:
-    """Return yaw, pitch and roll."""
-    try:
-        return angles_of(rotation)
-    except ValueError as error:
-        raise MessageError("undefined_heading", f"pose.orientation {error}") from None
 
 
 def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
@@ -236,7 +226,7 @@ def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> Odome
     quaternion = _quaternion(sample)
     orientation = pose.orientation
     orientation.x, orientation.y, orientation.z, orientation.w = quaternion
-    to_child = _rotation(quaternion).T
+    to_child = rotation_of(quaternion).T
     vx, vy, yaw_rate = (0.0 if math.isnan(rate) else rate for rate in sample.rates or (0.0,) * 3)
     linear = to_child @ [vx, vy, 0.0]
     twist.linear.x, twist.linear.y, twist.linear.z = (float(value) for value in linear)
@@ -300,3 +290,46 @@ def track_odometry(header: Header, track: ConfirmedTrack) -> Odometry:
     message.pose.covariance = odometry_covariance(track.position_covariance, (X, Y))
     message.twist.covariance = odometry_covariance(velocity_covariance, (X, Y))
     return message
+
+
+OCCUPIED = 50
+"""Least occupancy of land, from 0 to 100; -1 is unknown, and not land."""
+MAX_TILT = 0.01
+"""Largest tilt of a chart, rad."""
+
+
+def read_land(message: OccupancyGrid) -> LandMask | None:
+    """Read a chart.
+
+    Parameters
+    ----------
+    message : nav_msgs.msg.OccupancyGrid
+        Its origin is the pose of the corner of the first cell; the rows of `data` go along x.
+
+    Returns
+    -------
+    LandMask or None
+        In east and north; None where the grid has no cells.
+
+    Raises
+    ------
+    MessageError
+        If the grid is malformed: ``land_invalid``.
+    """
+    info = message.info
+    width, height, number = int(info.width), int(info.height), len(message.data)
+    if width * height != number:
+        raise MessageError("land_invalid", f"data has {number} cells, not {width} x {height}")
+    if not number:
+        return None
+    place, q = info.origin.position, info.origin.orientation
+    with refusing("land_invalid", "info.origin.orientation"):
+        yaw, pitch, roll = angles_of(rotation_of((q.x, q.y, q.z, q.w)))
+        if not max(abs(pitch), abs(roll)) <= MAX_TILT:
+            raise ValueError("must be level")
+    occupied = np.asarray(message.data, np.int8).reshape(height, width) >= OCCUPIED
+    origin = place.x, place.y, yaw
+    if stated_axes(message.header.frame_id) == "down":
+        occupied, origin = occupied.T, (place.y, place.x, -yaw)
+    with refusing("land_invalid", "info:"):
+        return LandMask(occupied, float(info.resolution), origin)

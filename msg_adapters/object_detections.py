@@ -1,8 +1,13 @@
-"""Detections in vision_msgs/Detection3DArray.
+"""Detections in lists of objects: vision_msgs/Detection3DArray and radar_msgs/RadarScan.
 
-The position of a detection is the centre of its bounding box or, if the box is not set (centre and
-size are zero), the pose of its result with the highest score. The frame has x ahead and y to port,
-or the axes that its name states: see `tsepm_ros.own_ship.attitude`.
+The position of a detection in a Detection3DArray is the centre of its bounding box or, if the box
+is not set (centre and size are zero), the pose of its result with the highest score. The frame has
+x ahead and y to port, or the axes that its name states: see `tsepm_ros.own_ship.attitude`.
+
+A return in a RadarScan has a slant range, an azimuth about the frame's z axis from its x axis, an
+elevation from its x-y plane to z, and a Doppler velocity. The definition does not specify the sign
+of the Doppler velocity; here, as usual for radars and like `range_rate`, it is positive if the
+range increases.
 """
 
 from __future__ import annotations
@@ -13,16 +18,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msg_adapters.detection_fields import along_axes
-from msg_adapters.detection_types import register, register_writer
-from msg_adapters.errors import MessageError
-from msg_adapters.ping import Ping, ReadingOptions, good_detections
-from msg_adapters.stamps import NANOSECONDS_PER_SECOND, time_to_ns
+from msg_adapters.ping import (
+    Ping,
+    ReadingOptions,
+    along_axes,
+    good_detections,
+    in_plane,
+    register,
+    register_writer,
+    turn_about_z,
+)
+from msg_adapters.stamps import NANOSECONDS_PER_SECOND, MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship.attitude import AXES, stated_axes
 from tsepm_ros.tracker.scan import Scan
 
 if TYPE_CHECKING:
+    from radar_msgs.msg import RadarScan
     from std_msgs.msg import Header
     from vision_msgs.msg import Detection3D, Detection3DArray
 
@@ -151,3 +163,63 @@ def write_detection_array(header: Header, scan: Scan, sound_speed: float) -> Det
         center.x, center.y = float(x), float(y)
         array.detections.append(detection)
     return array
+
+
+@register("radar_msgs/msg/RadarScan")
+def read_radar_scan(scan: RadarScan, options: ReadingOptions) -> Ping:
+    """Read the returns of a scan.
+
+    In addition to the reasons of `good_detections`, a return may be dropped for
+    ``elevation_not_finite``.
+
+    Parameters
+    ----------
+    scan : radar_msgs.msg.RadarScan
+        The amplitude becomes the feature `intensity`, the Doppler velocity the feature
+        `range_rate` (m/s, along the line of sight, relative to the moving radar).
+    options : ReadingOptions
+
+    Returns
+    -------
+    Ping
+    """
+    rows = [
+        (echo.range, echo.azimuth, echo.elevation, echo.doppler_velocity, echo.amplitude)
+        for echo in scan.returns
+    ]
+    slant_range, azimuth, elevation, doppler, amplitude = (
+        np.array(rows, np.float64).reshape(-1, 5).T
+    )
+    turn = turn_about_z(scan.header.frame_id)
+    range, height = in_plane(slant_range, turn * elevation)
+    return good_detections(
+        time_to_ns(scan.header.stamp),
+        scan.header.frame_id,
+        options,
+        range=range,
+        azimuth=turn * azimuth,
+        height=height,
+        features={"intensity": amplitude, "range_rate": doppler},
+        faults={"elevation_not_finite": ~np.isfinite(elevation)},
+    )
+
+
+@register_writer("radar_msgs/msg/RadarScan")
+def write_radar_scan(header: Header, scan: Scan, sound_speed: float) -> RadarScan:
+    """Write the detections as returns in the horizontal plane.
+
+    The message has no field for travel times.
+    """
+    from radar_msgs.msg import RadarReturn, RadarScan
+
+    message = RadarScan()
+    message.header = header
+    unknown = np.full(len(scan), math.nan)
+    rates = scan.features.get("range_rate", unknown)
+    amplitudes = scan.features.get("intensity", unknown)
+    columns = (scan.range, scan.azimuth, rates, amplitudes)
+    for row in zip(*(column.tolist() for column in columns), strict=True):
+        echo = RadarReturn()
+        echo.range, echo.azimuth, echo.doppler_velocity, echo.amplitude = row
+        message.returns.append(echo)
+    return message
