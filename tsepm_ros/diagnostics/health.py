@@ -16,6 +16,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from tsepm_ros.diagnostics.health_figures import (
     LAST_SCANS,
@@ -44,6 +45,7 @@ MIN_SCANS = 5
 MIN_DETECTIONS = 20.0
 """Minimum number of detections, expected or observed, for that judgement."""
 
+R = TypeVar("R", Arrival, ScanRecord)
 Judgement = Callable[[HealthFigures], str]
 Values = Mapping[str, object]
 
@@ -669,14 +671,12 @@ class Health:
 
     def arrived(self, stamp: float, now: Now) -> None:
         """Record the stamp (s) of an arriving scan, processed or not."""
-        self._arrivals.append(Arrival(_first(now), stamp))
-        self._forget(self._arrivals)
+        self._remember(self._arrivals, Arrival(_first(now), stamp))
 
     def processed(self, detections: int, latency: Latency, now: Now) -> None:
         """Record a processed scan."""
         self.latency = latency
-        self._scans.append(ScanRecord(_first(now), detections, latency))
-        self._forget(self._scans)
+        self._remember(self._scans, ScanRecord(_first(now), detections, latency))
 
     def report(
         self, snapshot: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
@@ -707,10 +707,10 @@ class Health:
         )
         return statuses(figures)
 
-    def _forget(self, records: deque[Arrival] | deque[ScanRecord]) -> None:
-        """Forget the records before the window, except the last `LAST_SCANS` of all."""
-        begin = records[-1].time - self.options.window
-        while len(records) > LAST_SCANS and records[0].time < begin:
+    def _remember(self, records: deque[R], newest: R) -> None:
+        """Add a record; forget those before the window, except the last `LAST_SCANS` of all."""
+        records.append(newest)
+        while len(records) > LAST_SCANS and records[0].time < newest.time - self.options.window:
             records.popleft()
 
     def _since(self, task: str, now: Now) -> float:

@@ -203,7 +203,8 @@ class Session:
             self._order.reset()
             self._queue.clear()
             self._start_over()
-        self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
+        if refusal or questions or remarks:
+            self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)
 
     def _note_arrival(self, scan: SensorScan) -> None:
@@ -339,7 +340,8 @@ class Session:
             self.drop(*refusal)
             return None
         scan, remarks = register(arrived, self.own_ship, self._frames, self.settings)
-        self._report_all(remarks)
+        if remarks:
+            self._report_all(remarks)
         if scan is None:
             return None
         self._order.accept(scan.stamp, first.arrival)
@@ -360,7 +362,8 @@ class Session:
         tracker, fixed = self.tracker, self.fixed_frame
         timeout = self.settings.common.tracked_timeout
         report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
-        self._report_all([*self._land.settle(fixed), *remarks])
+        if self._land.new or remarks:
+            self._report_all([*self._land.settle(fixed), *remarks])
         if self._land.mask is not tracker.land:
             tracker.land = self._land.mask
         before, seen = tracker.maintenance.tracker, tracker.plots.seen
