@@ -77,7 +77,7 @@ class MessageInput:
 
     def take_own_ship(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
-        with self._dropping("own-ship data", "own_ship_invalid"):
+        with self._dropping("own-ship data", reason="own_ship_invalid"):
             self._session.add_own_ship(read_own_ship(message, self._session.fixed_frame))
 
     def take_tracked(self, message: Any) -> None:

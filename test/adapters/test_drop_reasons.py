@@ -25,11 +25,12 @@ def literals(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call):
             name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-            if name in ("drop", "MessageError", "Refusal", "refusing", "_dropping") and node.args:
+            refuses = name == "refusing" and path.parent.name == "msg_adapters"
+            if (refuses or name in ("drop", "MessageError", "Refusal")) and node.args:
                 # Of a choice between two, both.
                 yield from (one.value for one in ast.walk(node.args[0]) if is_text(one))
             for keyword in node.keywords:
-                if keyword.arg == "prefix":
+                if keyword.arg in ("reason", "prefix") and name == "_dropping":
                     yield keyword.value.value
                 if keyword.arg == "faults" and isinstance(keyword.value, ast.Dict):
                     yield from (key.value for key in keyword.value.keys)

@@ -91,10 +91,6 @@ def test_a_twist_left_at_zero_does_not_hold_the_ship(speed, turn):
     assert found == pytest.approx((0.5 * (speed or SPEED), 0.5 * (turn or TURN)), rel=1e-6)
 
 
-def test_a_ship_at_rest_stays():
-    assert _carried((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), turn=0.0, speed=0.0) == (0.0, 0.0)
-
-
 def test_yaw_rate_is_the_derivative_of_the_yaw():
     rotation = Rotation.from_euler("ZYX", [1.0, 0.3, -0.5])
     angular, step = np.array([0.1, -0.2, 0.3]), 1e-5

@@ -165,22 +165,6 @@ def test_scans_that_arrive_but_are_not_processed_leave_no_gap():
     assert run.said("detections", 84.0) == (Level.OK, "500 detections, a scan every 12 s")
 
 
-def test_the_way_back_from_a_single_bad_stamp_is_no_gap():
-    run = Run()
-    for time, stamp in [(0.0, 1000.0), (12.0, 1012.0), (24.0, 0.0), (36.0, 1036.0)]:
-        run.scan(time, stamp=stamp)
-    run.scan(48.0, stamp=1048.0)
-    assert run.said("detections", 48.0)[0] == Level.OK
-
-
-def test_a_burst_of_recorded_scans_has_the_rate_of_its_stamps():
-    run = Run()
-    for index in range(6):
-        run.scan(0.01 * index, stamp=12.0 * index)
-    status = run.status("detections", 0.1)
-    assert (status.level, status.values["scan_interval_s"]) == (Level.OK, 12.0)
-
-
 def test_a_drop_warns_for_the_window_and_is_counted_for_good():
     run = Run(window=60.0)
     run.scan(0.0)
@@ -197,13 +181,6 @@ def test_a_drop_warns_for_the_window_and_is_counted_for_good():
     assert status.values["dropped.scan_late"] == 2
     run.drop("scan_late")
     assert run.said("detections", 63.0) == (Level.WARN, "dropped: 1 scan_late")
-
-
-def test_what_happened_before_the_first_report_is_recent():
-    run = Run()
-    run.scan(0.0)
-    run.drop("scan_late")
-    assert run.said("detections", 0.5) == (Level.WARN, "dropped: 1 scan_late")
 
 
 @pytest.mark.parametrize(

@@ -35,14 +35,6 @@ def test_the_lever_arm_of_a_tilted_vessel_is_that_of_the_full_rotation():
     np.testing.assert_allclose(found[:, :2] - vessel[:, :2], arm[:, :2], atol=1e-11)
 
 
-def test_without_a_mounting_poses_stay_to_the_bit():
-    vessel = np.random.default_rng(5).uniform(-1.0, 1.0, (20, 5))
-    np.testing.assert_array_equal(Mounting().sensor_poses(vessel), vessel[:, :3])
-    assert not Mounting().given
-    assert Mounting(yaw=0.1).given
-    assert not Mounting(yaw=0.1).offset
-
-
 @pytest.mark.parametrize("name", ["x", "y", "yaw"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
 def test_a_mounting_that_cannot_be_is_refused(name, value):

@@ -131,7 +131,7 @@ class DiagnosticsPublisher:
         now = self._clocks.now()
         connections = Connections(
             clock_fault=self._clocks.fault,
-            subscribed=self._detections.connected,
+            subscribed=bool(self._detections.subscribed),
             unread=self._detections.unread,
             subscribed_type=self._detections.subscribed,
             other_readable=self._detections.other_readable,

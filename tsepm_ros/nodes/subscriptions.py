@@ -249,6 +249,12 @@ class DetectionsSubscription:
     find_class : callable, optional
         Returns the message class of a type, or raises MessageError.
 
+    Attributes
+    ----------
+    subscribed : str
+        Type of the subscription; empty while there is no publisher of a readable type, or neither
+        type nor reliability is given.
+
     Raises
     ------
     ParameterError
@@ -278,7 +284,7 @@ class DetectionsSubscription:
         self._refused_types: set[str] = set()
         self._type_name = type_name
         self._published_types: tuple[str, ...] = ()
-        self._subscribed = ""
+        self.subscribed = ""
         self._queries = 0
         if type_name != "auto":
             with refusing("detections_type"):
@@ -291,11 +297,6 @@ class DetectionsSubscription:
         self._poll_timer = node.create_timer(POLL_PERIOD, self._query_publishers, clock=steady)
         self._query_publishers()
 
-    @property
-    def connected(self) -> bool:
-        """Whether type and reliability are known: given, or those of a publisher."""
-        return bool(self._subscribed)
-
     def take_waiting(self) -> list[tuple[Any, Any]]:
         """Take all messages that wait in the middleware; see `OfferedSubscription`."""
         return [] if self._subscription is None else self._subscription.take_waiting()
@@ -303,23 +304,18 @@ class DetectionsSubscription:
     @property
     def unread(self) -> tuple[str, ...]:
         """Published types at the last graph query that are not read, sorted."""
-        return tuple(name for name in self._published_types if name != self._subscribed)
+        return tuple(name for name in self._published_types if name != self.subscribed)
 
     @property
     def other_readable(self) -> tuple[str, ...]:
         """Types of `unread` that a new start would read."""
         return tuple(name for name in self.unread if not self._fault(name))
 
-    @property
-    def subscribed(self) -> str:
-        """Type of the subscription; empty while there is no publisher of a readable type."""
-        return self._subscribed
-
     def _query_publishers(self) -> None:
         publishers = self._node.get_publishers_info_by_topic(TOPIC)
         self._published_types = tuple(sorted({publisher.topic_type for publisher in publishers}))
         readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
-        if readable and not self.connected:
+        if readable and not self.subscribed:
             kind = readable[0].topic_type
             offers = {one.qos_profile.reliability for one in readable if one.topic_type == kind}
             less = ReliabilityPolicy.BEST_EFFORT in offers
@@ -335,7 +331,7 @@ class DetectionsSubscription:
             self._subscription = self._made(expected, asked)
             self._subscription.provisional = expected
         for name in self._published_types:
-            if name != self._subscribed and name not in self._refused_types:
+            if name != self.subscribed and name not in self._refused_types:
                 self._refused_types.add(name)
                 self._log_unread(name)
         self._queries += 1
@@ -352,7 +348,7 @@ class DetectionsSubscription:
             self._node.get_logger().error(f"{published}, {fault}")
             return
         self._node.get_logger().warning(
-            f"{published}, but this node has subscribed to it as {self._subscribed}; messages of "
+            f"{published}, but this node has subscribed to it as {self.subscribed}; messages of "
             "the other type are not read; restart the node to use that type"
         )
 
@@ -372,7 +368,7 @@ class DetectionsSubscription:
         if self._subscription is None:
             self._subscription = self._made(type_name, reliability)
         self._subscription.provisional = ""
-        self._subscribed = type_name
+        self.subscribed = type_name
         self._node.get_logger().info(
             f"subscribed to {self._subscription.topic_name} as {type_name}, "
             f"{reliability.name.lower()}"

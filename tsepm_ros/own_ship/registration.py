@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import ahead_and_port, horizontal_range_rate, levelled
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.clustering import chosen
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, wrap
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mounting:
+class Mounting(ParameterGroup):
     """Position and yaw of the sensor in the vessel's frame (REP-103): used with odometry alone.
 
     Raises
@@ -64,9 +64,6 @@ class Mounting:
         minimum=-3.1416,
         maximum=3.1416,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
 
     @property
     def offset(self) -> bool:
