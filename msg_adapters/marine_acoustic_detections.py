@@ -134,10 +134,9 @@ def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Ping:
 def _number_of_beams(**arrays: Any) -> int:
     """Return the number of beams of the arrays that give ranges and directions."""
     lengths = {name: len(values) for name, values in arrays.items()}
-    if any(lengths.values()):
-        for name, length in lengths.items():
-            if not length:
-                raise MessageError("missing_field", f"{name} is empty: the beams have no position")
+    missing = [name for name, length in lengths.items() if not length]
+    if missing and any(lengths.values()):
+        raise MessageError("missing_field", f"{missing[0]} is empty: the beams have no position")
     return max(lengths.values())
 
 

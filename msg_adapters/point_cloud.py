@@ -82,7 +82,7 @@ def read_fields(
         is not inside the point; if the rows are shorter than their points, or the data than the
         rows.
     """
-    fields = [_field(cloud, name, integers) for name in dict.fromkeys(names)]
+    fields = _fields(cloud, names, integers)
     if cloud.height * cloud.width == 0:
         return {one.name: np.empty(0) for one, _ in fields}
     if not fields:
@@ -109,60 +109,77 @@ def read_fields(
         }
 
 
-def _field(cloud: PointCloud2, name: str, integers: Collection[str]) -> tuple[PointField, str]:
-    """The only field of a name, and its NumPy format without byte order."""
-    fields = [one for one in cloud.fields if one.name == name]
+def _fields(
+    cloud: PointCloud2, names: Iterable[str], integers: Collection[str]
+) -> list[tuple[PointField, str]]:
+    """The only field of each name, and its NumPy format without byte order."""
     available = ", ".join(one.name for one in cloud.fields) or "no fields"
+    found = {name: [one for one in cloud.fields if one.name == name] for name in names}
     _refuse(
-        ("missing_field", not fields, f"field {name!r} is missing; the cloud has {available}"),
-        ("duplicate_field", len(fields) > 1, f"field {name!r} occurs {len(fields)} times"),
+        fault
+        for name, some in found.items()
+        for fault in (
+            ("missing_field", not some, f"field {name!r} is missing; the cloud has {available}"),
+            ("duplicate_field", len(some) > 1, f"field {name!r} occurs {len(some)} times"),
+        )
     )
-    field = fields[0]
-    datatype, form = _DATATYPES.get(field.datatype, (f"number {field.datatype}", ""))
-    end = field.offset + (int(form[1]) if form else 0)
+    fields = [
+        (one, *_DATATYPES.get(one.datatype, (f"number {one.datatype}", "")))
+        for (one,) in found.values()
+    ]
     _refuse(
-        (
-            "wrong_datatype",
-            not form.startswith(tuple("fiu" if name in integers else "f")),
-            f"field {name!r} must be FLOAT32 or FLOAT64; its datatype is {datatype}",
-        ),
-        (
-            "wrong_count",
-            field.count != 1,
-            f"field {name!r} must have the count 1; it has {field.count}",
-        ),
-        (
-            "bad_offset",
-            end > cloud.point_step and cloud.height * cloud.width > 0,
-            f"field {name!r} ends at byte {end}, beyond point_step = {cloud.point_step}",
-        ),
+        fault
+        for one, datatype, form in fields
+        for fault in (
+            (
+                "wrong_datatype",
+                not form.startswith(tuple("fiu" if one.name in integers else "f")),
+                f"field {one.name!r} must be FLOAT32 or FLOAT64; its datatype is {datatype}",
+            ),
+            (
+                "wrong_count",
+                one.count != 1,
+                f"field {one.name!r} must have the count 1; it has {one.count}",
+            ),
+        )
     )
-    return field, form
+    return [(one, form) for one, _, form in fields]
 
 
 def _check_sizes(cloud: PointCloud2, fields: list[tuple[PointField, str]]) -> None:
-    """Check that fields do not overlap, rows contain their points, and the data the rows."""
+    """Check that fields lie in the point and do not overlap, and rows and data hold the points."""
     spans = sorted((one.offset, one.offset + int(form[1]), one.name) for one, form in fields)
     row, size = cloud.width * cloud.point_step, cloud.height * cloud.row_step
+    beyond = f"beyond point_step = {cloud.point_step}"
     _refuse(
-        *(
-            ("bad_offset", start < end, f"fields {name!r} and {following!r} overlap")
-            for (_, end, name), (start, _, following) in pairwise(spans)
-        ),
-        (
-            "bad_row_step",
-            cloud.row_step < row,
-            f"row_step = {cloud.row_step} is less than width * point_step = {row}",
-        ),
-        (
-            "short_data",
-            len(cloud.data) < size,
-            f"data has {len(cloud.data)} bytes, less than height * row_step = {size}",
-        ),
+        [
+            *(
+                (
+                    "bad_offset",
+                    end > cloud.point_step,
+                    f"field {name!r} ends at byte {end}, {beyond}",
+                )
+                for _, end, name in spans
+            ),
+            *(
+                ("bad_offset", start < end, f"fields {name!r} and {following!r} overlap")
+                for (_, end, name), (start, _, following) in pairwise(spans)
+            ),
+            (
+                "bad_row_step",
+                cloud.row_step < row,
+                f"row_step = {cloud.row_step} is less than width * point_step = {row}",
+            ),
+            (
+                "short_data",
+                len(cloud.data) < size,
+                f"data has {len(cloud.data)} bytes, less than height * row_step = {size}",
+            ),
+        ]
     )
 
 
-def _refuse(*faults: tuple[str, bool, str]) -> None:
+def _refuse(faults: Iterable[tuple[str, bool, str]]) -> None:
     """Raise the first fault that applies: reason, whether it does, and sentence."""
     for reason, applies, sentence in faults:
         if applies:

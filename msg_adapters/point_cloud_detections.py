@@ -134,7 +134,7 @@ def detections_of_fields(
     position = _position_fields(set(values))
     first, second = position
     axes = stated_axes(frame_id)
-    height, faults = values.get("z"), {}
+    height, faults, travel = values.get("z"), {}, values.get("two_way_travel_time")
     if position == ("x", "y"):
         if axes == "optical" and height is None:
             raise MessageError("missing_field", f"frame {frame_id!r} has z ahead: 'z' is needed")
@@ -163,15 +163,9 @@ def detections_of_fields(
         north_referenced="bearing" in position and options.bearing_reference == "north",
         range_std=values.get("range_std"),
         azimuth_std=values.get("azimuth_std"),
-        time_offset=_time_offset(values),
+        time_offset=values.get("time_offset", None if travel is None else 0.5 * travel),
         assumptions=assumptions,
     )
-
-
-def _time_offset(values: Mapping[str, FloatArray]) -> FloatArray | None:
-    """Time after the stamp for which positions are valid, s; None if unknown."""
-    travel = values.get("two_way_travel_time")
-    return values.get("time_offset", None if travel is None else 0.5 * travel)
 
 
 def _position_fields(available: set[str]) -> tuple[str, str]:

@@ -381,6 +381,13 @@ def test_learned_sensor_figures_are_reported_once_they_are_known():
     assert (values["fitted_azimuth_std"], values["confirmed_tracks"]) == (0.02, 3)
 
 
+@pytest.mark.parametrize("subject", ["coverage", "coverage_too_small", "errors", "confirmations"])
+def test_what_does_not_fit_the_scans_is_a_warning(subject):
+    run = Run()
+    run.set(sensor_findings={subject: "set it"})
+    assert run.said(SENSOR, 0.0) == (Level.WARN, "set it")
+
+
 def test_a_silent_tracker_is_a_warning_while_it_is_silent():
     run = Run()
     levels = []

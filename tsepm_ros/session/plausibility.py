@@ -115,34 +115,41 @@ class MessageCheck:
 
     def _of_counts(self) -> dict[str, str]:
         """Questions about the detections of the window, by subject."""
-        counts, said = self._counts, dict[str, str]()
-        if counts["angles"] >= MIN_ANGLES and counts["beyond"] > LIKELY_SHARE * counts["angles"]:
-            said["degrees"] = (
-                f"{counts['beyond']} of {counts['angles']} azimuths or bearings are beyond 2 pi: "
-                "are they in degrees? They are read as radians; the driver must send radians "
-                "(degrees * pi / 180)"
-            )
-        if self._messages < MESSAGES:
-            return said
-        codes = [
+        counts, known = self._counts, self._messages >= MESSAGES
+        angles, beyond, compared = counts["angles"], counts["beyond"], counts["compared"]
+        codes = ", ".join(
             f"{100 * number / counts['rays']:.2g} % {name.removeprefix(NO_RETURN)}"
             for name, number in counts.items()
             if name.startswith(NO_RETURN) and not name.endswith("inf")
-        ]
-        if codes:
-            said["no_return"] = f"rays without a return, by their ranges: {', '.join(codes)}"
-        share = counts["repeated"] / max(counts["compared"], 1)
-        if share >= REPEATED_SHARE and counts["compared"] >= MIN_DETECTIONS:
-            said["repeated"] = (
+        )
+        share = counts["repeated"] / max(compared, 1)
+        alternate = counts["second"] >= max(MIN_PAIRS, ALTERNATE_FACTOR * counts["last"])
+        rows = (
+            (
+                "degrees",
+                angles >= MIN_ANGLES and beyond > LIKELY_SHARE * angles,
+                f"{beyond} of {angles} azimuths or bearings are beyond 2 pi: are they in degrees? "
+                "They are read as radians; the driver must send radians (degrees * pi / 180)",
+            ),
+            (
+                "no_return",
+                known and bool(codes),
+                f"rays without a return, by their ranges: {codes}",
+            ),
+            (
+                "repeated",
+                known and share >= REPEATED_SHARE and compared >= MIN_DETECTIONS,
                 f"{100 * share:.0f} % of the detections repeat the message before to the bit: is "
-                "that a value for no return, or a message that is sent twice? They are used"
-            )
-        if counts["second"] >= max(MIN_PAIRS, ALTERNATE_FACTOR * counts["last"]):
-            said["two_sonars"] = (
+                "that a value for no return, or a message that is sent twice? They are used",
+            ),
+            (
+                "two_sonars",
+                known and alternate,
                 "every second message sees the same objects, and the messages between see others: "
-                "are these two sonars on one topic? Run one node for each, on a topic of its own"
-            )
-        return said
+                "are these two sonars on one topic? Run one node for each, on a topic of its own",
+            ),
+        )
+        return {subject: sentence for subject, applies, sentence in rows if applies}
 
     def _of_times(self) -> dict[str, str]:
         """Questions about the times of the last messages, by subject."""
