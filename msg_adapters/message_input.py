@@ -8,7 +8,6 @@ from typing import Any
 
 from msg_adapters import (
     MessageError,
-    Ping,
     read_detections,
     read_land,
     read_own_ship,
@@ -54,18 +53,16 @@ class MessageInput:
 
     def take_detections(self, message: Any, now: Now) -> None:
         """Take a message of any type of `read_detections` that arrived at `now`, s."""
-        with self._dropping("detections"):
-            self._take(
-                read_detections(
-                    message,
-                    bearing_reference=self.options.bearing_reference,
-                    sound_speed=self.options.sound_speed,
-                    sensor=self._session.settings.sensor,
-                ),
-                now,
+        try:
+            ping = read_detections(
+                message,
+                bearing_reference=self.options.bearing_reference,
+                sound_speed=self.options.sound_speed,
+                sensor=self._session.settings.sensor,
             )
-
-    def _take(self, ping: Ping, now: Now) -> None:
+        except MessageError as error:
+            self._session.drop(error.reason, f"detections dropped: {error}")
+            return
         for reason, number in ping.dropped.items():
             meaning = reason_of(reason).meaning or reason
             self._session.drop(reason, f"{number} detections dropped: {meaning}", number)

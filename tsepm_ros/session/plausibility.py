@@ -76,7 +76,7 @@ class MessageCheck:
             asked |= self._of_times()
         new = [Notice(*one) for one in asked.items() if one[0] not in self._asked]
         self._asked.update(asked)
-        return self._changes(arrived) + new
+        return [*(self._changes(arrived) if arrived.facts.states else ()), *new]
 
     def _count(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> None:
         scan, facts, counts = arrived.scan, arrived.facts, self._counts
