@@ -11,7 +11,6 @@ from tsepm_ros.diagnostics.health import ENTRIES
 from tsepm_ros.diagnostics.judgements import RULES
 from tsepm_ros.parameters import table
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.tools.diagnostics_page import as_page
 
 PAGE = (Path(__file__).parents[2] / "docs/diagnostics.md").read_text(encoding="utf-8")
 THRESHOLDS = {row.name for row in table(DiagnosticsOptions)}
@@ -19,10 +18,6 @@ THRESHOLDS = {row.name for row in table(DiagnosticsOptions)}
 
 def test_every_entry_has_rules():
     assert set(RULES) == set(ENTRIES)
-
-
-def test_the_page_of_diagnostics_is_up_to_date():
-    assert as_page() == PAGE
 
 
 @pytest.mark.parametrize("task", RULES)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 
 import pytest
 from support.pages import Watcher, held
@@ -16,8 +15,7 @@ pytest.importorskip("sensor_msgs")
 from msg_adapters import make_header, odometry_message, track_cloud
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.live_frames import DIAGNOSTICS, OWN_SHIP, TRACKS
-from tsepm_ros.tools.viewer.serving import LiveFeed
+from tsepm_ros.tools.viewer.live_frames import OWN_SHIP, TRACKS, LiveFeed
 
 
 def tracks(stamp: float, *held_tracks):
@@ -26,11 +24,6 @@ def tracks(stamp: float, *held_tracks):
 
 def pose(x: float) -> PoseSample:
     return PoseSample(100.0, x, 2.0, 0.5, None, frame_id="odom")
-
-
-def diagnostics(name: str, message: str):
-    status = SimpleNamespace(name=name, level=1, message=message, values=[])
-    return SimpleNamespace(status=[status])
 
 
 class Feed(LiveFeed):
@@ -50,7 +43,7 @@ class Feed(LiveFeed):
 def feed() -> Iterator[Feed]:
     one = Feed()
     yield one
-    one.stop()
+    one.server.stop()
 
 
 @pytest.fixture
@@ -78,15 +71,6 @@ def test_a_scan_is_shown_with_the_newest_pose_and_only_that_is_read(feed, browse
     feed.take(TRACKS, tracks(112.0))
     wait_for(lambda: len(browser.frames) == 2)
     assert len(feed.poses_read) == 1
-
-
-def test_health_is_that_of_the_track_initiator(feed, browser):
-    feed.take(DIAGNOSTICS, diagnostics("boat: own ship", "no data yet"))
-    wait_for(lambda: browser.health)
-    feed.take(DIAGNOSTICS, diagnostics("battery: charge", "empty"))
-    feed.take(TRACKS, tracks(100.0))
-    wait_for(lambda: browser.frames)
-    assert [entry["message"] for entry in browser.health["entries"]] == ["no data yet"]
 
 
 def test_a_message_that_cannot_be_read_is_reported_with_its_topic(feed, browser):
