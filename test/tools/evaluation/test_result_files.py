@@ -6,23 +6,10 @@ import pytest
 
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
-    printed,
     read_result,
     write_result,
     write_table,
 )
-
-
-def test_rows_are_printed_at_once_as_a_markdown_table(capsys):
-    seen = []
-
-    def rows():
-        for row in (("name", "value"), ("a", "1"), ("b", "2")):
-            yield row
-            seen.append(capsys.readouterr().out)
-
-    assert printed(rows()) == (["name", "value"], [["a", "1"], ["b", "2"]])
-    assert seen == ["| name | value |\n|---|---|\n", "| a | 1 |\n", "| b | 2 |\n"]
 
 
 def test_a_result_is_read_as_it_was_written(tmp_path):
