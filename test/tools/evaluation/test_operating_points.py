@@ -46,3 +46,8 @@ def test_points_know_the_code_that_they_depend_on():
 def test_the_key_of_stored_runs_is_of_every_module_and_of_further_files(tmp_path):
     (tmp_path / "peer.py").write_text("rule = 3\n")
     assert code_key(tmp_path / "peer.py") != code_key()
+
+
+def test_an_option_that_no_method_has_is_refused():
+    with pytest.raises(ValueError, match="min_hits is not an option of score"):
+        operating_points(["score"], {"min_hits": 4})

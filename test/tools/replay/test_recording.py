@@ -399,3 +399,15 @@ def test_a_refused_row_is_cut_short(tmp_path):
     ) as error:
         read_recording(tmp_path)
     assert len(str(error.value)) < 200
+
+
+def test_a_file_that_is_no_text_is_refused_by_name(tmp_path):
+    (tmp_path / "detections.csv").write_bytes(HEADER.encode() + b"0,1,\xff\xfe\n")
+    with pytest.raises(ValueError, match=r"detections\.csv"):
+        read_recording(tmp_path)
+
+
+def test_milliseconds_since_the_start_are_asked_about(write):
+    notes = read_recording(write(detections=pings([4000.0 * k for k in range(9)]))).notes
+    assert notes == ["pings are 4000 s apart: is time_s in milliseconds or microseconds?"]
+    assert read_recording(write(detections=pings([12.0 * k for k in range(9)]))).notes == []

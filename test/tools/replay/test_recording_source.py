@@ -112,3 +112,8 @@ def test_a_file_that_is_not_read_has_its_own_remedy(holding, name, content, reme
     path = holding(**{name: content, "detections.csv": TABLE}) / name
     with pytest.raises(ValueError, match=f"{name} .*{remedy}"):
         source_of(path)
+
+
+def test_a_path_that_does_not_exist_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"missing\.csv cannot be read: No such file"):
+        source_of(tmp_path / "missing.csv")

@@ -155,6 +155,31 @@ def test_a_bad_scenario_is_refused_by_its_key(content, sentence):
     assert sentence in str(refused.value)
 
 
+NOT_REFUSED = [
+    pytest.param({"targets": None}, "targets", id="targets: nothing"),
+    pytest.param({"targets": 5}, "targets", id="targets: a number"),
+    pytest.param({"scans": "16"}, "scans", id="scans: a text"),
+    pytest.param({"scans": 2.5}, "scans", id="scans: a fraction"),
+    pytest.param({"period": "12"}, "period", id="period: a text"),
+    pytest.param({"sound_speed": None}, "sound_speed", id="sound_speed: nothing"),
+    pytest.param({"own_ship": {"speed": "fast"}}, "own_ship", id="own_ship.speed: a text"),
+    pytest.param({"own_ship": {"yaw_deg": "east"}}, "own_ship", id="own_ship.yaw_deg: a text"),
+    pytest.param(area(count=-1), "count", id="count: negative"),
+    pytest.param(area(count=1.5), "count", id="count: a fraction"),
+    pytest.param(area(speed="fast"), "speed", id="speed: a text"),
+    pytest.param(area(ranges=[20, 10]), "ranges", id="ranges: reversed"),
+    pytest.param({"clutter_box": [8000, 2000, 0, 1]}, "clutter_box", id="clutter_box: reversed"),
+    pytest.param({"targets": [{"state": [1, 2, 3, 4], "sped": 1}]}, "sped", id="key beside state"),
+    pytest.param({"areas": 5}, "areas", id="areas"),
+]
+
+
+@pytest.mark.parametrize(("content", "key"), NOT_REFUSED)
+def test_a_bad_value_is_refused_when_the_scenario_is_made(content, key):
+    with pytest.raises(ValueError, match=key):
+        scenario_from(content)
+
+
 def test_an_unknown_name_is_refused_and_the_shipped_are_named():
     with pytest.raises(ValueError, match=r"box, encounter, four_targets.*got 'harbour'"):
         load_scenario("harbour")

@@ -156,3 +156,10 @@ def test_a_scenario_file_gives_strengths():
 def test_a_wrong_strength_is_refused_by_its_name(content, said):
     with pytest.raises(ValueError, match=said.replace("[", r"\[")):
         scenario_from(content)
+
+
+def test_a_target_without_a_strength_has_none():
+    scene = dataclasses.replace(BOX, clutter_strength=ClutterStrength(), target_strengths=(None,))
+    for simulated in Simulator(scene, 1):
+        missing = np.isnan(simulated.scan.features["intensity"])
+        assert (missing == (simulated.origin == 0)).all()

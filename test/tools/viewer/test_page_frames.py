@@ -18,6 +18,7 @@ from tsepm_ros.tools.viewer.page_frames import (
     track_facts,
     track_rows,
 )
+from tsepm_ros.tracker.tracks import TrackArrays
 
 
 def potential(x: float, score: float, newest: int, threshold: float = 10.0):
@@ -103,3 +104,9 @@ def test_facts_of_a_message_say_why_as_far_as_it_tells():
 def test_facts_of_other_methods(score, evaluation, reason):
     track = held(4, 0.0, 0.0, score=score, evaluation=evaluation)
     assert track_facts([track], 100.0)["4"]["reason"] == reason
+
+
+def test_a_tracker_s_own_track_has_no_reason():
+    (track,) = TrackArrays.of([held(4, 0.0, 0.0, hits=(), age=math.nan)])
+    facts = track_facts([track], None)["4"]
+    assert (facts["reason"], facts["first"]) == ("", None)

@@ -45,3 +45,8 @@ def test_a_run_says_what_it_dropped_and_what_helps():
     assert any(s.startswith("2 scans dropped: ") and "Remedy: " in s for s in sentences)
     assert "1 detection dropped: of_an_adapter" in sentences
     assert "gap before 3 s" in sentences
+
+
+def test_a_run_without_scans_is_a_warning():
+    assert health_of_run(0, {}, [])["level"] == 1
+    assert health_of_run(1, {}, [])["level"] == 0

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 import pytest
 from support.pages import Watcher, held
 from support.patience import WAIT
+
+from tsepm_ros.tools.viewer.live_frames import DIAGNOSTICS
 
 pytest.importorskip("tornado")
 pytest.importorskip("sensor_msgs")
@@ -95,3 +98,17 @@ def test_a_browser_is_told_only_of_changes_of_what_is_published(feed, browser):
     feed.take(TRACKS, tracks(100.0))
     wait_for(lambda: browser.frames)
     assert told() == [False, True]
+
+
+def diagnostics(name: str, message: str):
+    status = SimpleNamespace(name=name, level=1, message=message, values=[])
+    return SimpleNamespace(status=[status])
+
+
+def test_health_is_that_of_the_track_initiator(feed, browser):
+    feed.take(DIAGNOSTICS, diagnostics("boat: own ship", "no data yet"))
+    wait_for(lambda: browser.health)
+    feed.take(DIAGNOSTICS, diagnostics("battery: charge", "empty"))
+    feed.take(TRACKS, tracks(100.0))
+    wait_for(lambda: browser.frames)
+    assert [entry["message"] for entry in browser.health["entries"]] == ["no data yet"]
