@@ -31,11 +31,9 @@ from tsepm_ros import SensorModel
 from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.tools.commands.arguments import add_runs, workers_of
 from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.design_case import Case
-from tsepm_ros.tools.design.prediction import false_tracks_per_hour, target_statistics
+from tsepm_ros.tools.design.prediction import Case, false_tracks_per_hour, target_statistics
 from tsepm_ros.tools.evaluation.intervals import Estimate
-from tsepm_ros.tools.evaluation.operating_curve import Comparison
-from tsepm_ros.tools.evaluation.performance import Evaluated, Plan, evaluate
+from tsepm_ros.tools.evaluation.performance import Comparison, Evaluated, Plan, evaluate
 from tsepm_ros.tools.evaluation.result_files import add_result, code_key, printed, write_table
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.evaluation.workers import Workers

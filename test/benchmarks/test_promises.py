@@ -15,8 +15,7 @@ from support.run_summaries import run_of, start
 
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.measures import measures_of
-from tsepm_ros.tools.evaluation.operating_curve import compare
-from tsepm_ros.tools.evaluation.performance import Evaluated
+from tsepm_ros.tools.evaluation.performance import Evaluated, compare
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario

@@ -7,17 +7,12 @@ from pathlib import Path
 from tsepm_ros.diagnostics.health import ENTRIES
 from tsepm_ros.parameters import table
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.tools.diagnostics_page import as_page
 
 PAGE = (Path(__file__).parents[2] / "docs/diagnostics.md").read_text(encoding="utf-8")
 THRESHOLDS = {row.name for row in table(DiagnosticsOptions)}
 
 
 RULES = [rule for entry in ENTRIES.values() for some in entry.rules for rule in some]
-
-
-def test_the_page_of_diagnostics_is_up_to_date():
-    assert as_page() == PAGE
 
 
 def test_every_rule_has_a_condition_and_a_remedy_on_the_page():

@@ -1,7 +1,7 @@
 """Every method's operating points, a panel each, and their tables, from `tsepm evaluate`.
 
 tsepm evaluate box --runs 110 --horizon 8
-python benchmarks/methods_curve.py build/evaluation/evaluation.csv
+python docs/images/draw_methods.py build/evaluation/evaluation.csv
 """
 
 from __future__ import annotations
