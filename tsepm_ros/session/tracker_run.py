@@ -9,8 +9,8 @@ from typing import Any
 from tsepm_ros.session.drop_reasons import FAILURES, Notice, Refusal, Remark
 from tsepm_ros.session.sensor_check import SensorCheck, findings
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker, TrackerReport
+from tsepm_ros.tracker.maintenance.stationary import Status
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays

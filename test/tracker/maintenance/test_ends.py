@@ -14,9 +14,13 @@ from support.held import P_D, holding, ids, published, step, tracks
 from tsepm_ros.tracker.clustering import PlotExtent
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, HeldTracks, Status
-from tsepm_ros.tracker.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_VANISH
-from tsepm_ros.tracker.maintenance.publication import stands_still, statuses
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, StraightFits
+from tsepm_ros.tracker.maintenance.data_association import SCANS_OF_FADING, SCANS_TO_VANISH
+from tsepm_ros.tracker.maintenance.stationary import (
+    SpeedPrior,
+    StraightFits,
+    stands_still,
+    statuses,
+)
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS, TrackMaintenance
 from tsepm_ros.tracker.tracks import TrackArrays
 
