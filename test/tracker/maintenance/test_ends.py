@@ -177,7 +177,7 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     assert hold.held.status.tolist() == [Status.WITHHELD]
     again = start(hold, 30.0, (6, 1), (7, 1), (8, 1)).numbered(np.array([1]))
     again = replace(again, age=np.array([24.0]), scan_count=np.array([3]))
-    hold._held = replace(hold.held, proven=np.array([1e-4]))
+    hold.held = replace(hold.held, proven=np.array([1e-4]))
     found = hold.revise(again, (), np.array([0.95]))
     assert published(hold) == [1] == found.track_id.tolist()
     assert (hold.held.existence[0], hold.held.visible[0]) == (0.95, 1.0)

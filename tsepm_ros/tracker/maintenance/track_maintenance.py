@@ -37,7 +37,6 @@ from tsepm_ros.tracker.maintenance.external_tracker import (
     LISTED,
     DownstreamTracker,
     ExternalTracker,
-    declined,
 )
 from tsepm_ros.tracker.maintenance.features import Environment
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, Status
@@ -98,6 +97,10 @@ class TrackMaintenance:
 
     Attributes
     ----------
+    held : HeldTracks
+        Every track held, published or not, with all that is known of it.
+    ended : dict
+        Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
     held_association : HeldAssociation
         Detections of the last scan that may be the tracks'.
     own_detections : OwnDetections
@@ -122,23 +125,18 @@ class TrackMaintenance:
         self.tracked_timeout = tracked_timeout
         self.speed_prior = speed_prior or SpeedPrior()
         self.target_extent = target_extent
-        self._ended: dict[int, str] = {}
+        self.ended: dict[int, str] = {}
         self._cleared: dict[int, str] = {}
         self._forget()
 
     def _forget(self) -> None:
-        self._held = HeldTracks.none()
+        self.held = HeldTracks.none()
         self._tracker = DownstreamTracker()
         self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
-
-    @property
-    def held(self) -> HeldTracks:
-        """Every track held, published or not, with all that is known of it."""
-        return self._held
 
     @property
     def current(self) -> TrackArrays:
@@ -148,18 +146,13 @@ class TrackMaintenance:
 
     def _state(self) -> HeldTracks:
         """Every track held, with its probability to stand still."""
-        self._held = stationary.stated(self._held, self.speed_prior)
-        return self._held
+        self.held = stationary.stated(self.held, self.speed_prior)
+        return self.held
 
     @property
     def fixed_echoes(self) -> TrackArrays:
         """Held tracks that exist and stand still, at their places."""
         return stationary.fixed_echoes(self._state())
-
-    @property
-    def ended(self) -> dict[int, str]:
-        """Tracks that ended at the last step, or since the one before: id and reason in `ENDS`."""
-        return self._ended
 
     @property
     def tracker(self) -> ExternalTracker:
@@ -171,7 +164,7 @@ class TrackMaintenance:
         ids, rows = self.probable_detections
         if not len(ids):
             return rows
-        moving = np.sort(self._held.tracks.track_id[self._held.fits.moves])
+        moving = np.sort(self.held.tracks.track_id[self.held.fits.moves])
         return rows[np.searchsorted(moving, ids, "right") > np.searchsorted(moving, ids)]
 
     def step(
@@ -217,9 +210,9 @@ class TrackMaintenance:
             clutter density; see `data_association.associate`.
         """
         away = self._begin(stamp, interval, detectable)
-        if not len(self._held):
+        if not len(self.held):
             return np.zeros(len(detections))
-        held = self._held.predicted(stamp, max_speed, away)
+        held = self.held.predicted(stamp, max_speed, away)
         probability = detectable(held.tracks.state[:, 0::2])
         covered = probability > 0.0
         held = held.existing(covered, covered | (whole & ~away))
@@ -282,7 +275,7 @@ class TrackMaintenance:
         own = detections[row[probable]]
         hits = np.stack([own["scan"], own["index"]], axis=1)
         self._owned.append((hits, self.probable_detections.track_id))
-        self._held = with_rows(held, probable[0], hit_sigma=own["major_sigma"])
+        self.held = with_rows(held, probable[0], hit_sigma=own["major_sigma"])
         return detections["major_sigma"][row[:, 0]] if len(detections) else np.zeros(len(held))
 
     def _publish(self, max_range: float) -> None:
@@ -290,16 +283,16 @@ class TrackMaintenance:
         if self.speed_prior.min_speed:
             self._state()
         extent = self.target_extent
-        status = stationary.statuses(self._held, self.speed_prior, extent, max_range)
-        listed = self._tracker.keeps(self._held.unlisted_since)
+        status = stationary.statuses(self.held, self.speed_prior, extent, max_range)
+        listed = self._tracker.keeps(self.held.unlisted_since)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
-        new = (status == Status.PUBLISHED) & ~self._held.announced
-        self._held = held = changed(
-            self._held,
+        new = (status == Status.PUBLISHED) & ~self.held.announced
+        self.held = held = changed(
+            self.held,
             status=status,
-            announced=self._held.announced | new,
+            announced=self.held.announced | new,
             # A downstream tracker has known them from now on only.
-            unlisted_since=np.where(new, self._held.tracks.stamp, self._held.unlisted_since),
+            unlisted_since=np.where(new, self.held.tracks.stamp, self.held.unlisted_since),
         )
         self.released = held.tracks.where(new) if new.any() else NO_TRACKS
 
@@ -320,7 +313,7 @@ class TrackMaintenance:
         they vanish, uniform in the coverage (m^2) and the velocities up to `max_speed`. Fixed
         echoes and the tracks that a downstream tracker lists are left as they are.
         """
-        held = self._held
+        held = self.held
         may = (held.status != Status.FIXED) & ~self._tracker.keeps(held.unlisted_since)
         rows = np.flatnonzero(may)
         if not len(starts) or not len(rows):
@@ -374,14 +367,14 @@ class TrackMaintenance:
             return tracks
         self._remember_starts(tracks)
         new = HeldTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
-        held = HeldTracks.joined(self._held, changed(new, announced=np.zeros(len(new), bool)))
+        held = HeldTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
         held = stationary.stated(stationary.judged(held, self.speed_prior), self.speed_prior)
         first = len(held) - len(new)
         fixed = stationary.stands_still(held, self.speed_prior)[first:]
         status, announced = held.status.copy(), held.announced.copy()
         status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
         announced[first:] = ~fixed
-        self._held = changed(held, status=status, announced=announced)
+        self.held = changed(held, status=status, announced=announced)
         return held.tracks.where(first + np.flatnonzero(~fixed))
 
     def revise(
@@ -401,12 +394,12 @@ class TrackMaintenance:
             The published tracks that were corrected.
         """
         if replaced:
-            self._end(~np.isin(self._held.tracks.track_id, replaced), "replaced")
+            self._end(~np.isin(self.held.tracks.track_id, replaced), "replaced")
         if not len(corrected):
             return corrected
         self._remember_starts(corrected)
-        held = self._held.revised(corrected, existence)
-        self._held = stationary.judged(held, self.speed_prior)
+        held = self.held.revised(corrected, existence)
+        self.held = stationary.judged(held, self.speed_prior)
         current = self.current
         return current.where(np.isin(current.track_id, corrected.track_id))
 
@@ -428,25 +421,25 @@ class TrackMaintenance:
             `tsepm_ros.tracker.maintenance.external_tracker.usable`.
         """
         tracker, held = self._tracker.at(stamp, self.tracked_timeout), self._state()
-        since = tracker.unlisted_since(held.unlisted_since, stamp)
-        self._tracker = tracker.heard(stamp)
-        ids = held.tracks.track_id
-        over = declined(since, ids, tracks.track_id, stamp, self.tracked_timeout)
+        since, ids = held.unlisted_since, held.tracks.track_id
+        if tracker.status is not ExternalTracker.ALIVE:
+            since = np.maximum(since, stamp)
+        self._tracker = DownstreamTracker(ExternalTracker.ALIVE, stamp)
+        over = (stamp - since > self.tracked_timeout) & ~np.isin(ids, tracks.track_id)
         over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
-        self._cleared |= dict.fromkeys(ids[over].tolist(), "tracker")
-        self._held = changed(held, unlisted_since=since)[~over]
-        self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
-        self._held = self._held.listed(tracks, TRACKED_EXISTENCE)
+        self.held = changed(held, unlisted_since=since)
+        self._drop(~over, "tracker", self._cleared)
+        self.add(tracks[~np.isin(tracks.track_id, ids)], TRACKED_EXISTENCE)
+        self.held = self.held.listed(tracks, TRACKED_EXISTENCE)
 
     def clear(self) -> None:
         """End every track and forget what a downstream tracker said."""
-        ids = self._held.tracks.track_id[self._held.announced].tolist()
-        self._cleared |= dict.fromkeys(ids, "cleared")
+        self._drop(np.zeros(len(self.held), bool), "cleared", self._cleared)
         self._forget()
 
     def keep_ended(self) -> None:
         """Name the tracks that ended at the last step again at the next."""
-        self._cleared = self._ended | self._cleared
+        self._cleared = self.ended | self._cleared
 
     def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
@@ -455,12 +448,9 @@ class TrackMaintenance:
         """
         self._begun = {}
         self._owned.clear()
-        held = self._held
-        repeats = duplicates.may_repeat_older(held.tracks, extent, sensor_position)
-        kept = ~repeats | self._tracker.keeps(held.unlisted_since)
-        ended = held.tracks.track_id[held.announced & ~kept].tolist()
-        self._cleared |= dict.fromkeys(ended, "duplicate")
-        self._held = held[kept]
+        repeats = duplicates.may_repeat_older(self.held.tracks, extent, sensor_position)
+        listed = self._tracker.keeps(self.held.unlisted_since)
+        self._drop(~repeats | listed, "duplicate", self._cleared)
 
     def _begin(
         self, stamp: float, interval: float, detectable: Callable[[FloatArray], FloatArray]
@@ -469,14 +459,14 @@ class TrackMaintenance:
 
         Returns which are fixed echoes outside the coverage: these are remembered.
         """
-        self._ended, self._cleared = self._cleared, {}
+        self.ended, self._cleared = self._cleared, {}
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
-        fixed = self._held.status == Status.FIXED
-        away = fixed & (detectable(self._held.tracks.state[:, 0::2]) <= 0.0)
-        last = self._held.last_detected
+        fixed = self.held.status == Status.FIXED
+        away = fixed & (detectable(self.held.tracks.state[:, 0::2]) <= 0.0)
+        last = self.held.last_detected
         longest = self.hold_time or HOLD_SCANS * interval or np.inf
         away = away[self._end(fixed | (last >= stamp - longest), "not_detected")]
         most = MOST_PLACES if self.speed_prior.min_speed else 0
@@ -490,13 +480,13 @@ class TrackMaintenance:
         self, plots: IntArray, detection_sigma: FloatArray, explained: FloatArray
     ) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
-        tracks, before = self._held.tracks, self._held.agreeing_scans
+        tracks, before = self.held.tracks, self.held.agreeing_scans
         known = duplicates.located(tracks.covariance, detection_sigma)
         agrees = duplicates.agrees_with_older(
             tracks.state, tracks.covariance, plots, known, explained
         )
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
-        self._held = changed(self._held, agreeing_scans=scans)
+        self.held = changed(self.held, agreeing_scans=scans)
         return scans >= duplicates.SAME_SCANS
 
     def _end(self, kept: BoolArray, reason: str) -> BoolArray:
@@ -504,14 +494,16 @@ class TrackMaintenance:
 
         Returns which were kept.
         """
-        if self._tracker.is_alive:
-            kept = kept | self._tracker.keeps(self._held.unlisted_since)
-        if not kept.all():
-            held = self._held
-            ended = held.tracks.track_id[held.announced & ~kept].tolist()
-            self._ended = self._ended | dict.fromkeys(ended, reason)
-            self._held = held[kept]
+        kept = kept | self._tracker.keeps(self.held.unlisted_since)
+        self._drop(kept, reason, self.ended)
         return kept
+
+    def _drop(self, kept: BoolArray, reason: str, ended: dict[int, str]) -> None:
+        """Keep some tracks (n,), and note the others that were announced as ended."""
+        if not kept.all():
+            over = self.held.tracks.track_id[self.held.announced & ~kept]
+            ended |= dict.fromkeys(over.tolist(), reason)
+            self.held = self.held[kept]
 
 
 HOLDING_SHARE = 0.3
