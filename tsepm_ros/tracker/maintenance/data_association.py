@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.discs import squared_distances
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import covariance_at
@@ -48,6 +49,8 @@ GATE_PROBABILITY = 0.99
 """P_G, probability that the gate holds a target's detection."""
 MAX_NEIGHBOURS = 8
 """Detections considered for each filter and each fit: the nearest."""
+MANY = 16_000
+"""Coordinates of tracks times detections from which on the nearest are sought in a tree."""
 SEEKER = np.array([0, 0, 1])
 """Which of the two, filter or fit, each mode is of."""
 SCANS_TO_FADE = 25.0
@@ -117,7 +120,11 @@ def gate(
         return GatedDetections(row, likelihood, likelihood.nonzero(), none)
     after = detections["time"] - stamp
     centre = motion.position_after(mean, 0.5 * (after.min() + after.max()))
-    row = cKDTree(detections["position"]).query(centre, k=range(1, number + 1))[1]
+    if centre.size * len(detections) > MANY:
+        row = cKDTree(detections["position"]).query(centre, k=range(1, number + 1))[1]
+    else:
+        square = squared_distances(centre.reshape(-1, 2), detections["position"])
+        row = square.argsort(axis=1)[:, :number].reshape(*centre.shape[:2], number)
     of_modes = row[:, SEEKER]
     rated = range_rates.measured(detections)
     range_rate_gate = range_rates.gate_square(GATE_PROBABILITY) if rated.any() else 0.0
@@ -128,19 +135,21 @@ def gate(
     expected = motion.position_after(state[:, :, None], after[of_modes])
     innovation = detections["position"][of_modes] - expected
     density, distance = log_density(innovation, spread)
-    has_rate = rated[of_modes]
-    square = np.where(has_rate, range_rate_gate, gate_factor(GATE_PROBABILITY) ** 2)
-    pairs = (distance <= square).nonzero()
-    owner, time = pairs[:2], np.broadcast_to(time, of_modes.shape)[pairs]
-    spread = np.broadcast_to(spread, (*of_modes.shape, 2, 2))[pairs]
-    updated = motion.update(state[owner], covariance[owner], time, innovation[pairs], spread)
+    edge: FloatArray | float = gate_factor(GATE_PROBABILITY) ** 2
+    if range_rate_gate:
+        edge = np.where(rated[of_modes], range_rate_gate, edge)
+    pairs = (distance <= edge).nonzero()
+    own = (*pairs[:2], pairs[2] if range_rate_gate else 0)
+    time, state, covariance = time[own], state[pairs[:2]], covariance[pairs[:2]]
+    updated = motion.update(state, covariance, time, innovation[pairs], spread[own])
     density = density[pairs]
     if range_rate_gate:
-        own, has_rate = taken(detections, of_modes[pairs]), has_rate[pairs]
-        error, variance, _ = range_rates.innovations(*updated, time, own)
+        of_pairs = of_modes[pairs]
+        found, has_rate = taken(detections, of_pairs), rated[of_pairs]
+        error, variance, _ = range_rates.innovations(*updated, time, found)
         density += np.where(has_rate, range_rates.log_density(error, variance), 0.0)
         inside = ~has_rate | (distance[pairs] + error**2 / variance <= range_rate_gate)
-        state, covariance = range_rates.update(*updated, time, own)
+        state, covariance = range_rates.update(*updated, time, found)
         updated, density = (state[inside], covariance[inside]), density[inside]
         pairs = tuple(part[inside] for part in pairs)
     number = int(pairs[2].max(initial=0)) + 1
@@ -269,15 +278,16 @@ def updated_states(
     -------
     state, covariance : (n, 3, 4), (n, 3, 4, 4) ndarray
     """
-    moved = np.zeros((*probability.shape, 4))
-    second_moment = np.zeros((*probability.shape, 4, 4))
-    pairs, owner = gated.pairs, gated.pairs[:2]
-    off = gated.updated[0] - state[owner]
-    moved[pairs] = off
-    second_moment[pairs] = gated.updated[1] - covariance[owner] + off[:, :, None] * off[:, None]
-    mean = np.einsum("nmk,nmki->nmi", probability, moved)
-    covariance = covariance + np.einsum("nmk,nmkij->nmij", probability, second_moment)
-    covariance -= mean[..., :, None] * mean[..., None, :]
+    track, mode, _ = gated.pairs
+    moved = gated.updated[0] - state[track, mode]
+    second_moment = gated.updated[1] - covariance[track, mode] + moved[:, :, None] * moved[:, None]
+    moments = np.concatenate([moved, second_moment.reshape(-1, 16)], axis=1)
+    moments *= probability[gated.pairs][:, None]
+    place = 20 * (state.shape[1] * track + mode)[:, None] + np.arange(20)
+    sums = np.bincount(place.ravel(), moments.ravel(), minlength=5 * state.size)
+    sums = sums.reshape(*state.shape[:-1], 20)
+    mean, change = sums[..., :4], sums[..., 4:].reshape(covariance.shape)
+    covariance = covariance + change - mean[..., :, None] * mean[..., None, :]
     # Rounding must not make it asymmetric, a part that would grow from scan to scan, or indefinite.
     return state + mean, 0.5 * (covariance + np.swapaxes(covariance, -1, -2)) * _BEYOND_ROUNDING
 

@@ -345,11 +345,14 @@ def with_strengths(
     strength : (d,) ndarray
         Exponent of each detection; nan where it is not known.
     """
-    of_pairs = strength[row]
-    share = np.where(np.isfinite(of_pairs), probability, 0.0)
+    known = np.isfinite(strength)
+    if not known.any():
+        return held
+    of_pairs = np.where(known, strength, 0.0)[row]
+    share = np.where(known[row], probability, 0.0)
     hits = share.sum(axis=1)
     keep = 1.0 - np.minimum(hits, 1.0) / MAX_PLOT_COUNT
-    total = (share * np.nan_to_num(of_pairs)).sum(axis=1)
+    total = (share * of_pairs).sum(axis=1)
     return changed(
         held,
         strength_hits=keep * held.strength_hits + hits,

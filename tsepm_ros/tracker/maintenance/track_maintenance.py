@@ -21,6 +21,7 @@ from tsepm_ros.numerics.arrays import (
     TimeLimit,
     changed,
     keep_best,
+    taken,
     with_rows,
 )
 from tsepm_ros.tracker.clustering import PlotExtent
@@ -250,8 +251,7 @@ class TrackMaintenance:
         sigma = self._take_own(held, row, of_target, detections)
         # End.
         exists = held.existence >= MIN_EXISTENCE
-        kept = self._end(exists | ~covered, "missed")
-        kept[kept] = self._end(exists[kept], "left")
+        kept = self._end(exists, np.where(covered, "missed", "left"))
         repeats = self._repeated(plots[kept], sigma[kept], of_target[kept].sum(axis=1))
         self._end(~repeats, "duplicate")
         self._publish(sensor.max_range)
@@ -272,7 +272,7 @@ class TrackMaintenance:
             OwnDetections(held.tracks.track_id[pairs[0]], row[pairs])
             for pairs in (certain, probable)
         )
-        own = detections[row[probable]]
+        own = taken(detections, row[probable])
         hits = np.stack([own["scan"], own["index"]], axis=1)
         self._owned.append((hits, self.probable_detections.track_id))
         self.held = with_rows(held, probable[0], hit_sigma=own["major_sigma"])
@@ -489,7 +489,7 @@ class TrackMaintenance:
         self.held = changed(self.held, agreeing_scans=scans)
         return scans >= duplicates.SAME_SCANS
 
-    def _end(self, kept: BoolArray, reason: str) -> BoolArray:
+    def _end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
         """End all tracks but those kept and those that the downstream tracker lists.
 
         Returns which were kept.
@@ -498,11 +498,13 @@ class TrackMaintenance:
         self._drop(kept, reason, self.ended)
         return kept
 
-    def _drop(self, kept: BoolArray, reason: str, ended: dict[int, str]) -> None:
+    def _drop(self, kept: BoolArray, reason: str | NDArray[np.str_], ended: dict[int, str]) -> None:
         """Keep some tracks (n,), and note the others that were announced as ended."""
         if not kept.all():
-            over = self.held.tracks.track_id[self.held.announced & ~kept]
-            ended |= dict.fromkeys(over.tolist(), reason)
+            over = np.flatnonzero(self.held.announced & ~kept)
+            ids = self.held.tracks.track_id[over].tolist()
+            reasons = np.broadcast_to(reason, len(kept))[over].tolist()
+            ended |= dict(zip(ids, reasons, strict=True))
             self.held = self.held[kept]
 
 
