@@ -27,8 +27,8 @@ from tsepm_ros.session.scan_queue import QUEUE_LENGTH, Arrival, Now, ScanOrder, 
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.land import LandMask
-from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker, TrackerReport
+from tsepm_ros.tracker.maintenance.stationary import Status
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays

@@ -21,12 +21,11 @@ from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
 from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
-from tsepm_ros.tracker.maintenance import ipda
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, HeldAssociation
 from tsepm_ros.tracker.maintenance.features import Environment
-from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY, HeldAssociation
 from tsepm_ros.tracker.maintenance.shape import Hulls, further_plots
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
-from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, measured_polar
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.plot_extraction import PlotExtraction
@@ -226,7 +225,7 @@ class Tracker:
         again = self._scans_to_repeat(scan)  # with plots from now on; as a rule none
         for one in (*again, scan):
             observed = self.observe(one, limit)  # measure, associate, learn
-            room = ipda.room_for(limit, len(self.maintenance.held))
+            room = room_for(limit, len(self.maintenance.held))
             step = self.method.step(observed)  # split, evaluate, prune, merge, confirm
             new, counts = self._hold(observed, step, room)
             ids.append(new.track_id)
@@ -504,7 +503,7 @@ class Tracker:
             existence = existence[~waiting]
         cut = max(len(step.tracks) - room, 0)
         if cut:
-            best = ipda.best_held(existence, step.tracks.evaluation, room)
+            best = best_held(existence, step.tracks.evaluation, room)
             step, existence = changed(step, tracks=step.tracks.where(best)), existence[best]
         new = self._add(step, existence)
         if len(self.maintenance.released):

@@ -13,10 +13,14 @@ from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.maintenance import ipda
+from tsepm_ros.tracker.maintenance import data_association
+from tsepm_ros.tracker.maintenance.data_association import (
+    GATE_PROBABILITY,
+    SCANS_OF_FADING,
+    SCANS_TO_FADE,
+    SCANS_TO_VANISH,
+)
 from tsepm_ros.tracker.maintenance.duplicates import SAME_SCANS
-from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY
-from tsepm_ros.tracker.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_FADE, SCANS_TO_VANISH
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
 
@@ -147,12 +151,11 @@ def test_a_target_that_vanishes_in_clutter_is_given_up(clutter):
 
 def test_a_detection_of_two_targets_is_shared():
     # Both targets surely exist and expect the one detection; each explains it against the other.
-    track, row, empty = np.array([0, 1]), np.array([0, 0]), np.array([0.1, 0.1])
-    found = ipda.associate(
-        np.ones(2), empty, np.ones((1, 2)), np.array([[0.9, 0.9]]), track, row, np.array([1e-6])
-    )
+    ratios, row = np.full((2, 3, 1), 0.9), np.zeros((2, 2, 1), np.int64)
+    modes, empty = np.array([[0.4, 0.6]] * 2), np.array([0.1, 0.1])
+    found = data_association.associate(np.ones(2), empty, modes, ratios, row, np.array([1e-6]))
     factor = (0.1 + 0.9) / 0.1
     competing = 0.9 / factor
-    np.testing.assert_allclose(found.ratio, [[competing, competing]])
+    np.testing.assert_allclose(found.ratio, competing)
     np.testing.assert_allclose(found.probability, competing / (0.1 + competing))
     np.testing.assert_allclose(found.held_density, 1e-6 * (factor**2 - 1.0))
