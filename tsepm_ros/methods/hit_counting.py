@@ -66,7 +66,7 @@ class WindowedMethod(Method):
     Attributes
     ----------
     detections : DetectionWindow
-        Those that hits of potential tracks may still refer to.
+        Those of the last scans, to which hits of potential tracks refer.
     stamp : float
         Of the last scan, s.
     scan_index : int
@@ -82,10 +82,11 @@ class WindowedMethod(Method):
         self.time_limit = TimeLimit()
 
     def begin(self, observed: Observation) -> IntArray:
-        """Take a scan's detections into the window; returns their ids, (d,)."""
+        """Take a scan; returns the ids of its detections, (d,)."""
         self.stamp, self.scan_index = observed.stamp, observed.scan_index
         self.time_limit = observed.time_limit
-        return self.detections.append(observed.detections)
+        self.detections = observed.window
+        return observed.ids
 
     def late_after(self, share: float) -> Callable[[], bool] | None:
         """Whether a share of the scan's time is over; None where the time is not limited."""

@@ -430,7 +430,6 @@ class Tsepm(WindowedMethod):
             gates,
             PathCounts.joined(surplus, beyond, gates.left_out(self.scan_index)),
         )
-        self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
             tracks,
             ScanStatistics(

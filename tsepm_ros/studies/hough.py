@@ -123,14 +123,13 @@ class Hough(HitCounter):
         """
         ids = self.begin(observed)
         image = np.concatenate([self._image, ids])
-        ended = self._expired_hits(image)
+        ended = image < self.detections.first_id  # older than N scans
         image, beyond = self._newest(image[~ended])
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
         kept = lines[keep_best(votes, self.common.max_raw_confirmations)]
         confirmation = self.confirm(kept)
         self._image = image[~np.isin(image, confirmation.hits)]
-        self.detections.forget(self.scan_index + 1 - self.options.window)
         return Step(
             confirmation.tracks,
             ScanStatistics(
@@ -158,10 +157,6 @@ class Hough(HitCounter):
         best, estimates, _ = self.best(lines)
         tracks = self.tracks(best, estimates)
         return tracks.numbered(np.arange(len(tracks)))
-
-    def _expired_hits(self, image: IntArray) -> BoolArray:
-        """Which detections of the image are older than its N scans."""
-        return self.expired(self.detections[image]["scan"] + 1)
 
     def _newest(self, image: IntArray) -> tuple[IntArray, int]:
         """The newest detections, within the limits; and how many are cut."""

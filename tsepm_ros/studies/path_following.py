@@ -155,7 +155,6 @@ class PathFollower(HitCounter):
         begun = free[: self.max_tracks]
         started = self.started(ids[begun], taken(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
-        self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
             confirmation.tracks,
             ScanStatistics(

@@ -21,6 +21,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit
 from tsepm_ros.tracker.clutter.overdispersion import PredictiveDensity
 from tsepm_ros.tracker.clutter.seen_extent import Extent
 from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
+from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
@@ -107,6 +108,10 @@ class Observation:
         Median of the last intervals, s; 0 while it is unknown.
     detections : (d,) ndarray of DETECTION
         Converted to the fixed frame; `clutter_density` is that after learning.
+    window : DetectionWindow
+        The detections of the last scans, these included.
+    ids : (d,) ndarray of int
+        Their ids in the window.
     clutter_density_before, clutter_density : (d,) ndarray
         Clutter density at each detection before and after this scan was learned from, 1/m^2,
         times the density of its range rate, s/m, where it has one.
@@ -144,6 +149,8 @@ class Observation:
     interval: float
     median_interval: float
     detections: NDArray[np.void]
+    window: DetectionWindow
+    ids: IntArray
     clutter_density_before: FloatArray
     clutter_density: FloatArray
     held_density: FloatArray

@@ -15,22 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
-from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker import motion, path_fit, range_rates
 from tsepm_ros.tracker.clustering import chosen
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
 from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
+from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.maintenance import ipda
 from tsepm_ros.tracker.maintenance.features import Environment
 from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY, HeldAssociation
 from tsepm_ros.tracker.maintenance.shape import Hulls, further_plots
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, measured_polar
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, major_sigma, measured_polar
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.plot_extraction import PlotExtraction
-from tsepm_ros.tracker.recent_hits import RecentHits
 from tsepm_ros.tracker.scan import Scan, check_scan
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
@@ -109,6 +109,8 @@ class Tracker:
         Makes plots of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
+    window : DetectionWindow
+        Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
         Held tracks whose starts the last scan corrected, as they are now: each with the hits that
         are its own after all, and its number of revisions.
@@ -148,7 +150,6 @@ class Tracker:
         self.learned = Learned.initial(self.sensor)
         self.plots = PlotExtraction(self.sensor, self.common)
         self._hulls = Hulls()
-        self._hits = RecentHits()
         self._judged: tuple[Scan, UsableDetections] | None = None
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -159,6 +160,7 @@ class Tracker:
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not the tracks held, what was learned, nor counts."""
         self._observed: Observation | None = None
+        self.window = DetectionWindow()
         self._recent: list[Scan] = []
         self.method.forget()
 
@@ -190,7 +192,7 @@ class Tracker:
         other._judged = None
         other._use(method)
         if not kept:
-            other._observed = None
+            other._observed, other.window = None, DetectionWindow()
         return other, kept
 
     def _use(self, method: Method) -> None:
@@ -273,7 +275,7 @@ class Tracker:
         before = recent[: len(recent) - len(again)]
         self.stamp = before[-1].stamp if before else None
         self.scan_index -= len(again)
-        self._hits = RecentHits()
+        self.window = DetectionWindow()
         self.learned = self.learned.anew(self.sensor)
         self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
         if again:
@@ -295,13 +297,16 @@ class Tracker:
         self._learn_from_held(detections, held_density < before)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
         self._clutter.learn_strengths(detections, self._reach)
-        self._hits.append(self.scan_index, detections, self.options.window)
+        self.window.forget(self.scan_index + 1 - self.options.window)
+        ids = self.window.append(detections)
         return Observation(
             stamp=scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
             median_interval=self.learned.scan_interval.median,
             detections=detections,
+            window=self.window,
+            ids=ids,
             clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
@@ -551,7 +556,11 @@ class Tracker:
         if step.target_hits is not None:
             self.learned.strengths.discount(*step.target_hits)
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
-        return self.maintenance.add(tracks, existence, histories, *self._hits.of(tracks))
+        sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
+        figures = path_fit.figures_of_hits(
+            self.window, tracks.hits, tracks.stamp, tracks.state, sigma
+        )
+        return self.maintenance.add(tracks, existence, histories, *figures)
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""

@@ -178,7 +178,6 @@ class Score(Method):
         target_hits = None
         if observed.strengths is not None:
             target_hits = path_strength.target_hits(self.hypotheses, self.detections)
-        self.detections.forget(observed.scan_index + 2 - options.window)
         statistics = ScanStatistics(
             scans=1,
             detections=len(observed.detections),
@@ -247,7 +246,7 @@ class Score(Method):
 
     def _take(self, observed: Observation) -> IntArray:
         """Take a scan's detections and their held association; returns their ids, (d,)."""
-        ids = self.detections.append(observed.detections)
+        self.detections, ids = observed.window, observed.ids
         row, probability = observed.held_association
         self.detections.note_held(ids[row], probability)
         self._threshold.observe(observed)
