@@ -26,7 +26,6 @@ import identity
 import numpy as np
 from contenders.jipda import Jipda, Parameters, Track, converted
 
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.settings.settings import Settings
@@ -35,6 +34,7 @@ from tsepm_ros.tools.evaluation.result_files import add_result, write_table
 from tsepm_ros.tools.replay.offline import process_recording
 from tsepm_ros.tools.replay.recording import Recording, read_recording
 from tsepm_ros.tools.terminal import text_table
+from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 GATE = 40.0  # m, within which a track is on a target

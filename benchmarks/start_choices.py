@@ -2,8 +2,8 @@
 
 The box's target appears after 16 pings of clutter. Each value is compared with the built one: P_D
 after 8 and 16 pings, other starts and corrections per run, and the difference in P_D after 16 pings
-over the pairs of runs, with 95 % intervals. The constants are those of `methods/score/starts.py`;
-the rule that corrects starts (`revisions.py`) stays as built.
+over the pairs of runs, with 95 % intervals. The constants are those of
+`tracker/confirmation.py`; they count in the correction of starts too.
 
     python benchmarks/start_choices.py MAX_HELD_SHARE --value 0.3 --rate 20 --rate 100
 """
@@ -19,8 +19,6 @@ from unittest.mock import patch
 
 import fixed_threads  # noqa: F401
 
-from tsepm_ros.methods.score import confirmation
-from tsepm_ros.methods.score.confirmation import MIN_HIT_PROBABILITY
 from tsepm_ros.studies.reproduction.runs import share_difference
 from tsepm_ros.tools.commands.arguments import add_runs, workers_of
 from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of, summarise
@@ -28,6 +26,8 @@ from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_t
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tracker import confirmation
+from tsepm_ros.tracker.confirmation import MIN_HIT_PROBABILITY
 
 CHOICES = {
     "MAX_HELD_SHARE": (0.0, 1.0),

@@ -9,10 +9,10 @@ import pytest
 import start_choices
 from start_choices import HEADER, Job, cells, run
 
-from tsepm_ros.methods.score import confirmation
 from tsepm_ros.tools.evaluation.measures import StartSummary
 from tsepm_ros.tools.evaluation.simulated_run import Outcome, simulate
 from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tracker import confirmation
 
 
 @pytest.fixture

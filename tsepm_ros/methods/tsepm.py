@@ -438,6 +438,8 @@ class Tsepm(WindowedMethod):
                 potential_tracks=len(self._potential),
                 hopeless_tracks=self._hopeless.total,
                 started=len(started),
+                split=len(updated) + len(started),
+                evaluated=len(candidates),
                 terminated=terminated + hopeless_ended,
                 raw_confirmations=len(raw) + hopeless_raw,
                 pruned=len(candidates) - len(kept) + hopeless_raw,
@@ -516,7 +518,7 @@ class Tsepm(WindowedMethod):
         def cost(parent: IntArray, newest: IntArray) -> FloatArray:
             return path_cost(tracks.extended(parent, gates.ids[newest]), self.detections)
 
-        parent, newest, cut = splitting.split_within(
+        parent, newest, cut = splitting.split_paths(
             gate_of_path[part], gates.gated, limit, cost, self.late_after(share)
         )
         children = tracks.extended(parent, gates.ids[newest])

@@ -58,6 +58,9 @@ class TrackInitiator(ParameterisedNode):
         self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
+        self.get_logger().info(
+            f"method {options.method}: splits, evaluates, prunes and merges potential tracks"
+        )
         self._learned = LearnedFile(
             self._session,
             options.learned_file,

@@ -58,9 +58,12 @@ class Rows:
         """Number of rows."""
         return len(self.__dict__[_names(type(self))[0]])
 
-    def __getitem__(self, rows: NDArray[np.generic]) -> Self:
-        """The given rows (indices or a mask)."""
-        columns, rows = self.__dict__, indices(rows)
+    def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
+        """The given rows: indices, a mask, or a slice, which is a view."""
+        columns = self.__dict__
+        if isinstance(rows, slice):
+            return changed(self, **{name: columns[name][rows] for name in _names(type(self))})
+        rows = indices(rows)
         return changed(
             self, **{name: columns[name].take(rows, axis=0) for name in _names(type(self))}
         )

@@ -137,6 +137,8 @@ class Hough(HitCounter):
                 detections=len(ids),
                 potential_tracks=len(self._image),
                 started=len(ids),
+                split=len(ids),
+                evaluated=len(kept),
                 terminated=int(np.count_nonzero(ended)),
                 raw_confirmations=len(lines),
                 pruned=confirmation.pruned,

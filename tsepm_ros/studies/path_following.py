@@ -162,6 +162,8 @@ class PathFollower(HitCounter):
                 detections=len(detections),
                 potential_tracks=len(self.potential),
                 started=len(started),
+                split=len(children) + len(started),
+                evaluated=int(np.count_nonzero(reached)),
                 terminated=terminated,
                 raw_confirmations=int(np.count_nonzero(reached)) + cut_raw,
                 pruned=confirmation.pruned,
@@ -262,7 +264,7 @@ class PathFollower(HitCounter):
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
         most = TIMED_PAIRS if self.time_limit.finite else MAX_PAIRS
-        parent, row, cut = splitting.split_within(
+        parent, row, cut = splitting.split_paths(
             gate, gated, most, length, self.late_after(PAIRING_SHARE)
         )
         return parent, row, cut + gated.cut

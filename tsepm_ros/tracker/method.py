@@ -26,6 +26,9 @@ from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
 
+NEW_TRACK_EXISTENCE = 0.99
+"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
+
 
 @dataclass(frozen=True)
 class ScanStatistics:
@@ -44,14 +47,19 @@ class ScanStatistics:
         the most at once).
     started : int
         Potential tracks started.
+    split : int
+        Potential tracks that the scan's detections made: started, and children of others.
+    evaluated : int
+        Potential tracks that were evaluated; hopeless ones are not.
     terminated : int
         Potential tracks ended by the method's own rule.
     raw_confirmations : int
         Tracks that reached confirmation, before pruning and merging; hopeless ones included.
     pruned : int
-        Of these, removed by their evaluation; hopeless ones included.
+        Removed by their evaluation: of these, hopeless ones included; by `score`, which evaluates
+        all in each scan, of all potential tracks.
     merged : int
-        Of these, removed by merging into another.
+        Of these, removed by merging into another, or into a confirmed track.
     confirmed : int
         Confirmed tracks that were published.
     cut_potential_tracks, cut_confirmations : int
@@ -72,6 +80,8 @@ class ScanStatistics:
     potential_tracks: int = 0
     hopeless_tracks: int = 0
     started: int = 0
+    split: int = 0
+    evaluated: int = 0
     terminated: int = 0
     raw_confirmations: int = 0
     pruned: int = 0
@@ -213,6 +223,18 @@ class Step:
     revised: TrackArrays = NO_TRACKS
     replaced: tuple[int, ...] = ()
     target_hits: TargetHits | None = None
+
+    @property
+    def existences(self) -> FloatArray:
+        """Probability that each new track's target exists, (n,), given or not."""
+        if self.existence is None:
+            return np.full(len(self.tracks), NEW_TRACK_EXISTENCE)
+        return self.existence
+
+    def where(self, rows: NDArray[np.generic]) -> Step:
+        """The step with the new tracks in the given rows only (indices or a mask)."""
+        existence = None if self.existence is None else self.existence[rows]
+        return changed(self, tracks=self.tracks.where(rows), existence=existence)
 
 
 class Method(ABC):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
-from tsepm_ros.tracker import motion, path_fit, range_rates
+from tsepm_ros.tracker import merging, motion, path_fit, range_rates
 from tsepm_ros.tracker.clustering import chosen
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
@@ -43,8 +43,6 @@ from tsepm_ros.tracker.sensor import (
 )
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
-NEW_TRACK_EXISTENCE = 0.99
-"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
 WHOLE_SHARE = 0.75
@@ -496,44 +494,45 @@ class Tracker:
         self, observed: Observation, step: Step, room: int
     ) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
-        self.revised = self.maintenance.revise(self._proper(step.revised), step.replaced)
-        step = changed(step, tracks=self._proper(step.tracks))
+        step = changed(step, tracks=self._proper(step.tracks), revised=self._proper(step.revised))
         confirmed = len(step.tracks)
-        existence = step.existence
-        if existence is None:
-            existence = np.full(confirmed, NEW_TRACK_EXISTENCE)
-        step, existence = self._recognised(step, existence)
-        waiting = self._waiting(step.tracks)
-        if waiting.any():
-            step = changed(step, tracks=step.tracks.where(~waiting))
-            existence = existence[~waiting]
+        step = self._merged(step)
+        merged = confirmed - len(step.tracks)
+        step = step.where(~self._waiting(step.tracks))
         cut = max(len(step.tracks) - room, 0)
         if cut:
-            best = ipda.best_held(existence, step.tracks.evaluation, room)
-            step, existence = changed(step, tracks=step.tracks.where(best)), existence[best]
-        new = self._add(step, existence)
+            step = step.where(ipda.best_held(step.existences, step.tracks.evaluation, room))
+        new = self._add(step)
         if len(self.maintenance.released):
             new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
         self._observed = observed
-        withheld = confirmed - len(new)
+        counts = step.statistics
         return new, changed(
-            step.statistics,
-            confirmed=step.statistics.confirmed - withheld,
-            cut_confirmations=step.statistics.cut_confirmations + cut,
+            counts,
+            merged=counts.merged + merged,
+            confirmed=counts.confirmed - confirmed + len(new),
+            cut_confirmations=counts.cut_confirmations + cut,
         )
 
-    def _recognised(self, step: Step, existence: FloatArray) -> tuple[Step, FloatArray]:
-        """The step without the starts that are of held tracks, which go on from them."""
-        if not self.method.most_tracks_true:
-            return step, existence
-        ids = self.maintenance.recognised(step.tracks, self.covered_area)
-        again = ids >= 0
-        if not again.any():
-            return step, existence
-        found = step.tracks.where(again).numbered(ids[again])
-        revised = self.maintenance.revise(found, (), existence[again])
-        self.revised = self.revised.joined(revised)
-        return changed(step, tracks=step.tracks.where(~again)), existence[~again]
+    def _merged(self, step: Step) -> Step:
+        """The step without the starts that are of held tracks, which go on from them.
+
+        The held tracks are corrected too.
+        """
+        maintenance, revised = self.maintenance, step.revised
+        if self.method.most_tracks_true and len(step.tracks):
+            ids = merging.published_owners(step.tracks, maintenance.held.tracks)
+            owned = ids >= 0
+            revised = revised.joined(step.tracks.where(owned).numbered(ids[owned]))
+            step = step.where(~owned)
+        self.revised = maintenance.revise(revised, step.replaced)
+        if self.method.most_tracks_true and len(step.tracks):
+            ids = maintenance.recognised(step.tracks, self.covered_area)
+            again = step.where(ids >= 0)
+            found = again.tracks.numbered(ids[ids >= 0])
+            found = maintenance.revise(found, (), again.existence)
+            self.revised, step = self.revised.joined(found), step.where(ids < 0)
+        return step
 
     def _proper(self, tracks: TrackArrays) -> TrackArrays:
         """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
@@ -545,7 +544,7 @@ class Tracker:
             return tracks
         return changed(tracks, state=state, covariance=covariance).proper()
 
-    def _add(self, step: Step, existence: FloatArray) -> TrackArrays:
+    def _add(self, step: Step) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
 
         Those that are published at once are returned.
@@ -560,7 +559,7 @@ class Tracker:
         figures = path_fit.figures_of_hits(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )
-        return self.maintenance.add(tracks, existence, histories, *figures)
+        return self.maintenance.add(tracks, step.existences, histories, *figures)
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""

@@ -14,11 +14,11 @@ from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance import ipda
-from tsepm_ros.tracker.maintenance.duplicates import SAME_SCANS
 from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY
 from tsepm_ros.tracker.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_FADE, SCANS_TO_VANISH
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.merging import SAME_SCANS
 
 
 @pytest.mark.parametrize("existence", [0.5, 0.9])

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.parameters import Value
@@ -33,7 +32,7 @@ from tsepm_ros.tools.design.design_report import (
 )
 from tsepm_ros.tools.design.search import Candidate, first_estimate
 from tsepm_ros.tools.terminal import named_progress
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import write_text
 

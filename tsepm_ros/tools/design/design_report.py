@@ -11,7 +11,6 @@ import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 
-from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.tools.design.design_case import Case
 from tsepm_ros.tools.design.prediction import target_statistics
 from tsepm_ros.tools.design.search import (
@@ -27,6 +26,7 @@ from tsepm_ros.tools.design.search import (
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.terminal import text_table
+from tsepm_ros.tracker.options import MIN_HITS, ScoreOptions
 
 
 def case_lines(case: Case, false_per_hour: float) -> str:
