@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -56,33 +56,30 @@ class Rows:
 
     def __len__(self) -> int:
         """Number of rows."""
-        return len(self.__dict__[_names(type(self))[0]])
+        return len(next(iter(self.__dict__.values())))
 
     def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
         """The given rows: indices, a mask, or a slice, which is a view."""
-        columns = self.__dict__
+        names, columns = self.__dataclass_fields__, self.__dict__
         if isinstance(rows, slice):
-            return changed(self, **{name: columns[name][rows] for name in _names(type(self))})
+            return changed(self, **{name: columns[name][rows] for name in names})
         rows = indices(rows)
-        return changed(
-            self, **{name: columns[name].take(rows, axis=0) for name in _names(type(self))}
-        )
+        return changed(self, **{name: columns[name].take(rows, axis=0) for name in names})
 
     @classmethod
     def joined(cls, *parts: Self) -> Self:
         """The rows of all parts, in order."""
         if len(parts) == 1:
             return parts[0]
-        return cls(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls))
-        )
+        names = cls.__dataclass_fields__
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     @classmethod
     def chosen(cls, parts: Sequence[Self], rows: Sequence[NDArray[np.integer]]) -> Self:
         """The given rows (indices from 0 to the length of the part) of each part, in order."""
         ends = np.cumsum([len(of) for of in rows])
         columns = []
-        for name in _names(cls):
+        for name in cls.__dataclass_fields__:
             values = [getattr(part, name) for part in parts]
             column = np.empty((ends[-1], *values[0].shape[1:]), np.result_type(*values))
             for of_part, of, end in zip(values, rows, ends, strict=True):
@@ -90,16 +87,6 @@ class Rows:
                 of_part.take(of, axis=0, out=column[end - len(of) : end], mode="clip")
             columns.append(column)
         return cls(*columns)
-
-
-def _names(kind: type[Rows]) -> tuple[str, ...]:
-    """Names of the fields of a table, which are looked up once."""
-    if kind not in _NAMES:
-        _NAMES[kind] = tuple(field.name for field in fields(kind))
-    return _NAMES[kind]
-
-
-_NAMES: dict[type[Rows], tuple[str, ...]] = {}
 
 
 def keep_best(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:

@@ -63,10 +63,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import Estimates, HitCounter
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.path_following import PathFollower
+from tsepm_ros.studies.path_following import Estimates, HitCounter, PathFollower
 from tsepm_ros.tracker.association import Pairs
 from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option

@@ -41,8 +41,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import WindowedMethod
-from tsepm_ros.methods.tsepm import Candidates, Tsepm
+from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.detection_window import DetectionWindow
