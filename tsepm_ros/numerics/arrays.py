@@ -75,16 +75,14 @@ class Rows:
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     @classmethod
-    def chosen(cls, parts: Sequence[Self], rows: Sequence[NDArray[np.integer]]) -> Self:
-        """The given rows (indices from 0 to the length of the part) of each part, in order."""
-        ends = np.cumsum([len(of) for of in rows])
+    def placed(cls, parts: Sequence[Self], places: Sequence[NDArray[np.integer] | slice]) -> Self:
+        """The rows of all parts, each part at its places, which together are all places."""
         columns = []
         for name in cls.__dataclass_fields__:
             values = [getattr(part, name) for part in parts]
-            column = np.empty((ends[-1], *values[0].shape[1:]), np.result_type(*values))
-            for of_part, of, end in zip(values, rows, ends, strict=True):
-                # "clip" writes into the place at once; "raise", the default, copies.
-                of_part.take(of, axis=0, out=column[end - len(of) : end], mode="clip")
+            column = np.empty((sum(map(len, parts)), *values[0].shape[1:]), values[0].dtype)
+            for of_part, place in zip(values, places, strict=True):
+                column[place] = of_part
             columns.append(column)
         return cls(*columns)
 

@@ -473,9 +473,14 @@ def expand(
         _children(expected, pairs[0][rows], pairs[1][rows], score[rows], observed)
         for rows in np.array_split(made, len(made) // MAX_PAIRS_TOGETHER + 1)
     ]
-    joined = Hypotheses.joined(*children, started[ended[~is_child] - len(score)])
-    order = np.argsort(np.argsort(~is_child, kind="stable"))
-    hypotheses = Hypotheses.chosen((missed, joined), (kept[:number], order))
+    hypotheses = Hypotheses.placed(
+        (
+            missed[kept[:number]],
+            Hypotheses.joined(*children),
+            started[ended[~is_child] - len(score)],
+        ),
+        (slice(number), number + np.flatnonzero(is_child), number + np.flatnonzero(~is_child)),
+    )
     return Tree(hypotheses, number, observed.ids)
 
 

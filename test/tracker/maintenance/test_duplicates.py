@@ -13,6 +13,7 @@ from support.held import P_D, ids, step, tracks
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.tracker import merging
+from tsepm_ros.tracker.hypotheses import Hypotheses, Start
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.path_fit import NO_HIT
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -139,6 +140,30 @@ def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
     assert merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
     twice = starts.joined(starts)
     assert merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
+
+
+def test_a_start_with_most_of_a_track_s_published_hits_is_that_track():
+    starts = starts_at((0.0, 0.0))
+    others = tuple((k, 9) for k in range(len(starts.hits[0]) - 1))
+    most = replace(starts, hits=[(*starts.hits[0][:-1], (99, 0))], track_id=np.array([4]))
+    few = replace(starts, hits=[(starts.hits[0][0], *others)], track_id=np.array([5]))
+    assert merging.published_owners(starts, few.joined(most)).tolist() == [4]
+    assert merging.published_owners(starts, few).tolist() == [-1]
+
+
+def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own():
+    of, none = Hypotheses.none(3), NO_HIT
+    hypotheses = replace(
+        of,
+        hits=np.array([[1, 2, none], [1, 3, none], [2, none, none]]),
+        hit_count=np.array([2, 2, 1]),
+        score_given_held=np.array([6.0, 6.0, -1.0]),
+    )
+    start = Start(
+        np.array([1]), np.array([1, 2]), np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0
+    )
+    given = merging.given_starts(hypotheses, [start])
+    np.testing.assert_allclose(given.score_given_held, [1.5, 3.0, -1.0])
 
 
 @pytest.mark.parametrize(("births_over_density", "ids"), [(0.99, [4]), (1.01, [-1])])
