@@ -77,10 +77,10 @@ class Rows:
     @classmethod
     def placed(cls, parts: Sequence[Self], places: Sequence[NDArray[np.integer] | slice]) -> Self:
         """The rows of all parts, each part at its places, which together are all places."""
-        columns = []
+        number, columns = sum(map(len, parts)), []
         for name in cls.__dataclass_fields__:
             values = [getattr(part, name) for part in parts]
-            column = np.empty((sum(map(len, parts)), *values[0].shape[1:]), values[0].dtype)
+            column = np.empty((number, *values[0].shape[1:]), values[0].dtype)
             for of_part, place in zip(values, places, strict=True):
                 column[place] = of_part
             columns.append(column)

@@ -494,19 +494,19 @@ class Tracker:
         self, observed: Observation, step: Step, room: int
     ) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
-        step = changed(step, tracks=self._proper(step.tracks), revised=self._proper(step.revised))
-        confirmed = len(step.tracks)
-        step = self._merged(step)
-        merged = confirmed - len(step.tracks)
-        step = step.where(~self._waiting(step.tracks))
-        cut = max(len(step.tracks) - room, 0)
+        self.revised, counts = step.revised, step.statistics
+        confirmed, merged, cut = len(step.tracks), 0, 0
+        if confirmed or len(step.revised) or step.replaced:
+            step = self._merged(step)
+            merged = confirmed - len(step.tracks)
+            step = step.where(~self._waiting(step.tracks))
+            cut = max(len(step.tracks) - room, 0)
         if cut:
             step = step.where(ipda.best_held(step.existences, step.tracks.evaluation, room))
         new = self._add(step)
         if len(self.maintenance.released):
             new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
         self._observed = observed
-        counts = step.statistics
         return new, changed(
             counts,
             merged=counts.merged + merged,
@@ -519,20 +519,21 @@ class Tracker:
 
         The held tracks are corrected too.
         """
-        maintenance, revised = self.maintenance, step.revised
-        if self.method.most_tracks_true and len(step.tracks):
-            ids = merging.published_owners(step.tracks, maintenance.held.tracks)
-            owned = ids >= 0
-            revised = revised.joined(step.tracks.where(owned).numbered(ids[owned]))
-            step = step.where(~owned)
+        maintenance, tracks = self.maintenance, self._proper(step.tracks)
+        step, revised = changed(step, tracks=tracks), self._proper(step.revised)
+        if not self.method.most_tracks_true:
+            self.revised = maintenance.revise(revised, step.replaced)
+            return step
+        ids = merging.published_owners(tracks, maintenance.held.tracks)
+        owned = ids >= 0
+        revised, step = revised.joined(tracks.where(owned).numbered(ids[owned])), step.where(~owned)
         self.revised = maintenance.revise(revised, step.replaced)
-        if self.method.most_tracks_true and len(step.tracks):
-            ids = maintenance.recognised(step.tracks, self.covered_area)
-            again = step.where(ids >= 0)
-            found = again.tracks.numbered(ids[ids >= 0])
-            found = maintenance.revise(found, (), again.existence)
-            self.revised, step = self.revised.joined(found), step.where(ids < 0)
-        return step
+        ids = maintenance.recognised(step.tracks, self.covered_area)
+        again = step.where(ids >= 0)
+        found = again.tracks.numbered(ids[ids >= 0])
+        found = maintenance.revise(found, (), again.existences)
+        self.revised = self.revised.joined(found)
+        return step.where(ids < 0)
 
     def _proper(self, tracks: TrackArrays) -> TrackArrays:
         """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
@@ -554,6 +555,8 @@ class Tracker:
             self._clutter.withdraw(step.target_probability)
         if step.target_hits is not None:
             self.learned.strengths.discount(*step.target_hits)
+        if not len(tracks):
+            return tracks
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = path_fit.figures_of_hits(
