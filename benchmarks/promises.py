@@ -28,7 +28,6 @@ import fixed_threads
 import numpy as np
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.tools.commands.arguments import add_runs, workers_of
 from tsepm_ros.tools.design import search
 from tsepm_ros.tools.design.prediction import Case, false_tracks_per_hour, target_statistics
@@ -40,7 +39,7 @@ from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tools.simulation.scenario import TargetArea
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
 Rows = Iterator[Sequence[str]]
 """A header, then the rows of a table."""

@@ -234,10 +234,16 @@ def test_counts_add_up(method):
         tracks = made.process(scan)
         counts = made.statistics
         assert (counts.scans, counts.detections, counts.confirmed) == (1, 60, len(tracks))
-        if method != "score":
-            ways = (counts.pruned, counts.merged, counts.confirmed, counts.cut_confirmations)
+        assert counts.split >= counts.started > 0
+        ways = (counts.merged, counts.confirmed, counts.cut_confirmations)
+        if method == "score":
+            assert counts.evaluated - counts.pruned == counts.potential_tracks
             assert counts.raw_confirmations == sum(ways)
+        else:
+            assert counts.raw_confirmations == sum(ways) + counts.pruned
+            assert counts.raw_confirmations >= counts.evaluated
     assert made.totals.scans == 10
+    assert made.totals.evaluated > 0 or method not in ("score", "tsepm")
 
 
 @EVERY_METHOD
@@ -245,7 +251,7 @@ def test_memory_does_not_grow_with_the_scans(method):
     made = make_initiator(method, sensor=SensorModel())
     for scan in cluttered(2 * made.options.window + 5, 10, 5000.0):
         made.process(scan)
-    assert len(made.method.detections) <= 10 * made.options.window
+    assert len(made.window) <= 10 * made.options.window
 
 
 @EVERY_METHOD

@@ -122,7 +122,9 @@ def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
     assert 0 < float(figures["core_ms"]) < float(figures["latency_ms"])
     assert float(figures["latency_ms"]) < float(figures["latency_all_ms"])
     assert 0 < float(figures["publishing_ms"]) < float(figures["latency_all_ms"])
-    assert {"potential_tracks", "raw_confirmations", "pruned", "merged", "started"} <= set(figures)
+    assert {"potential_tracks", "raw_confirmations", "merged", "started"} <= set(figures)
+    assert int(figures["split"]) >= int(figures["started"]) > 0
+    assert int(figures["evaluated"]) >= int(figures["pruned"])
     assert not [key for key in figures if key.startswith("dropped.")]
 
 

@@ -15,7 +15,7 @@ from tsepm_ros.tracker.tracker import Tracker
 
 METHODS: dict[str, type[Method] | str] = {
     "tsepm": "tsepm_ros.methods.tsepm:Tsepm",
-    "score": "tsepm_ros.methods.score.score:Score",
+    "score": "tsepm_ros.methods.score:Score",
     "sequential": "tsepm_ros.studies.sequential:Sequential",
     "heuristic": "tsepm_ros.studies.heuristic:Heuristic",
     "logic": "tsepm_ros.studies.logic:Logic",

@@ -33,7 +33,7 @@ from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP
 from tsepm_ros.session.plausibility import questions
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions
+from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, help_text, settings_from
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -58,6 +58,8 @@ class TrackInitiator(ParameterisedNode):
         self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
+        method = parameters[SessionOptions].method
+        self.get_logger().info(f"method {method}: splits, evaluates, prunes and merges tracks")
         self._learned = LearnedFile(
             self._session,
             options.learned_file,

@@ -71,14 +71,16 @@ class Rows:
         """Number of rows."""
         return len(next(iter(self.__dict__.values())))
 
-    def __getitem__(self, rows: NDArray[np.generic]) -> Self:
-        """The given rows (indices or a mask)."""
-        row = indices(rows)
+    def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
+        """The given rows: indices, a mask, or a slice, which is a view."""
+        row = rows if isinstance(rows, slice) else indices(rows)
         new, columns = object.__new__(type(self)), self.__dict__
         for name in self.__dataclass_fields__:
             column = columns[name]
             new.__dict__[name] = (
-                column.take(row, axis=0) if isinstance(column, np.ndarray) else column[row]
+                column.take(row, axis=0)
+                if isinstance(column, np.ndarray) and not isinstance(row, slice)
+                else column[row]
             )
         return new
 
@@ -95,16 +97,14 @@ class Rows:
         return cls(**columns)
 
     @classmethod
-    def chosen(cls, parts: Sequence[Self], rows: Sequence[NDArray[np.integer]]) -> Self:
-        """The given rows (indices from 0 to the length of the part) of each part, in order."""
-        ends = np.cumsum([len(of) for of in rows])
-        columns = []
+    def placed(cls, parts: Sequence[Self], places: Sequence[NDArray[np.integer] | slice]) -> Self:
+        """The rows of all parts, each part at its places, which together are all places."""
+        number, columns = sum(map(len, parts)), []
         for name in cls.__dataclass_fields__:
             values = [getattr(part, name) for part in parts]
-            column = np.empty((ends[-1], *values[0].shape[1:]), np.result_type(*values))
-            for of_part, of, end in zip(values, rows, ends, strict=True):
-                # "clip" writes into the place at once; "raise", the default, copies.
-                of_part.take(of, axis=0, out=column[end - len(of) : end], mode="clip")
+            column = np.empty((number, *values[0].shape[1:]), values[0].dtype)
+            for of_part, place in zip(values, places, strict=True):
+                column[place] = of_part
             columns.append(column)
         return cls(*columns)
 

@@ -14,16 +14,121 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import GATING_SHARE, HitCounter
+from tsepm_ros.methods.tsepm import GATING_SHARE, WindowedMethod
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
-from tsepm_ros.tracker import pruning, splitting
-from tsepm_ros.tracker.association import Pairs, best_of_each
+from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker.association import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker.measurement import DETECTION, Histories
 from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.path_fit import NO_HIT, Paths, starting
+from tsepm_ros.tracker.path_fit import NO_HIT, Fit, Paths, fit, starting
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits
+
+
+@dataclass(frozen=True)
+class Estimates(Rows):
+    """Tracks as estimated from their hits.
+
+    Attributes
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        At the last scan's stamp.
+    evaluation : (n,) ndarray
+        The method's figure; smaller is better.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    evaluation: FloatArray
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What became of the tracks that reached confirmation in a scan.
+
+    Attributes
+    ----------
+    tracks : TrackArrays
+        Those that were published.
+    hits : (n, most) ndarray of int
+        Their detections' ids, with NO_HIT.
+    pruned, merged : int
+        The others: refused, and with a hit of a better one.
+    """
+
+    tracks: TrackArrays
+    hits: IntArray
+    pruned: int
+    merged: int
+
+
+class HitCounter(WindowedMethod):
+    """A method that counts the hits of paths and puts out those that share no detection."""
+
+    def fit(self, hits: NDArray[np.void]) -> Fit:
+        """Fit the states to the hits (n, m) of n tracks."""
+        return fit(hits, self.stamp, self.sensor, "unweighted")
+
+    def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
+        """The method's figure, (n,), small for a target; f_1 (TSEPM 2018, Eq. 23) if not another.
+
+        Parameters
+        ----------
+        hits : (n, m) ndarray of DETECTION
+        fitted : Fit
+        """
+        return evaluation.normalized_distance(hits, fitted)
+
+    def accept(self, estimates: Estimates) -> BoolArray:
+        """Which tracks may be published, (n,): those with a finite state estimate."""
+        finite = np.isfinite(estimates.covariance).all(axis=(1, 2))
+        return np.asarray(finite & np.isfinite(estimates.state).all(axis=1))
+
+    def estimate(self, paths: Paths) -> Estimates:
+        """Fit and evaluate paths, block by block of equal hit counts."""
+        n = len(paths)
+        estimates = Estimates(np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
+        for rows, ids in paths.of_equal_count():
+            hits = self.detections[ids]
+            fitted = self.fit(hits)
+            estimates.state[rows], estimates.covariance[rows] = fitted.state, fitted.covariance
+            estimates.evaluation[rows] = self.evaluate(hits, fitted)
+        return estimates
+
+    def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
+        """Figure, (n,): of tracks that share a detection that of the smallest is published."""
+        return estimates.evaluation
+
+    def best(self, paths: Paths) -> tuple[Paths, Estimates, int]:
+        """The best paths that share no detection, and how many are refused before."""
+        estimates = self.estimate(paths)
+        accepted = self.accept(estimates)
+        candidates, estimates = paths[accepted], estimates[accepted]
+        rows = disjoint(candidates.hits, self.preference(candidates, estimates))
+        return candidates[rows], estimates[rows], len(paths) - len(candidates)
+
+    def confirm(self, raw: Paths) -> Confirmation:
+        """Estimate the tracks that reached M hits and publish the best that share no detection."""
+        best, estimates, refused = self.best(raw)
+        return Confirmation(
+            self.tracks(best, estimates),
+            best.hits,
+            pruned=refused,
+            merged=len(raw) - refused - len(best),
+        )
+
+    def tracks(self, paths: Paths, estimates: Estimates) -> TrackArrays:
+        """Paths as tracks, their places as ids."""
+        return tracks_from_hits(
+            self.detections,
+            paths.hits,
+            stamp=self.stamp,
+            scan_index=self.scan_index,
+            state=estimates.state,
+            covariance=estimates.covariance,
+            evaluation=estimates.evaluation,
+        )
 
 
 @dataclass(frozen=True)
@@ -155,7 +260,6 @@ class PathFollower(HitCounter):
         begun = free[: self.max_tracks]
         started = self.started(ids[begun], taken(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
-        self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
             confirmation.tracks,
             ScanStatistics(
@@ -163,6 +267,8 @@ class PathFollower(HitCounter):
                 detections=len(detections),
                 potential_tracks=len(self.potential),
                 started=len(started),
+                split=len(children) + len(started),
+                evaluated=int(np.count_nonzero(reached)),
                 terminated=terminated,
                 raw_confirmations=int(np.count_nonzero(reached)) + cut_raw,
                 pruned=confirmation.pruned,
@@ -263,7 +369,7 @@ class PathFollower(HitCounter):
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
         most = TIMED_PAIRS if self.time_limit.finite else MAX_PAIRS
-        parent, row, cut = splitting.split_within(
+        parent, row, cut = splitting.split_paths(
             gate, gated, most, length, self.late_after(PAIRING_SHARE)
         )
         return parent, row, cut + gated.cut

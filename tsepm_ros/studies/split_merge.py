@@ -41,10 +41,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import WindowedMethod
-from tsepm_ros.methods.tsepm import Candidates, Tsepm
+from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
+from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.measurement import unscented
 from tsepm_ros.tracker.method import Observation, Step
 from tsepm_ros.tracker.options import MnOptions
@@ -91,13 +91,20 @@ class SplitMerge(Tsepm):
         """
         return WindowedMethod.reason(self, track)
 
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        super().forget()
+        self._unscented = DetectionWindow()
+
     def step(self, observed: Observation) -> Step:
         """Step of `Tsepm` on detections with the unscented transform's covariances.
 
         See `Method.step`.
         """
         detections = unscented(observed.detections, self.sensor)
-        return super().step(replace(observed, detections=detections))
+        self._unscented.forget(observed.scan_index + 1 - self.options.window)
+        ids, window = self._unscented.append(detections), self._unscented
+        return super().step(replace(observed, detections=detections, ids=ids, window=window))
 
     @property
     def threshold(self) -> float:

@@ -15,21 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
-from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker import merging, motion, path_fit, range_rates
 from tsepm_ros.tracker.clustering import chosen
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
 from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
+from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, HeldAssociation
 from tsepm_ros.tracker.maintenance.features import Environment
 from tsepm_ros.tracker.maintenance.shape import Hulls, further_plots
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, measured_polar
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, major_sigma, measured_polar
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.plot_extraction import PlotExtraction
-from tsepm_ros.tracker.recent_hits import RecentHits
 from tsepm_ros.tracker.scan import Scan, check_scan
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
@@ -42,8 +42,6 @@ from tsepm_ros.tracker.sensor import (
 )
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
-NEW_TRACK_EXISTENCE = 0.99
-"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
 WHOLE_SHARE = 0.75
@@ -108,6 +106,8 @@ class Tracker:
         Makes plots of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
+    window : DetectionWindow
+        Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
         Held tracks whose starts the last scan corrected, as they are now: each with the hits that
         are its own after all, and its number of revisions.
@@ -147,7 +147,6 @@ class Tracker:
         self.learned = Learned.initial(self.sensor)
         self.plots = PlotExtraction(self.sensor, self.common)
         self._hulls = Hulls()
-        self._hits = RecentHits()
         self._judged: tuple[Scan, UsableDetections] | None = None
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -158,6 +157,7 @@ class Tracker:
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not the tracks held, what was learned, nor counts."""
         self._observed: Observation | None = None
+        self.window = DetectionWindow()
         self._recent: list[Scan] = []
         self.method.forget()
 
@@ -189,7 +189,7 @@ class Tracker:
         other._judged = None
         other._use(method)
         if not kept:
-            other._observed = None
+            other._observed, other.window = None, DetectionWindow()
         return other, kept
 
     def _use(self, method: Method) -> None:
@@ -272,7 +272,7 @@ class Tracker:
         before = recent[: len(recent) - len(again)]
         self.stamp = before[-1].stamp if before else None
         self.scan_index -= len(again)
-        self._hits = RecentHits()
+        self.window = DetectionWindow()
         self.learned = self.learned.anew(self.sensor)
         self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
         if again:
@@ -294,13 +294,16 @@ class Tracker:
         self._learn_from_held(detections, held_density < before)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
         self._clutter.learn_strengths(detections, self._reach)
-        self._hits.append(self.scan_index, detections, self.options.window)
+        self.window.forget(self.scan_index + 1 - self.options.window)
+        ids = self.window.append(detections)
         return Observation(
             stamp=scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
             median_interval=self.learned.scan_interval.median,
             detections=detections,
+            window=self.window,
+            ids=ids,
             clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
@@ -490,44 +493,46 @@ class Tracker:
         self, observed: Observation, step: Step, room: int
     ) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
-        self.revised = self.maintenance.revise(self._proper(step.revised), step.replaced)
-        step = changed(step, tracks=self._proper(step.tracks))
-        confirmed = len(step.tracks)
-        existence = step.existence
-        if existence is None:
-            existence = np.full(confirmed, NEW_TRACK_EXISTENCE)
-        step, existence = self._recognised(step, existence)
-        waiting = self._waiting(step.tracks)
-        if waiting.any():
-            step = changed(step, tracks=step.tracks.where(~waiting))
-            existence = existence[~waiting]
-        cut = max(len(step.tracks) - room, 0)
+        self.revised, counts = step.revised, step.statistics
+        confirmed, merged, cut = len(step.tracks), 0, 0
+        if confirmed or len(step.revised) or step.replaced:
+            step = self._merged(step)
+            merged = confirmed - len(step.tracks)
+            step = step.where(~self._waiting(step.tracks))
+            cut = max(len(step.tracks) - room, 0)
         if cut:
-            best = best_held(existence, step.tracks.evaluation, room)
-            step, existence = changed(step, tracks=step.tracks.where(best)), existence[best]
-        new = self._add(step, existence)
+            step = step.where(best_held(step.existences, step.tracks.evaluation, room))
+        new = self._add(step)
         if len(self.maintenance.released):
             new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
         self._observed = observed
-        withheld = confirmed - len(new)
         return new, changed(
-            step.statistics,
-            confirmed=step.statistics.confirmed - withheld,
-            cut_confirmations=step.statistics.cut_confirmations + cut,
+            counts,
+            merged=counts.merged + merged,
+            confirmed=counts.confirmed - confirmed + len(new),
+            cut_confirmations=counts.cut_confirmations + cut,
         )
 
-    def _recognised(self, step: Step, existence: FloatArray) -> tuple[Step, FloatArray]:
-        """The step without the starts that are of held tracks, which go on from them."""
+    def _merged(self, step: Step) -> Step:
+        """The step without the starts that are of held tracks, which go on from them.
+
+        The held tracks are corrected too.
+        """
+        maintenance, tracks = self.maintenance, self._proper(step.tracks)
+        step, revised = changed(step, tracks=tracks), self._proper(step.revised)
         if not self.method.most_tracks_true:
-            return step, existence
-        ids = self.maintenance.recognised(step.tracks, self.covered_area)
-        again = ids >= 0
-        if not again.any():
-            return step, existence
-        found = step.tracks.where(again).numbered(ids[again])
-        revised = self.maintenance.revise(found, (), existence[again])
-        self.revised = self.revised.joined(revised)
-        return changed(step, tracks=step.tracks.where(~again)), existence[~again]
+            self.revised = maintenance.revise(revised, step.replaced)
+            return step
+        ids = merging.published_owners(tracks, maintenance.held.tracks)
+        owned = ids >= 0
+        revised, step = revised.joined(tracks.where(owned).numbered(ids[owned])), step.where(~owned)
+        self.revised = maintenance.revise(revised, step.replaced)
+        ids = maintenance.recognised(step.tracks, self.covered_area)
+        again = step.where(ids >= 0)
+        found = again.tracks.numbered(ids[ids >= 0])
+        found = maintenance.revise(found, (), again.existences)
+        self.revised = self.revised.joined(found)
+        return step.where(ids < 0)
 
     def _proper(self, tracks: TrackArrays) -> TrackArrays:
         """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
@@ -539,7 +544,7 @@ class Tracker:
             return tracks
         return changed(tracks, state=state, covariance=covariance).proper()
 
-    def _add(self, step: Step, existence: FloatArray) -> TrackArrays:
+    def _add(self, step: Step) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
 
         Those that are published at once are returned.
@@ -549,8 +554,14 @@ class Tracker:
             self._clutter.withdraw(step.target_probability)
         if step.target_hits is not None:
             self.learned.strengths.discount(*step.target_hits)
+        if not len(tracks):
+            return tracks
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
-        return self.maintenance.add(tracks, existence, histories, *self._hits.of(tracks))
+        sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
+        figures = path_fit.figures_of_hits(
+            self.window, tracks.hits, tracks.stamp, tracks.state, sigma
+        )
+        return self.maintenance.add(tracks, step.existences, histories, *figures)
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""

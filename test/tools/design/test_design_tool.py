@@ -10,7 +10,6 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.commands.cli import main
@@ -33,7 +32,7 @@ from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.scenario import TargetArea
 from tsepm_ros.tools.terminal import named_progress
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.pruning import clutter_threshold
 
 SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)

@@ -20,9 +20,9 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_FADE,
     SCANS_TO_VANISH,
 )
-from tsepm_ros.tracker.maintenance.duplicates import SAME_SCANS
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.merging import SAME_SCANS
 
 
 @pytest.mark.parametrize("existence", [0.5, 0.9])

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import yaml
 
-from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Value
@@ -39,7 +38,7 @@ from tsepm_ros.tools.design.search import (
 )
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.terminal import named_progress, text_table
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import write_text
 

@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.parameter_files import section, yaml_text
@@ -24,7 +23,7 @@ from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.design.prediction import Case
 from tsepm_ros.tools.design.search import FirstEstimate, first_estimate
 from tsepm_ros.tools.terminal import text_table
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import write_text
 

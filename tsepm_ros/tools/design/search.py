@@ -17,10 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.score import threshold as threshold_plan
-from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
-from tsepm_ros.methods.score.threshold import ANY_RATIO
-from tsepm_ros.methods.score.track_score import MAX_DETECTION_PROBABILITY, miss_increment
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import gate_factor
@@ -42,7 +38,11 @@ from tsepm_ros.tools.design.prediction import (
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.terminal import Progress
+from tsepm_ros.tracker import threshold as threshold_plan
+from tsepm_ros.tracker.evaluation import MAX_DETECTION_PROBABILITY, miss_increment
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, position_covariance
+from tsepm_ros.tracker.options import MIN_HITS, ScoreOptions
+from tsepm_ros.tracker.threshold import ANY_RATIO
 
 Labelled = Callable[[str], Progress]
 """Progress of a part of the simulation by its name."""

@@ -24,8 +24,9 @@ from tsepm_ros.numerics.arrays import (
     taken,
     with_rows,
 )
+from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.clustering import PlotExtent
-from tsepm_ros.tracker.maintenance import data_association, duplicates, features, stationary
+from tsepm_ros.tracker.maintenance import data_association, features, stationary
 from tsepm_ros.tracker.maintenance.confirmed_tracks import NO_COVERED_TRACKS, HeldTracks
 from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,
@@ -309,7 +310,7 @@ class TrackMaintenance:
     def recognised(self, starts: TrackArrays, coverage_area: float) -> IntArray:
         """Ids of the held tracks that starts (n,) are, or continue; -1 for those of new targets.
 
-        See `track_merging.own_starts` and `continued`. Targets are born, in the mean, as often as
+        See `merging.own_starts` and `continued`. Targets are born, in the mean, as often as
         they vanish, uniform in the coverage (m^2) and the velocities up to `max_speed`. Fixed
         echoes and the tracks that a downstream tracker lists are left as they are.
         """
@@ -330,7 +331,7 @@ class TrackMaintenance:
             {track for hit, track in by_scan[-1].items() if hit not in mine} if by_scan else set()
         )
         busy |= set(held.tracks.track_id[~may].tolist())
-        ids = duplicates.own_starts(starts, owned, frozenset(busy))
+        ids = merging.own_starts(starts, owned, frozenset(busy))
         others, lost = np.flatnonzero(ids < 0), rows[~np.isin(held.tracks.track_id[rows], ids)]
         volume = coverage_area * math.pi * self.speed_prior.max_speed**2
         births = (
@@ -339,7 +340,7 @@ class TrackMaintenance:
             / data_association.SCANS_TO_VANISH
             / volume
         )
-        ids[others] = duplicates.continued(
+        ids[others] = merging.continued(
             starts.where(others),
             held.tracks.where(lost),
             held.existence[lost],
@@ -444,11 +445,11 @@ class TrackMaintenance:
     def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
 
-        See `track_merging.may_repeat_older`.
+        See `merging.may_repeat_older`.
         """
         self._begun = {}
         self._owned.clear()
-        repeats = duplicates.may_repeat_older(self.held.tracks, extent, sensor_position)
+        repeats = merging.may_repeat_older(self.held.tracks, extent, sensor_position)
         listed = self._tracker.keeps(self.held.unlisted_since)
         self._drop(~repeats | listed, "duplicate", self._cleared)
 
@@ -481,13 +482,11 @@ class TrackMaintenance:
     ) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
         tracks, before = self.held.tracks, self.held.agreeing_scans
-        known = duplicates.located(tracks.covariance, detection_sigma)
-        agrees = duplicates.agrees_with_older(
-            tracks.state, tracks.covariance, plots, known, explained
-        )
+        known = merging.located(tracks.covariance, detection_sigma)
+        agrees = merging.agrees_with_older(tracks.state, tracks.covariance, plots, known, explained)
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
         self.held = changed(self.held, agreeing_scans=scans)
-        return scans >= duplicates.SAME_SCANS
+        return scans >= merging.SAME_SCANS
 
     def _end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
         """End all tracks but those kept and those that the downstream tracker lists.

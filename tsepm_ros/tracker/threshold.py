@@ -19,7 +19,7 @@ likelihood ratios summed over all starts, of which a target makes one at each of
 The threshold of the evidence that gives the target false-track rate.
 
 Every detection starts a hypothesis. The target false-track rate over the starts per hour is the
-share of starts that may be confirmed falsely. `threshold_plan` gives the threshold that at most
+share of starts that may be confirmed falsely. `score_plan` gives the threshold that at most
 this share of the starts from clutter passes::
 
     share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
@@ -37,15 +37,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.score import fading, track_score
-from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
-from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import target_strength
 from tsepm_ros.tracker.clutter.target_strength import PathRatio
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
 from tsepm_ros.tracker.method import Observation
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 
 SIMULATED_TARGETS = 1500
@@ -118,7 +116,7 @@ def draw_targets(
         truth[:, 1::2] += rng.normal(
             0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
         )
-    share = np.where(_faded(window) & fades, fading.FADED_FACTOR, 1.0)
+    share = np.where(_faded(window) & fades, evaluation.FADED_FACTOR, 1.0)
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
     return DrawnTargets(scans, detected, _drawn_exponents(ratio, window))
@@ -140,10 +138,10 @@ def _faded(window: int) -> BoolArray:
     """Whether the targets, detected in the first scan, have faded in each scan, (n, window)."""
     rng = np.random.default_rng([SEED, 2])
     draws = rng.random((SIMULATED_TARGETS, window))
-    faded = draws < fading.FADED_AT_START
+    faded = draws < evaluation.FADED_AT_START
     for scan in range(1, window):
         before = faded[:, scan - 1].astype(np.float64)
-        faded[:, scan] = draws[:, scan] < fading.predicted(before)
+        faded[:, scan] = draws[:, scan] < evaluation.fading_predicted(before)
     return faded
 
 
@@ -359,7 +357,7 @@ def _scores(
     of_strength = targets.strength_increments(first)
     score = start + of_strength[rows, first]
     scores[rows, first] = score
-    faded = np.full(n, fading.FADED_AT_START)
+    faded = np.full(n, evaluation.FADED_AT_START)
     for scan in range(first + 1, window):
         state, covariance = motion.predict(state, covariance, interval, process_noise)
         target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
@@ -378,15 +376,15 @@ def _scores(
         )
         hit = targets.detected[rows, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
-        faded = fading.predicted(faded)
-        probability = sensor.detection_probability * fading.visible_share(faded)
-        increment = track_score.hit_increment(density, probability, clutter)
+        faded = evaluation.fading_predicted(faded)
+        probability = sensor.detection_probability * evaluation.visible_share(faded)
+        increment = evaluation.hit_increment(density, probability, clutter)
         increment = increment + of_strength[rows, scan]
-        missed = track_score.miss_increment(probability, gate_probability)
+        missed = evaluation.miss_increment(probability, gate_probability)
         faded = np.where(
             hit,
-            fading.after_hit(faded),
-            fading.after_miss(faded, probability, gate_probability),
+            evaluation.fading_after_hit(faded),
+            evaluation.fading_after_miss(faded, probability, gate_probability),
         )
         score = score + np.where(hit, increment, missed)
         found = np.flatnonzero(hit)

@@ -10,11 +10,12 @@ import pytest
 from support.builders import assert_same_tracks
 
 from tsepm_ros import make_initiator
-from tsepm_ros.methods.score import path_strength, tree
-from tsepm_ros.methods.score.path_strength import PRIOR_TARGET_ODDS
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
+from tsepm_ros.tracker import evaluation
 from tsepm_ros.tracker.clutter.target_strength import ScanStrengths, log_ratio
+from tsepm_ros.tracker.evaluation import PATH_ODDS
+from tsepm_ros.tracker.hypotheses import Hypotheses
 
 BOX = load_scenario("box")
 
@@ -53,7 +54,7 @@ def started(scans, **options):
 
 
 class Observed:
-    """What `path_strength` takes of a scan."""
+    """What the evaluation of amplitudes takes of a scan."""
 
     def __init__(self, exponents) -> None:
         self.detections = np.zeros(len(exponents))
@@ -62,8 +63,8 @@ class Observed:
 
 def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
     exponents = [2.0, 0.3, 5.0, np.nan, 4.0]
-    begun = path_strength.begun(Observed(exponents[:1]))
-    hypotheses = tree.Hypotheses.none(16)
+    begun = evaluation.first_amplitudes(Observed(exponents[:1]))
+    hypotheses = Hypotheses.none(16)
     paths = dataclasses.replace(
         hypotheses,
         strength_count=begun.hits,
@@ -72,7 +73,7 @@ def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
     )
     score, row = begun.score[0], np.zeros(1, np.int64)
     for exponent in exponents[1:]:
-        grown = path_strength.extended(paths, row, Observed([exponent]), row)
+        grown = evaluation.further_amplitudes(paths, row, Observed([exponent]), row)
         score += grown.increment[0]
         paths = dataclasses.replace(paths, strength_count=grown.hits, strength_total=grown.total)
     strengths = Observed(exponents).strengths
@@ -83,7 +84,7 @@ def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
 
 
 def test_a_detection_without_a_strength_adds_nothing():
-    grown = path_strength.begun(Observed([np.nan]))
+    grown = evaluation.first_amplitudes(Observed([np.nan]))
     assert (grown.hits[0], grown.total[0], grown.score[0]) == (0, 0.0, 0.0)
 
 
@@ -149,14 +150,14 @@ def test_law_of_clutter_leaves_out_targets_by_their_positions_alone():
     _, initiator = started(scans_of(None, scans=22))
     method = initiator.method
     paths = method.hypotheses
-    found = path_strength.target_hits(paths, method.detections)
-    odds = PRIOR_TARGET_ODDS * np.exp(paths.score - paths.strength_score)
+    found = evaluation.target_hits(paths, initiator.window)
+    odds = PATH_ODDS * np.exp(paths.score - paths.strength_score)
     best = float((odds / (1.0 + odds)).max())
     assert found.probability.max() == pytest.approx(best)
     strong = dataclasses.replace(
         paths, score=paths.score + 5.0, strength_score=np.full(len(paths), 5.0)
     )
-    again = path_strength.target_hits(strong, method.detections)
+    again = evaluation.target_hits(strong, initiator.window)
     np.testing.assert_allclose(again.probability, found.probability)
 
 

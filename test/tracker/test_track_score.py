@@ -9,9 +9,9 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsepm_ros.methods.score.track_score import hit_increment, miss_increment
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.numerics.grouped import summed
+from tsepm_ros.tracker.evaluation import hit_increment, miss_increment
 
 SPREAD = np.array([[900.0, 300.0], [300.0, 400.0]])
 

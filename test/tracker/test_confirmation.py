@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,33 +15,29 @@ from support.scenes import Scene, crowded_scene, random_scene
 from support.score_scenes import clutter, in_plain_loops, score
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.methods.score.confirmation import (
+from tsepm_ros.methods.score import Score
+from tsepm_ros.tracker import confirmation
+from tsepm_ros.tracker.confirmation import (
     TARGET_BIRTH_RATE,
-    Start,
-    SummedEvidence,
     existence,
     min_purity_probability,
 )
-from tsepm_ros.methods.score.hypotheses import Grown
-from tsepm_ros.methods.score.score import Score
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.hypotheses import Tree
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.path_fit import fit
 from tsepm_ros.tracker.tracker import Tracker
 
 
-@dataclass(frozen=True)
-class AtThreshold:
-    """The rule as built, at a threshold of its own."""
+def rule_at(threshold_of: Callable[[Tree], float]) -> Any:
+    """The rule as built, at a threshold of its own for each tree."""
+    rule = confirmation.confirm
 
-    threshold: float
+    def confirm(tree: Tree, window: DetectionWindow, _: float, *others: Any, **figures: Any) -> Any:
+        return rule(tree, window, threshold_of(tree), *others, **figures)
 
-    def starts(
-        self, grown: Grown, window: DetectionWindow, threshold: float, **figures: Any
-    ) -> list[Start]:
-        return SummedEvidence().starts(grown, window, self.threshold, **figures)
+    return patch.object(confirmation, "confirm", confirm)
 
 
 def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
@@ -49,13 +46,13 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     Returns their number, and that of detections whose evidence was enough until then.
     """
     plain_scans, sensor, options = in_plain_loops(scene, seed)
-    rule = AtThreshold(threshold)
     common = CommonOptions(limit_speed=False, **AS_GIVEN)
-    initiator = Tracker(Score(sensor, common, ScoreOptions(**options), rule))
+    initiator = Tracker(Score(sensor, common, ScoreOptions(**options)))
     strong = 0
     for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
         grown = at_max_speed(tree, common.max_speed)
-        tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
+        with rule_at(lambda _: threshold):
+            tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
         strong += len(strong_groups(grown, threshold))
         assert [set(track.hits) for track in tracks] == [one.hits for one in expected]
         for track, start in zip(tracks, expected, strict=True):
@@ -216,30 +213,22 @@ def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
     assert len(found) == 1
 
 
-@dataclass(frozen=True)
-class PartlyHeld:
-    """The rule as built, where held tracks caused the detections of each scan with a probability.
-
-    The threshold is 3 below the largest evidence: not enough for a second target.
-    """
-
-    probability: list[float]
-
-    def starts(
-        self, grown: Grown, window: DetectionWindow, threshold: float, **figures: Any
-    ) -> list[Start]:
-        window.note_held(grown.ids, np.full(len(grown.ids), self.probability.pop(0)))
-        return SummedEvidence().starts(grown, window, grown.evidence.max() - 3.0, **figures)
-
-
 @pytest.mark.parametrize(("earlier", "starts"), [(0.45, 1), (0.8, 0)])
 def test_a_target_is_started_that_a_held_track_explains_in_part(earlier, starts):
     # 0.45 or 0.8 of the first four hits are due to the held track, 0.67 of six at least.
     sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
-    rule = PartlyHeld([earlier] * 4 + [0.4] * 2)
-    initiator = Tracker(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions(), rule))
+    probability = [earlier] * 4 + [0.4] * 2
+    initiator = Tracker(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions()))
+
+    def partly_held(tree: Tree) -> float:
+        """3 below the largest evidence: not enough for a second target."""
+        held = np.full(len(tree.ids), probability.pop(0))
+        initiator.window.note_held(tree.ids, held)
+        return tree.evidence.max() - 3.0
+
     scans = [scan_at(12.0 * k, [(3000.0, 84.0 * k)]) for k in range(6)]
-    assert sum(len(initiator.process(scan)) for scan in scans) == starts
+    with rule_at(partly_held):
+        assert sum(len(initiator.process(scan)) for scan in scans) == starts
 
 
 def test_existence_is_even_where_false_tracks_are_as_frequent_as_targets():

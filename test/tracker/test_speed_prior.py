@@ -1,4 +1,4 @@
-"""The evidence under the velocity prior that ends at v_max; plain loops: `test_starts`."""
+"""The evidence under the velocity prior that ends at v_max; plain loops: `test_confirmation`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from support.builders import scan_at
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score.confirmation import LOG_GAIN
+from tsepm_ros.tracker.evaluation import LOG_GAIN
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=6000.0)
 

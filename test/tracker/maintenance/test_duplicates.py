@@ -12,7 +12,8 @@ from support.builders import detections
 from support.held import P_D, ids, step, tracks
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.maintenance import duplicates
+from tsepm_ros.tracker import merging
+from tsepm_ros.tracker.hypotheses import Hypotheses, Start
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.path_fit import NO_HIT
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -54,7 +55,7 @@ def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
     state[:, 0] = offsets
     covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
     own = np.full(len(offsets), NO_HIT) if plots is None else np.array(plots)
-    return duplicates.agrees_with_older(state, covariance, own).tolist()
+    return merging.agrees_with_older(state, covariance, own).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():
@@ -76,15 +77,15 @@ def test_only_located_tracks_agree():
     covariance = np.stack(
         [np.diag([90.0**2, 4.0, 10.0**2, 4.0]), np.diag([5.0, 1.0, 5.0, 1.0]) ** 2]
     )
-    known = duplicates.located(covariance, np.array([10.0, 10.0]))
+    known = merging.located(covariance, np.array([10.0, 10.0]))
     assert known.tolist() == [False, True]
     unknown = np.full(2, NO_HIT)
-    assert duplicates.agrees_with_older(state, covariance, unknown, known).tolist() == [
+    assert merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
         False,
         False,
     ]
-    known = duplicates.located(covariance, np.array([45.1, 45.1]))
-    assert duplicates.agrees_with_older(state, covariance, unknown, known).tolist() == [
+    known = merging.located(covariance, np.array([45.1, 45.1]))
+    assert merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
         False,
         True,
     ]
@@ -134,11 +135,35 @@ def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> Trac
 def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
     starts = starts_at((0.0, 0.0))
     two, one = {(5, 0): 9, (6, 0): 9}, {(5, 0): 9}
-    assert duplicates.own_starts(starts, two, frozenset()).tolist() == [9]
-    assert duplicates.own_starts(starts, one, frozenset()).tolist() == [-1]
-    assert duplicates.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
+    assert merging.own_starts(starts, two, frozenset()).tolist() == [9]
+    assert merging.own_starts(starts, one, frozenset()).tolist() == [-1]
+    assert merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
     twice = starts.joined(starts)
-    assert duplicates.own_starts(twice, two, frozenset()).tolist() == [9, -1]
+    assert merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
+
+
+def test_a_start_with_most_of_a_track_s_published_hits_is_that_track():
+    starts = starts_at((0.0, 0.0))
+    others = tuple((k, 9) for k in range(len(starts.hits[0]) - 1))
+    most = replace(starts, hits=[(*starts.hits[0][:-1], (99, 0))], track_id=np.array([4]))
+    few = replace(starts, hits=[(starts.hits[0][0], *others)], track_id=np.array([5]))
+    assert merging.published_owners(starts, few.joined(most)).tolist() == [4]
+    assert merging.published_owners(starts, few).tolist() == [-1]
+
+
+def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own():
+    of, none = Hypotheses.none(3), NO_HIT
+    hypotheses = replace(
+        of,
+        hits=np.array([[1, 2, none], [1, 3, none], [2, none, none]]),
+        hit_count=np.array([2, 2, 1]),
+        score_given_held=np.array([6.0, 6.0, -1.0]),
+    )
+    start = Start(
+        np.array([1]), np.array([1, 2]), np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0
+    )
+    given = merging.given_starts(hypotheses, [start])
+    np.testing.assert_allclose(given.score_given_held, [1.5, 3.0, -1.0])
 
 
 @pytest.mark.parametrize(("births_over_density", "ids"), [(0.99, [4]), (1.01, [-1])])
@@ -150,7 +175,7 @@ def test_a_lost_track_is_continued_where_that_is_likelier_than_a_new_target(
     # r N(d; 0, P + P') of the sum of two diagonal covariances: one axis of 3 m over 8 m^2.
     density = 0.3 * math.exp(-0.5 * 9.0 / 8.0) / ((2.0 * math.pi) ** 2 * 8.0 * 2.0)
     births = births_over_density * density
-    found = duplicates.continued(starts, lost, np.array([0.3]), {}, births)
+    found = merging.continued(starts, lost, np.array([0.3]), {}, births)
     assert found.tolist() == ids
 
 
@@ -158,11 +183,11 @@ def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continu
     starts = starts_at((1.0, 0.0), (0.0, 0.0))
     lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
     existence = np.array([0.9, 0.9])
-    found = duplicates.continued(starts, lost, existence, {(4, 3): 4}, 1e-9)
+    found = merging.continued(starts, lost, existence, {(4, 3): 4}, 1e-9)
     assert found.tolist() == [4, -1]
-    found = duplicates.continued(starts, lost, existence, {(6, 3): 4}, 1e-9)
+    found = merging.continued(starts, lost, existence, {(6, 3): 4}, 1e-9)
     assert found.tolist() == [-1, -1]
-    found = duplicates.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
+    found = merging.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
     assert found.tolist() == [4, -1], "its own hits do not count"
 
 
@@ -172,7 +197,7 @@ def test_two_tracks_that_explain_two_detections_do_not_agree():
     unknown = np.full(2, NO_HIT)
     for explained, agrees in ((0.7, True), (0.8, False)):
         each = np.full(2, explained)
-        found = duplicates.agrees_with_older(state, covariance, unknown, None, each)
+        found = merging.agrees_with_older(state, covariance, unknown, None, each)
         assert found.tolist() == [False, agrees]
 
 
@@ -194,12 +219,12 @@ def test_continuations_by_a_bound_are_those_of_all_pairs():
         expected.append(best if ratios[best] > births else -1)
         free.discard(expected[-1])
     assert 3 < expected.count(-1) < 20
-    assert duplicates.continued(starts, lost, existence, {}, births).tolist() == expected
+    assert merging.continued(starts, lost, existence, {}, births).tolist() == expected
 
 
 def test_starts_far_from_lost_tracks_solve_nothing(monkeypatch):
-    monkeypatch.delattr(duplicates, "solve")
+    monkeypatch.delattr(merging, "solve")
     lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
     starts = starts_at((1e4, 0.0), (0.0, 1e4))
-    found = duplicates.continued(starts, lost, np.full(2, 0.9), {}, 1e-9)
+    found = merging.continued(starts, lost, np.full(2, 0.9), {}, 1e-9)
     assert found.tolist() == [-1, -1]

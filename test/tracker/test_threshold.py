@@ -11,8 +11,8 @@ from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import NEVER, SONAR, clutter, score, sea
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.methods.score.threshold import Threshold, coarse_sensor
 from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.tracker.threshold import Threshold, coarse_sensor
 from tsepm_ros.tracker.tracker import Tracker
 
 

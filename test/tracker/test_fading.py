@@ -8,23 +8,23 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.methods.score import fading
+from tsepm_ros.tracker import evaluation
 
 P_D, P_G = 0.9, 0.99
 
 
 def scores(detected: tuple[bool, ...]) -> float:
     """Log-likelihood of detections after the first, by the recursion."""
-    faded, total = np.array([fading.FADED_AT_START]), 0.0
+    faded, total = np.array([evaluation.FADED_AT_START]), 0.0
     for hit in detected:
-        faded = fading.predicted(faded)
-        probability = P_D * fading.visible_share(faded)
+        faded = evaluation.fading_predicted(faded)
+        probability = P_D * evaluation.visible_share(faded)
         if hit:
             total += math.log(probability[0])
-            faded = fading.after_hit(faded)
+            faded = evaluation.fading_after_hit(faded)
         else:
             total += math.log(1.0 - probability[0] * P_G)
-            faded = fading.after_miss(faded, probability, P_G)
+            faded = evaluation.fading_after_miss(faded, probability, P_G)
     return total
 
 

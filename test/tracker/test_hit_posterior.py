@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tsepm_ros.methods.score.confirmation import credible_hits, held_share
-from tsepm_ros.methods.score.hypotheses import Hypotheses
+from tsepm_ros.tracker.confirmation import held_share, hit_posterior
 from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.hypotheses import Hypotheses
 from tsepm_ros.tracker.measurement import DETECTION
 from tsepm_ros.tracker.path_fit import NO_HIT
 
@@ -24,15 +24,15 @@ def test_the_held_share_is_over_all_hits_weighted_by_likelihood():
         hit_count=np.array([2, 3, 2]),
         score=np.log([1.0, 3.0, 5.0]),
     )
-    share = held_share(hypotheses, np.array([0, 0, 2]), 3, window)
-    np.testing.assert_allclose(share, [(1.5 + 3 * 0.5) / (2 + 3 * 3), 0.0, 0.0])
+    share = [held_share(hypotheses[rows], window) for rows in (slice(0, 2), slice(2, 3))]
+    np.testing.assert_allclose(share, [(1.5 + 3 * 0.5) / (2 + 3 * 3), 0.0])
 
 
 def test_hits_are_the_credible_detections_or_the_likeliest_of_the_best_hypothesis():
     detections, best = np.arange(5), np.array([0, 2, 3, 4, NO_HIT])
     probability = np.array([0.95, 0.2, 0.92, 0.99, 0.5])
-    assert credible_hits(detections, probability, best).tolist() == [0, 2, 3]
+    assert hit_posterior(detections, probability, best).tolist() == [0, 2, 3]
     probability[0] = 0.85
-    assert credible_hits(detections, probability, best).tolist() == [0, 2, 3]
+    assert hit_posterior(detections, probability, best).tolist() == [0, 2, 3]
     probability[0] = 0.4
-    assert credible_hits(detections, probability, best).tolist() == [2, 3, 4]
+    assert hit_posterior(detections, probability, best).tolist() == [2, 3, 4]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score import threshold as threshold_plan
-from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.tracker import threshold as threshold_plan
+from tsepm_ros.tracker.options import ScoreOptions
 
 RULE = {
     "max_speed": 10.0,

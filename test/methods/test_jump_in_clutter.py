@@ -9,8 +9,8 @@ import pytest
 from support.builders import AS_GIVEN
 from support.score_scenes import SONAR, score, sea
 
-from tsepm_ros.methods.score import threshold as threshold_plan
-from tsepm_ros.methods.score.score_options import MIN_HITS, ScoreOptions
+from tsepm_ros.tracker import threshold as threshold_plan
+from tsepm_ros.tracker.options import MIN_HITS, ScoreOptions
 
 TARGETS = 8
 SCENES = 8

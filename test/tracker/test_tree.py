@@ -13,10 +13,10 @@ from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 
 from tsepm_ros import Scan
-from tsepm_ros.methods.score import tree
-from tsepm_ros.methods.score.hypotheses import Hypotheses
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
+from tsepm_ros.tracker.options import ScoreOptions
 
 
 @pytest.mark.parametrize("seed", batches(24, 8))
@@ -47,45 +47,74 @@ def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
     assert compared > 0
 
 
-def split(seed: int, time_limit: TimeLimit | None = None, **limits: int) -> tuple[Hypotheses, int]:
-    """The children of the fourth scan of clutter, and how many pairs were cut."""
+def children(
+    seed: int, time_limit: TimeLimit | None = None, limit: int = 10**6
+) -> tuple[Hypotheses, int]:
+    """The children of the fourth scan of clutter, and how many were not scored or kept."""
     scans = sea(np.random.default_rng(seed), 4, [])
     initiator = score(false_tracks_per_hour=NEVER)
     for scan in scans[:3]:
         initiator.process(scan)
     before = initiator.method.hypotheses
     observed = initiator.observe(scans[3], time_limit or TimeLimit())
-    ids = np.arange(len(observed.detections)) + before.hits.max() + 1
-    predicted = tree.predict(before, observed.interval, 0.001)
-    probability = observed.detection_probability(predicted.state[:, 0::2])
-    limits = {"max_children": 10**6, **limits}
-    parts, cut = tree.split(predicted, probability, observed, ids, SONAR, ScoreOptions(), **limits)
-    return Hypotheses.joined(*parts), cut
+    predicted = splitting.predict(before, observed.interval, 0.001)
+    expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, SONAR)
+    pairs = parent, row, _ = splitting.split(expected, 0.99)
+    missed, scores, unscored = evaluation.evaluate(expected, parent, row, observed, 0.99)
+    deletion = ScoreOptions().deletion_threshold
+    kept, cut = pruning.prune(scores, observed.ids[row], deletion, 100, limit)
+    started = splitting.start(observed, 10.0, 16)
+    parts = missed, scores, started
+    tree = splitting.expand(expected, parts, pairs[:2], kept + len(missed), observed)
+    return tree.hypotheses, unscored + cut
 
 
 @pytest.mark.parametrize("seconds", [math.inf, 1e6], ids=["no limit", "a limit not reached"])
-def test_blocks_do_not_change_the_children(seconds):
-    expected, _ = split(5)
-    found, cut = split(5, TimeLimit(seconds), block=7)
+def test_blocks_do_not_change_the_children(monkeypatch, seconds):
+    expected, _ = children(5)
+    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 7)
+    monkeypatch.setattr(splitting, "MAX_PAIRS_TOGETHER", 7)
+    found, cut = children(5, TimeLimit(seconds))
     assert len(found) > 100
     assert cut == 0
     for field in fields(Hypotheses):
         np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
 
 
-def test_a_time_limit_keeps_the_children_of_the_best_hypotheses_and_counts_the_others():
-    every, _ = split(5)
-    found, cut = split(5, TimeLimit(1e-9), block=10)
+def test_a_time_limit_keeps_the_children_of_the_best_hypotheses_and_counts_the_others(monkeypatch):
+    every, _ = children(5)
+    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 10)
+    found, cut = children(5, TimeLimit(1e-9))
     assert 0 < len(found) <= 10
     assert cut > 0
     assert len(found) + cut >= len(every)
 
 
 def test_no_more_children_than_allowed_and_the_best():
-    every, _ = split(5)
-    found, cut = split(5, max_children=20)
+    every, _ = children(5)
+    found, cut = children(5, limit=20)
     assert (len(found), cut) == (20, len(every) - 20)
     assert found.score.min() >= np.sort(every.score)[-20]
+
+
+def test_hypotheses_are_in_the_order_of_their_newest_detections():
+    found, _ = children(5)
+    assert (np.diff(found.last_hit) >= 0).all()
+    initiator = score(false_tracks_per_hour=NEVER)
+    for scan in sea(np.random.default_rng(5), 6, []):
+        initiator.process(scan)
+        assert (np.diff(initiator.method.hypotheses.last_hit) >= 0).all()
+
+
+def test_of_each_newest_detection_the_likely_hypotheses_are_kept_and_no_more_than_the_most():
+    scores = np.array([-5.0, 9.0, 10.0, 0.5, 0.8, 3.0, -1.0])
+    newest = np.array([7, 9, 7, 7, 7, 9, 8])
+    kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 10)
+    assert kept.tolist() == [2, 4, 6, 1, 5], "below e^-9.2 of the best, or third"
+    assert cut == 0
+    kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 3)
+    assert (kept.tolist(), cut) == ([2, 1, 5], 2)
+    assert pruning.prune(scores[:0], newest[:0], 0.0, 2, 3)[0].tolist() == []
 
 
 def test_the_time_that_a_scan_may_take_is_passed_on():
