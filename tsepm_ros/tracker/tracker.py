@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clustering import chosen
+from tsepm_ros.tracker.clutter.excess import HeldTargets
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
-from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
 from tsepm_ros.tracker.maintenance import ipda
 from tsepm_ros.tracker.maintenance.features import Environment
 from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY, HeldAssociation

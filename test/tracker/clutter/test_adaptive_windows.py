@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tracker.clutter.polar_grid import BlockSums, PolarGrid
-from tsepm_ros.tracker.clutter.windows import (
+from tsepm_ros.tracker.clutter.density import (
     MAX_DEVIATIONS,
+    BlockSums,
     CountedArea,
     CountedWindows,
+    PolarGrid,
     Windows,
     bounded_root,
     poisson_bound,

@@ -13,14 +13,13 @@ from support.lumpy_seas import LumpySea
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.numerics.arrays import TimeLimit
-from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.overdispersion import (
+from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
+from tsepm_ros.tracker.clutter.excess import (
     MAX_VARIANCE,
     RECENT,
     ClutterClumps,
     PredictiveDensity,
 )
-from tsepm_ros.tracker.clutter.polar_grid import Cells
 
 SONAR = SensorModel()
 

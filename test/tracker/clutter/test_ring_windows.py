@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.clutter.polar_grid import INNER_RINGS, PolarGrid
-from tsepm_ros.tracker.clutter.windows import (
+from tsepm_ros.tracker.clutter.density import (
     ARCS,
+    INNER_RINGS,
     LEAST_RISE,
     MAX_DEVIATIONS,
     CountedArea,
     CountedWindows,
+    PolarGrid,
     Windows,
     poisson_bound,
     raise_rings,

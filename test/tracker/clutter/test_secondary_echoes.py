@@ -9,7 +9,7 @@ import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.secondary_echoes import HALF_WIDTHS, HeldTargets, SecondaryEchoes
+from tsepm_ros.tracker.clutter.excess import HALF_WIDTHS, HeldTargets, SecondaryEchoes
 
 SONAR = SensorModel(max_range=9000.0)
 RADAR = SensorModel(

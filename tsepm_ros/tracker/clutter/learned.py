@@ -39,10 +39,8 @@ from tsepm_ros.numerics.arrays import FloatArray, taken
 from tsepm_ros.parameters import shown
 from tsepm_ros.tracker.clutter.amplitude import MEMORY_QUANTILES, ClutterStrengths
 from tsepm_ros.tracker.clutter.density import MEMORY, ClutterMap
+from tsepm_ros.tracker.clutter.excess import ClutterClumps, PersistentClutter, SecondaryEchoes
 from tsepm_ros.tracker.clutter.measurement_errors import MeasurementErrors
-from tsepm_ros.tracker.clutter.overdispersion import ClutterClumps
-from tsepm_ros.tracker.clutter.persistent_clutter import PersistentClutter
-from tsepm_ros.tracker.clutter.secondary_echoes import SecondaryEchoes
 from tsepm_ros.tracker.clutter.seen_extent import EVERYWHERE, Extent, SeenExtent
 from tsepm_ros.tracker.maintenance.features import Surroundings
 from tsepm_ros.tracker.range_rates import measured, over_ground

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter import amplitude
 from tsepm_ros.tracker.clutter.amplitude import RINGS, ClutterStrengths
+from tsepm_ros.tracker.clutter.density import Cells
+from tsepm_ros.tracker.clutter.excess import RISE, CellNumbers, HeldTargets, PredictiveDensity
 from tsepm_ros.tracker.clutter.learned import Learned
-from tsepm_ros.tracker.clutter.overdispersion import PredictiveDensity
-from tsepm_ros.tracker.clutter.persistent_clutter import RISE, CellNumbers
-from tsepm_ros.tracker.clutter.polar_grid import Cells
-from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
 from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
 from tsepm_ros.tracker.measurement import NAMES
 from tsepm_ros.tracker.options import CommonOptions
