@@ -406,7 +406,7 @@ class Tracker:
         reach = self._reach * REACH_SCANS
         area = math.pi * reach**2
         targets, moving = self._held_targets, self.maintenance.detections_of_moving
-        return self._clutter.learn(self._scan.stamp, self._view, weight, area, targets, moving)
+        return self._clutter.learn(self._scan.stamp, self._view(), weight, area, targets, moving)
 
     def _view(self) -> View:
         """What the scan looked at."""

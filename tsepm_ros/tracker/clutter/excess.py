@@ -1,11 +1,17 @@
-"""By how much clutter is denser than its map: lumps, places that stay, strips behind echoes.
+"""By how much clutter is denser than expected: a counter, and places that it counts at.
 
-How uncertain the clutter density is where a path has its hits: a predictive density.
+`Excess` is a pair of numbers: detections of clutter that were counted, N, and those that were
+expected, E. The bounds of the ratio are those of a Poisson mean, ``low(N - t) / E`` and ``high(N) /
+E``, with the score interval ``N + c^2 / 2 -+ c sqrt(N + c^2 / 4)`` and t detections of an unknown
+target. Its mean is ``(a + N) / (a + E)`` where the ratio has a gamma distribution of mean 1 and
+variance 1 / a. The clutter map bounds its density so in windows of polar cells. Here are the other
+places: around the hits of a path, cells of the fixed frame, and strips behind echoes.
 
-The density that is learned is an estimate, and clutter is lumpier than the map resolves. Let the
-true density in the neighbourhood of a path be the estimate times a factor of gamma distribution
-with mean 1 and shape a. With N detections of the last scans around the j-th hit, of M that the map
-expects, and with the path's own hits at least, the predictive density of the hit is ::
+Around the hits of a path: the density that is learned is an estimate, and clutter is lumpier than
+the map resolves. Let the true density in the neighbourhood of a path be the estimate times a factor
+of gamma distribution with mean 1 and shape a. With N detections of the last scans around the j-th
+hit, of M that the map expects, and with the path's own hits at least, the predictive density of the
+hit is ::
 
     lambda_hat max((a + max(N, j - 1)) / (a + M), 1)
 
@@ -24,72 +30,330 @@ less its standard error in even clutter, with rho M the variance of N there. In 
 and a is infinite. The first `RECENT` scans are not learned from: the targets in them are not
 recognised yet, and look like lumps.
 
-Clutter that stays in place: its density in square cells of the fixed frame.
-
-A quay, a row of piles or a field of kelp has echoes at random places, ping for ping, within the
-same outline. It may be thinner than any window of the clutter map, which also moves and turns with
-the sensor.
-
-Detections are counted by periods, also those of held tracks that do not move: tracks that clutter
-started would otherwise hide it. Clutter differs from a target that stands still in that it lies on
-both sides, more than the errors of a detection away. Let N_0 be the count in a cell, and N_1 and
-N_2 those in two cells that are `DIRECTIONS` away on opposite sides, in each the largest period
-counted as the second largest (a target that passes is in a single one). With n scans that saw the
-cell, about, in the periods since the first detection in it, the density in a cell of side s is ::
+Cells of the fixed frame: a quay, a row of piles or a field of kelp has echoes at random places,
+ping for ping, within the same outline. It may be thinner than any window of the clutter map, which
+also moves and turns with the sensor. Detections are counted by periods, also those of held tracks
+that do not move: tracks that clutter started would otherwise hide it. Clutter differs from a target
+that stands still in that it lies on both sides, more than the errors of a detection away. Let N_0
+be the count in a cell, and N_1 and N_2 those in two cells that are `DIRECTIONS` away on opposite
+sides, in each the largest period counted as the second largest (a target that passes is in a single
+one). With n scans that saw the cell, about, in the periods since the first detection in it, the
+density in a cell of side s is ::
 
     min(low(N_0 + N_1 + N_2) / 3, 2 N_0, 2 N_1, 2 N_2) / (n s^2)
 
-in the direction in which it is largest, with the low bound of `adaptive_windows`. The density is
-used where it is more than `RISE` times that of the map: where clutter is even it rarely is.
+in the direction in which it is largest. The density is used where it is more than `RISE` times that
+of the map: where clutter is even it rarely is. Cells have sides of powers of two, about two and
+four standard deviations of a detection. The larger of the two densities is used. Targets that stand
+still in a row, a few errors apart, look the same.
 
-Cells have sides of powers of two, about two and four standard deviations of a detection. The larger
-of the two densities is used.
-
-Targets that stand still in a row, a few errors apart, look the same.
-
-Clutter behind echoes: multiple and indirect echoes, side lobes and spokes of interference.
-
-A strong echo comes with others at its bearing, farther away: at multiples of its range, where the
-sound or the radar pulse goes to and fro more than once, and at any range, over other reflectors
-(Skolnik, "Introduction to Radar Systems", 3rd ed., 2001, Chap. 7). Interference fills a bearing in
-one scan. These echoes move as the bearing does, which a map of the clutter in space does not
-follow. Here the density that the map expects is multiplied by two factors, both 1 where nothing
+Strips behind echoes: a strong echo comes with others at its bearing, farther away: at multiples of
+its range, where the sound or the radar pulse goes to and fro more than once, and at any range, over
+other reflectors (Skolnik, "Introduction to Radar Systems", 3rd ed., 2001, Chap. 7). Interference
+fills a bearing in one scan. These echoes move as the bearing does, which a map of the clutter in
+space does not follow. The density of the map is multiplied by two factors, both 1 where nothing
 shows that clutter is denser. Both count clutter in strips of several widths in bearing. Each makes
 up for the whole excess: their product is cautious, since echoes of one cause are alike from scan to
 scan, which a density does not describe.
 
-In front of a detection, in its own scan: the level u of clutter in a strip has a gamma
-distribution of mean 1 and variance ``1 / k = g - 1``, with the pair correlation g: pairs of
-detections in all scans over those that the map expects (Moller, Waagepetersen, "Statistical
-inference and simulation for spatial point processes", 2003). With N other detections where the map
-expects E, the mean of u is ``(k + N) / (k + E)``. In even clutter g = 1, and so is the factor.
-
-Behind a held target: the detections of the last scans there, with the bound of a Poisson mean
-after t of an unknown target's, over those expected, ``low(N - t) / E``.
+- In front of a detection, in its own scan: the level of clutter in a strip has a gamma distribution
+  of mean 1 and variance ``g - 1``, with the pair correlation g: pairs of detections in all scans
+  over those that the map expects (Moller, Waagepetersen, "Statistical inference and simulation for
+  spatial point processes", 2003). The factor is the mean of the level by the other detections. In
+  even clutter g = 1, and so is the factor.
+- Behind a held target: the lower bound by the detections of the last scans there.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import Counter, deque
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows
-from tsepm_ros.tracker.clutter.density import (
-    MAX_DEVIATIONS,
-    MEMORY,
-    BlockSums,
-    Cells,
-    ClutterMap,
-    PolarGrid,
-    poisson_bound,
-    root_bound,
-)
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.sensor import SensorModel, View
+
+MAX_DEVIATIONS = 1.25
+"""Standard deviations c of a count within which the density stays unchanged."""
+MEMORY = 50.0
+"""Time constant, in scans, with which older scans fade."""
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Detections of clutter that were counted, and those that were expected there.
+
+    Attributes
+    ----------
+    counted, expected : ndarray
+        N and E, shapes that broadcast. With E as an area times a number of scans, the ratio is a
+        density.
+    """
+
+    counted: FloatArray
+    expected: FloatArray
+
+    def faded(self, keep: float, counted: FloatArray, expected: FloatArray) -> Excess:
+        """The part `keep` of these numbers, and those of newer scans."""
+        return Excess(keep * self.counted + counted, keep * self.expected + expected)
+
+    def lower(
+        self, target: FloatArray | float = 0.0, deviations: float = MAX_DEVIATIONS
+    ) -> FloatArray:
+        """Lower bound of the ratio, with t detections of an unknown target; 0 without E."""
+        return self._bound(np.maximum(self.counted - target, 0.0), -deviations, 0.0)
+
+    def upper(self) -> FloatArray:
+        """Upper bound of the ratio; infinite without E."""
+        return self._bound(self.counted, MAX_DEVIATIONS, math.inf)
+
+    def _bound(self, counted: FloatArray, deviations: float, unknown: float) -> FloatArray:
+        bound = poisson_bound(counted, deviations)
+        known = self.expected > 0.0
+        return np.divide(bound, self.expected, out=np.full_like(bound, unknown), where=known)
+
+    def mean(self, variance: FloatArray | float) -> FloatArray:
+        """Mean of the ratio, which has a gamma distribution of mean 1 and this variance."""
+        return np.asarray((1.0 + variance * self.counted) / (1.0 + variance * self.expected))
+
+
+def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
+    """Bound of a Poisson mean at a distance of `deviations` standard deviations from the count.
+
+    The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).
+    """
+    half = deviations**2 / 2.0
+    bound: FloatArray = count + half + deviations * np.sqrt(count + half / 2.0)
+    return bound
+
+
+CELL = 1.0 / 24.0
+"""Width of a polar cell, rad, and its depth as a fraction of its range."""
+INNER_RANGE = 100.0
+"""Range within which all rings have one depth, m."""
+INNER_RINGS = 12
+"""Their number from the sensor on: twice the depth of the first ring beyond."""
+
+
+class Cells(NamedTuple):
+    """Polar cells of positions, (n,) each.
+
+    Attributes
+    ----------
+    row, column : ndarray of int
+        By range, and by azimuth.
+    """
+
+    row: IntArray
+    column: IntArray
+
+
+class PolarGrid:
+    """Polar cells over the coverage of a sensor, on rings that widen with range.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+
+    Attributes
+    ----------
+    edges : (r + 1,) ndarray
+        Ranges between the rings, m.
+    width : float
+        Of a cell, rad.
+    shape : tuple of int
+        Number of cells in range and in azimuth.
+    wraps : bool
+        Whether the last column is next to the first.
+    area : (r, 1) ndarray
+        Of a cell of each ring, m^2.
+    middles : tuple of ndarray
+        Range and azimuth of the middle of each cell, (r, 1) and (1, c).
+    """
+
+    def __init__(self, sensor: SensorModel) -> None:
+        columns = max(round(sensor.sector_width / CELL), 1)
+        self.width = sensor.sector_width / columns
+        self._start = -np.pi if sensor.all_round else sensor.azimuth_min
+        inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
+        rings = math.ceil(math.log(sensor.max_range / inner) / CELL)
+        edges = np.geomspace(inner, sensor.max_range, rings + 1)
+        near = math.ceil(INNER_RINGS * (1.0 - sensor.min_range / inner))
+        self.edges = np.append(np.linspace(sensor.min_range, inner, near, endpoint=False), edges)
+        self.shape = len(self.edges) - 1, columns
+        self.wraps = sensor.all_round
+        self.area: FloatArray = 0.5 * self.width * np.diff(self.edges**2)[:, None]
+        range_: FloatArray = np.sqrt(0.5 * (self.edges[1:] ** 2 + self.edges[:-1] ** 2))
+        azimuth = np.asarray(self._start + self.width * (np.arange(columns) + 0.5), float)
+        self.middles = range_[:, None], azimuth[None, :]
+
+    def cells(self, range: FloatArray, azimuth: FloatArray) -> Cells:
+        """Cells of positions (n,) in the sensor's frame: outside the coverage the nearest ones.
+
+        Parameters
+        ----------
+        range, azimuth : (n,) ndarray
+            m, rad.
+        """
+        rows, columns = self.shape
+        row = np.searchsorted(self.edges, range, side="right") - 1
+        row = np.minimum(np.maximum(row, 0), rows - 1)
+        from_start = np.remainder(azimuth - self._start, 2.0 * np.pi)
+        column = np.minimum((from_start / self.width).astype(np.int64), columns - 1)
+        return Cells(row, column)
+
+    def divided(self, cells: Cells, range: FloatArray, parts: int) -> Cells:
+        """Cells of ranges (n,) where each row is divided into parts of equal depth."""
+        near, far = self.edges[cells.row], self.edges[cells.row + 1]
+        part = (parts * (range - near) / (far - near)).astype(np.int64)
+        return Cells(parts * cells.row + np.minimum(np.maximum(part, 0), parts - 1), cells.column)
+
+    def looked(self, swept: tuple[float, float] | None) -> FloatArray:
+        """Share of each column (c,) that is in an arc: its start and width, rad; None: all."""
+        columns = self.shape[1]
+        if swept is None:
+            return np.ones(columns)
+        start, width = swept
+        begin = np.remainder(self._start + self.width * np.arange(columns) - start, 2.0 * np.pi)
+        after = np.clip(width - begin, 0.0, self.width)
+        before = np.clip(begin + self.width - 2.0 * np.pi, 0.0, min(width, self.width))
+        return np.asarray(np.minimum((after + before) / self.width, 1.0))
+
+    def halfway(self, row: IntArray) -> IntArray:
+        """Rows (n,) from which on half of the area is that from the given rows on."""
+        square = 0.5 * (self.edges[row] ** 2 + self.edges[-1] ** 2)
+        return np.asarray(np.searchsorted(self.edges, np.sqrt(square)))
+
+
+class BlockSums:
+    """Sums over blocks of cells: each costs four values, whatever its size.
+
+    Parameters
+    ----------
+    values : (r, c) ndarray
+        Not negative.
+    wraps : bool
+        Whether the last column is next to the first; else 0 is beyond the last.
+    """
+
+    def __init__(self, values: FloatArray, wraps: bool) -> None:
+        self.rows, self._columns = values.shape
+        self._wraps = wraps
+        self._sums = np.zeros((self.rows + 1, (1 + wraps) * self._columns + 1))
+        inner = self._sums[1:, 1 : self._columns + 1]
+        np.cumsum(values, axis=0, out=inner)
+        if wraps:
+            self._sums[1:, self._columns + 1 :] = inner
+        np.cumsum(self._sums, axis=1, out=self._sums)
+
+    def of(self, row: IntArray, end: IntArray, column: IntArray, width: IntArray) -> FloatArray:
+        """Sums of the blocks from a row to before an end, and from a column on, (...).
+
+        Parameters
+        ----------
+        row, end, column, width : (...) ndarray of int
+            Shapes that broadcast; columns may be negative.
+        """
+        if self._wraps:
+            width = np.minimum(width, self._columns)
+            left = column % self._columns
+            right = left + width
+        else:
+            left = np.maximum(column, 0)
+            right = np.minimum(column + width, self._columns)
+        sums = self._sums[end, right] - self._sums[end, left]
+        sums = sums - (self._sums[row, right] - self._sums[row, left])
+        return np.maximum(sums, 0.0)  # rounding errors
+
+    def windows(self, row: IntArray, height: int, column: IntArray, width: int) -> FloatArray:
+        """Sums of the windows of a size that begin in rows (i,) and columns (j,), (i, j)."""
+        strips = self._sums[:, column + width] - self._sums[:, column]
+        return np.maximum(strips[row + height] - strips[row], 0.0)
+
+    def scaled(self, factor: float) -> BlockSums:
+        """The sums of the values times a factor."""
+        other = copy.copy(self)
+        other._sums = factor * self._sums
+        return other
+
+
+BATCH = 0.5
+"""Duration of the scans that are learned from together, s: those up to 2 Hz one by one."""
+
+
+class Batch:
+    """Detections of scans that are learned from together.
+
+    Parameters
+    ----------
+    columns : int
+        Of the polar grid.
+
+    Attributes
+    ----------
+    weights : list of ndarray
+        Probabilities that the detections are clutter, scan for scan; lowered in place where they
+        turn out to be targets'.
+    densities : list of ndarray
+        Clutter densities there, 1/m^2.
+    looks : (c,) ndarray
+        Number of the scans that looked at each column.
+    """
+
+    def __init__(self, columns: int) -> None:
+        self.looks = np.zeros(columns)
+        self.end(-math.inf)
+
+    def take(
+        self,
+        cells: Cells,
+        polar: tuple[FloatArray, FloatArray],
+        weight: FloatArray,
+        looked: FloatArray,
+    ) -> None:
+        """Take the detections of a scan, and how much of each column (c,) it looked at."""
+        self.places.append((*cells, *polar))
+        self.weights.append(weight)
+        self.looks += looked
+
+    def is_whole(self, stamp: float) -> bool:
+        """Whether the scan of a stamp, s, is the last of the batch."""
+        return stamp - self._begin >= BATCH - 1e-9
+
+    def end(self, stamp: float) -> None:
+        """Begin anew after the scan of a stamp, s."""
+        self._begin = stamp
+        self.places: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
+        self.weights: list[FloatArray] = []
+        self.densities: list[FloatArray] = []
+        self.looks = np.zeros(len(self.looks))
+
+    @property
+    def cells(self) -> Cells:
+        """Cells of the detections."""
+        row, column, *_ = zip(*self.places, strict=True)
+        return Cells(np.concatenate(row), np.concatenate(column))
+
+    @property
+    def polar(self) -> tuple[FloatArray, FloatArray]:
+        """Their range (m) and azimuth (rad)."""
+        *_, range_, azimuth = zip(*self.places, strict=True)
+        return np.concatenate(range_), np.concatenate(azimuth)
+
+    @property
+    def weight(self) -> FloatArray:
+        """Probability that each is clutter."""
+        return np.concatenate(self.weights)
+
+    @property
+    def scans(self) -> float:
+        """Number of the scans, as looks at the whole coverage."""
+        return float(self.looks.mean())
+
 
 RECENT = 16.0
 """Time constant, in scans, of the detections that others follow: about the length of a path."""
@@ -135,47 +399,28 @@ class PredictiveDensity(NamedTuple):
         """
         if not math.isfinite(self.shape):
             return np.zeros(len(parent))
-        beyond = np.maximum(self.around[row], hits[parent]) - self.expected[row]
-        return np.minimum(-np.log1p(beyond / (self.shape + self.expected[row])), 0.0)
-
-
-class _Neighbours(NamedTuple):
-    """Cells around detections, (n, 5) each, and whether they are cells of the map.
-
-    Those that are not have the place of another that is.
-    """
-
-    row: IntArray
-    column: IntArray
-    inside: BoolArray
-
-    def sums(self, values: FloatArray) -> FloatArray:
-        """Sum of the values (r, c) of the cells around each detection, (n,)."""
-        return np.asarray((values[self.row, self.column] * self.inside).sum(axis=1))
+        around = np.maximum(self.around[row], hits[parent])
+        ratio = Excess(around, self.expected[row]).mean(1.0 / self.shape)
+        return np.minimum(-np.log(ratio), 0.0)
 
 
 class ClutterClumps:
     """Learns by how much clutter is lumpier than its map.
 
-    A scan counts when the next one comes: until then its detections may turn out to be targets'.
+    A batch of scans counts when the next one comes: until then its detections may turn out to be
+    targets'.
 
     Parameters
     ----------
-    shape : tuple of int
-        Cells of the map, in range and in azimuth.
-    wraps : bool
-        Whether the last column is next to the first.
+    grid : PolarGrid
     """
 
-    def __init__(self, shape: tuple[int, int], wraps: bool) -> None:
-        self._wraps = wraps and shape[1] > 2
-        self._around = np.zeros(shape)
-        # Number of scans in N, fading; the same with squared weights; none before the first scan.
-        self._scans = self._squares = 0.0
-        self._taken = 0
-        none = np.zeros(0, np.int64)
-        self._neighbours = self._neighbours_of(Cells(none, none))
-        self._weight, self._near, self._expected = np.zeros((3, 0))
+    def __init__(self, grid: PolarGrid) -> None:
+        self._grid = grid
+        self._around = np.zeros(grid.shape)
+        # Number of scans in N, by columns, fading; the same with squared weights; and all.
+        self._scans, self._squares, self._number = np.zeros(grid.shape[1]), 0.0, 0.0
+        self._last: _Taken | None = None
         # Of the detections: their number, N, M, N^2 / M, N / M, and the variance of N over M.
         self._sums = np.zeros(6)
 
@@ -192,77 +437,79 @@ class ClutterClumps:
         share = (squares - explained - ratios) / explained - MAX_DEVIATIONS * error
         return float(min(max(share / max(1.0 - share, 1e-9), 0.0), MAX_VARIANCE))
 
-    def update(
-        self, clutter_map: ClutterMap, cells: Cells, weight: FloatArray, density: FloatArray
-    ) -> PredictiveDensity:
-        """Learn from the scan before, and take the next.
+    def around(self, cells: Cells, density: FloatArray, area: FloatArray) -> Excess:
+        """N and M at detections (n,) with these clutter densities, by the batches before.
 
         Parameters
         ----------
-        clutter_map : ClutterMap
-            After this scan.
         cells : Cells
-            Those of the detections (n,).
-        weight : (n,) ndarray
-            Probability that each detection is clutter.
         density : (n,) ndarray
-            Clutter density at each, 1/m^2.
+            1/m^2.
+        area : (r, c) ndarray
+            Area in each cell in which clutter is expected, m^2.
         """
-        if self._taken:
-            self._learn()
-        self._taken += 1
-        self._neighbours = self._neighbours_of(cells)
-        self._weight, self._near = weight, self._around[cells]
-        area = self._neighbours.sums(clutter_map.counted_area)
-        self._expected = self._scans * density * area
+        row, column, inside = self._neighbours(cells)
+        expected = density * (area[row, column] * self._scans[column] * inside).sum(axis=1)
+        return Excess(self._around[cells], expected)
+
+    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> PredictiveDensity:
+        """What makes the density at detections (n,) uncertain; see `around`."""
         variance = self.variance
-        shape = 1.0 / variance if variance else math.inf
-        return PredictiveDensity(shape, self._near, self._expected)
+        if not variance:
+            return PredictiveDensity(math.inf, *np.zeros((2, len(density))))
+        around = self.around(cells, density, area)
+        return PredictiveDensity(1.0 / variance, around.counted, around.expected)
 
-    def withdraw(self, share: FloatArray) -> None:
-        """Take back a share of each of the last scan's detections (n,): that of a target."""
-        self._weight = self._weight * (1.0 - share)
+    def update(self, batch: Batch, area: FloatArray) -> None:
+        """Learn from the batch before, and take the next; for the area see `around`."""
+        if self._last is not None:
+            self._learn(self._last)
+        cells, density = batch.cells, np.concatenate(batch.densities)
+        around, looks = self.around(cells, density, area), batch.looks
+        self._last = _Taken(cells, batch.weights, around, looks)
 
-    def _learn(self) -> None:
-        """Learn from the last scan taken."""
-        weight = self._weight
-        if self._taken > RECENT:
-            self._learn_scatter(weight)
-        keep = 1.0 - 1.0 / RECENT
-        self._scans = keep * self._scans + 1.0
-        self._squares = keep**2 * self._squares + 1.0
+    def _learn(self, taken: _Taken) -> None:
+        weight, scans = np.concatenate(taken.weights), float(taken.looks.mean())
+        if self._number >= RECENT:
+            self._learn_scatter(weight, taken.around, scans)
+        self._number += scans
+        keep = (1.0 - 1.0 / RECENT) ** scans
+        self._scans = keep * self._scans + taken.looks
+        self._squares = keep**2 * self._squares + scans
         self._around *= keep
-        row, column, inside = self._neighbours
+        row, column, inside = self._neighbours(taken.cells)
         np.add.at(self._around, (row, column), weight[:, None] * inside)
 
-    def _learn_scatter(self, weight: FloatArray) -> None:
-        """Learn from N and M at the last scan's detections, of these weights (n,)."""
-        around, expected = self._near, np.maximum(self._expected, MIN_EXPECTED)
+    def _learn_scatter(self, weight: FloatArray, of: Excess, scans: float) -> None:
+        """Learn from N and M at detections of these weights (n,)."""
+        around, expected = of.counted, np.maximum(of.expected, MIN_EXPECTED)
         # Detections of clutter count in N by their age: their variance is less than their number.
-        noise = self._squares / max(self._scans, 1e-9)
-        self._sums *= 1.0 - 1.0 / MEMORY
-        self._sums += np.array(
-            [
-                weight.sum(),
-                around @ weight,
-                expected @ weight,
-                np.square(around) / expected @ weight,
-                noise * (around / expected @ weight),
-                noise * weight.sum(),
-            ]
-        )
+        noise = self._squares / max(self._scans.mean(), 1e-9)
+        of_each = 1.0, around, expected, around**2 / expected, noise * around / expected, noise
+        self._sums *= (1.0 - 1.0 / MEMORY) ** scans
+        self._sums += [float(np.sum(each * weight)) for each in of_each]
 
-    def _neighbours_of(self, cells: Cells) -> _Neighbours:
-        rows, columns = self._around.shape
+    def _neighbours(self, cells: Cells) -> tuple[IntArray, IntArray, BoolArray]:
+        """Cells around detections, (n, 5) each, and whether they are cells of the map.
+
+        Those that are not have the place of another that is.
+        """
+        rows, columns = self._grid.shape
         row: IntArray = cells.row[:, None] + _ROW_OFFSETS
         column: IntArray = cells.column[:, None] + _COLUMN_OFFSETS
-        if self._wraps:
+        if self._grid.wraps and columns > 2:
             column %= columns
-        place = (
-            np.minimum(np.maximum(row, 0), rows - 1),
-            np.minimum(np.maximum(column, 0), columns - 1),
-        )
-        return _Neighbours(*place, (row == place[0]) & (column == place[1]))
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return row % rows, column % columns, inside
+
+
+class _Taken(NamedTuple):
+    """The detections of a batch, and N and M there."""
+
+    cells: Cells
+    weights: list[FloatArray]
+    around: Excess
+    looks: FloatArray
 
 
 SIDE = 2.0
@@ -286,6 +533,7 @@ VIEWS = 16
 """Different views of a period, at most, that show which cells were seen: of more, random ones."""
 RISE = 2.0
 """Factor above the map's density from which on that of a cell is used."""
+THREE = np.array(3.0)
 _BITS = 28
 """Of the number of a cell, for its place on each axis."""
 _MASK = (1 << _BITS) - 1
@@ -437,20 +685,16 @@ def _counted(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
     cells = np.concatenate([one.cells for one in periods])
     counts = np.concatenate([one.counts for one in periods]).astype(float)
     period = np.repeat(np.arange(len(periods)), [len(one.cells) for one in periods])
-    order = np.argsort(cells, kind="stable")
-    cells, counts = cells[order], counts[order]
-    begin = np.flatnonzero(np.diff(cells, prepend=-1))  # numbers of cells are not negative
-    if not len(begin):
+    order = np.lexsort((counts, cells))
+    cells, counts, period = cells[order], counts[order], period[order]
+    last = np.flatnonzero(np.diff(cells, append=-1))  # the largest; no cell is negative
+    if not len(last):
         return cells, counts, period
-    size = np.diff(np.append(begin, len(cells)))
-    largest = np.repeat(np.maximum.reduceat(counts, begin), size)
-    rows = np.arange(len(cells))
-    omitted = np.minimum.reduceat(np.where(counts == largest, rows, len(cells)), begin)
-    counts[omitted] = 0.0
-    second = np.maximum.reduceat(counts, begin)
-    total = np.add.reduceat(counts, begin) + second
-    several = size > 1
-    return cells[begin[several]], total[several], period[order[begin[several]]]
+    begin = np.append(0, last[:-1] + 1)
+    first = np.minimum.reduceat(period, begin)
+    counts[last] = np.where(last > begin, counts[last - 1], 0.0)
+    several = last > begin
+    return cells[last[several]], np.add.reduceat(counts, begin)[several], first[several]
 
 
 def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
@@ -466,8 +710,7 @@ def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
             row, known = _found(_beside(cells[between], sign * x, sign * y), cells)
             between, count = between[known], counts[row[known]]
             least, total = np.minimum(least[known], count), total[known] + count
-        low = root_bound(total, -1.0) ** 2
-        number = np.minimum(low / 3.0, 2.0 * least)
+        number = np.minimum(Excess(total, THREE).lower(), 2.0 * least)
         staying[between] = np.maximum(staying[between], number)
     return staying
 
@@ -524,11 +767,9 @@ def _middles(cells: IntArray) -> FloatArray:
 HALF_WIDTHS = 1, 2, 4, 8
 """Cells on either side of the middle of a strip."""
 _WIDTHS = np.array(HALF_WIDTHS)[:, None]
-FEW = 48
-"""Detections up to which they are counted one by one, not on the grid."""
 BEHIND = 3
 """Cells in range between a target and a strip behind it."""
-TARGET_MEMORY = 20
+TARGET_MEMORY = 20.0
 """Time constant, in scans, with which what is behind a target fades: its bearing changes."""
 MAX_TARGET_COUNT = 5.0
 """Detections in a strip behind a target attributed to another: at most this, or two and one a
@@ -555,36 +796,8 @@ class HeldTargets(NamedTuple):
     existence: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class _Behind(Rows):
-    """Clutter behind targets in each strip (n, widths, 2): behind a target, and the farther half.
-
-    Attributes
-    ----------
-    scans : (n,) ndarray
-    count, expected : (n, widths, 2) ndarray
-    """
-
-    scans: FloatArray
-    count: FloatArray
-    expected: FloatArray
-
-    @classmethod
-    def nothing(cls, number: int) -> _Behind:
-        """Of targets of which nothing is known."""
-        return cls(np.zeros(number), *np.zeros((2, number, len(HALF_WIDTHS), 2)))
-
-    @cached_property
-    def factor(self) -> FloatArray:
-        """Factor of each strip, at least 1."""
-        target = np.minimum(self.scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
-        low = poisson_bound(np.maximum(self.count - target, 0.0), -MAX_DEVIATIONS)
-        seen = self.expected > 0.0
-        return np.maximum(np.divide(low, self.expected, out=np.ones_like(low), where=seen), 1.0)
-
-
-class _Strips(NamedTuple):
-    """Strips behind targets (n, widths, 2).
+class _Strips:
+    """Strips behind targets (n, widths, 2): behind a target, and the farther half.
 
     Attributes
     ----------
@@ -594,165 +807,113 @@ class _Strips(NamedTuple):
         Rows at which the strips begin: behind the target, and at half the area left.
     """
 
-    middle: IntArray
-    start: IntArray
-
-    @classmethod
-    def of(cls, grid: PolarGrid, targets: HeldTargets) -> _Strips:
-        """The strips behind targets."""
+    def __init__(self, grid: PolarGrid, targets: HeldTargets) -> None:
         row, middle = grid.cells(targets.range, targets.azimuth)
         start = np.minimum(row + BEHIND, grid.shape[0])
-        starts = np.stack([start, grid.halfway(start)], axis=1)
-        return cls(middle[:, None, None], starts[:, None, :])
+        self.middle = middle[:, None, None]
+        self.start = np.stack([start, grid.halfway(start)], axis=1)[:, None, :]
+        self._grid = grid
 
-    def hold(self, grid: PolarGrid, cells: Cells) -> BoolArray:
+    def hold(self, cells: Cells) -> BoolArray:
         """Whether each strip holds each of the cells (d,): (n, widths, 2, d)."""
         away = np.abs(cells.column - self.middle)
-        if grid.wraps:
-            away = np.minimum(away, grid.shape[1] - away)
+        if self._grid.wraps:
+            away = np.minimum(away, self._grid.shape[1] - away)
         near = away <= _WIDTHS
         return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
 
-    def sums(self, values: BlockSums, rows: int) -> FloatArray:
-        """Sums in each strip, (n, widths, 2)."""
-        to_end = values.nearer(np.array(rows), self.middle, _WIDTHS)
-        return np.maximum(to_end - values.nearer(self.start, self.middle, _WIDTHS), 0.0)
-
-
-def _strip_sums(values: FloatArray, grid: PolarGrid) -> BlockSums:
-    """Sums over the strips of values (r, c) in the cells of a grid."""
-    reach = min(max(HALF_WIDTHS), grid.shape[1]) if grid.wraps else 0
-    return BlockSums(values, grid.wraps, reach, reach)
-
-
-def _counted_before(grid: PolarGrid, cells: Cells, weight: FloatArray) -> FloatArray:
-    """Weight (w, n) in front of each cell, in the strips of each width around its bearing."""
-    away = np.abs(cells.column[:, None] - cells.column)
-    if grid.wraps:
-        away = np.minimum(away, grid.shape[1] - away)
-    in_front = np.where(cells.row < cells.row[:, None], weight, 0.0)
-    near = away <= _WIDTHS[..., None]
-    return np.asarray((near * in_front).sum(axis=-1))
+    def sums(self, values: BlockSums) -> FloatArray:
+        """Sums of the cells in each strip, (n, widths, 2)."""
+        end = np.array(values.rows)
+        return values.of(self.start, end, self.middle - _WIDTHS, 2 * _WIDTHS + 1)
 
 
 class SecondaryEchoes:
     """Learns how much denser clutter is behind echoes.
 
+    Parameters
+    ----------
+    grid : PolarGrid
+
     Attributes
     ----------
-    pair_correlation : (w,) ndarray
-        Pairs of clutter detections, one behind the other, over those expected, for each width of a
-        strip; 1 before the first.
+    pairs : Excess
+        Pairs of clutter detections of a scan, one behind the other, for each width (w,) of a strip.
     """
 
-    def __init__(self) -> None:
-        self._pairs = np.zeros(len(HALF_WIDTHS))
-        self._expected_pairs = np.zeros(len(HALF_WIDTHS))
-        self._track_id = np.zeros(0, np.int64)
-        self._behind = _Behind.nothing(0)
-        self._expected: tuple[FloatArray, BlockSums] | None = None
+    def __init__(self, grid: PolarGrid) -> None:
+        self._grid = grid
+        self.pairs = Excess(*np.zeros((2, len(HALF_WIDTHS))))
+        self._track_id, self._scans, self._behind = self._of_targets(np.zeros(0, np.int64))
 
-    @property
-    def pair_correlation(self) -> FloatArray:
-        """See the class."""
-        known = self._expected_pairs > 0.0
-        ones = np.ones(len(HALF_WIDTHS))
-        return np.divide(self._pairs, self._expected_pairs, out=ones, where=known)
-
-    def behind_targets(self, grid: PolarGrid, targets: HeldTargets, cells: Cells) -> FloatArray:
-        """Factor (n,) of the map's density in cells of its grid, by held targets."""
+    def behind_targets(self, targets: HeldTargets, cells: Cells) -> FloatArray:
+        """Factor (n,) of the map's density in cells, by held targets."""
         if not len(targets.track_id) or not len(cells.row):
             return np.ones(len(cells.row))
-        behind = self._of_targets(targets)
-        factor = 1.0 + targets.existence[:, None, None] * (behind.factor - 1.0)
-        crowded = (factor > 1.0).any(axis=(1, 2))
-        if not crowded.any():
+        _, scans, behind = self._of_targets(targets.track_id)
+        target = np.minimum(scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
+        rise = np.maximum(behind.lower(target), 1.0) - 1.0
+        factor = 1.0 + targets.existence[:, None, None] * rise
+        if not rise.any():
             return np.ones(len(cells.row))
-        every = _Strips.of(grid, targets)
-        strips = _Strips(every.middle[crowded], every.start[crowded])
-        factors = np.where(strips.hold(grid, cells), factor[crowded][..., None], 1.0)
-        return np.asarray(factors.max(axis=(0, 1, 2)))
+        held = _Strips(self._grid, targets).hold(cells)
+        return np.asarray(np.where(held, factor[..., None], 1.0).max(axis=(0, 1, 2)))
 
-    def update(
-        self, clutter_map: ClutterMap, targets: HeldTargets, cells: Cells, weight: FloatArray
-    ) -> FloatArray:
-        """Learn from a scan, with the map after it.
+    def among(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> FloatArray:
+        """Factor (n,) of the map's density in cells, by the other detections of their scan.
 
         Parameters
         ----------
-        clutter_map : ClutterMap
-        targets : HeldTargets
         cells : Cells
-            Of the detections (n,); see `ClutterMap.update`.
+            Those of the detections (n,) of a scan.
         weight : (n,) ndarray
-
-        Returns
-        -------
-        (n,) ndarray
-            Factor of the map's density at each detection.
+            Probability that each is clutter.
+        expected : BlockSums
+            Of the numbers that the map expects in a scan.
         """
-        keep = 1.0 - 1.0 / MEMORY
-        self._pairs = keep * self._pairs
-        self._expected_pairs = keep * self._expected_pairs
-        if not len(weight) and not len(targets.track_id):
-            self._behind, self._track_id = _Behind.nothing(0), targets.track_id
-            return np.ones(0)
-        grid, expected = clutter_map.grid, self._expected_by(clutter_map)
-        expected_before = expected.nearer(cells.row, cells.column, _WIDTHS)
-        if len(weight) <= FEW:
-            strips = _Strips.of(grid, targets)
-            self._learn_behind(targets, strips, strips.hold(grid, cells) @ weight, expected)
-            before = _counted_before(grid, cells, weight)
-        else:
-            counts = np.zeros(grid.shape)
-            np.add.at(counts, cells, weight)
-            count = _strip_sums(counts, grid)
-            strips = _Strips.of(grid, targets)
-            self._learn_behind(targets, strips, strips.sums(count, grid.shape[0]), expected)
-            before = count.nearer(cells.row, cells.column, _WIDTHS)
-        self._pairs += before @ weight
-        self._expected_pairs += expected_before @ weight
-        factor = self._of_pairs(before, expected_before).max(axis=0)
-        return factor * self.behind_targets(grid, targets, cells)
-
-    def _expected_by(self, clutter_map: ClutterMap) -> BlockSums:
-        """Sums of the numbers that the map expects."""
-        values = clutter_map.expected
-        if self._expected is None or self._expected[0] is not values:
-            self._expected = values, _strip_sums(values, clutter_map.grid)
-        return self._expected[1]
-
-    def _of_pairs(self, count: FloatArray, expected: FloatArray) -> FloatArray:
-        """Factors (w, n), at least 1, by the detections (w, n) in front of others."""
-        low = poisson_bound(np.maximum(self._pairs - 1.0, 0.0), -MAX_PAIR_DEVIATIONS)
-        known = self._expected_pairs > 0.0
-        correlation = np.divide(low, self._expected_pairs, out=np.ones_like(low), where=known)
+        correlation = self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS)
         variance = np.maximum(correlation - 1.0, 0.0)[:, None]
-        return np.maximum((1.0 + variance * count) / (1.0 + variance * expected), 1.0)
+        if not variance.any() or not len(weight):
+            return np.ones(len(weight))
+        before = self._before(cells, weight, expected)
+        return np.maximum(before.mean(variance), 1.0).max(axis=0)
 
-    def _of_targets(self, targets: HeldTargets) -> _Behind:
-        """What was learned of targets."""
-        track_id = targets.track_id
-        if np.array_equal(track_id, self._track_id):
-            return self._behind
-        found = _Behind.nothing(len(track_id))
-        _, new, old = np.intersect1d(track_id, self._track_id, return_indices=True)
-        for name in ("scans", "count", "expected"):
-            getattr(found, name)[new] = getattr(self._behind, name)[old]
-        return found
+    def update(self, targets: HeldTargets, batch: Batch, expected: BlockSums) -> None:
+        """Learn from a batch: pairs of its last scan, and what is behind targets in all.
 
-    def _learn_behind(
-        self, targets: HeldTargets, strips: _Strips, count: FloatArray, expected: BlockSums
-    ) -> None:
-        """Learn how many detections are behind each target: `count` in each strip."""
-        old = self._of_targets(targets)
-        self._track_id = targets.track_id
-        if not len(targets.track_id):
-            self._behind = old
-            return
-        keep = 1.0 - 1.0 / TARGET_MEMORY
-        self._behind = _Behind(
-            keep * old.scans + 1.0,
-            keep * old.count + count,
-            keep * old.expected + strips.sums(expected, expected.rows),
-        )
+        Parameters
+        ----------
+        targets : HeldTargets
+        batch : Batch
+        expected : BlockSums
+            Of the numbers that the map expects in a scan.
+        """
+        (*cells, _, _), weight = batch.places[-1], batch.weights[-1]
+        before = self._before(Cells(*cells), weight, expected)
+        keep = (1.0 - 1.0 / MEMORY) ** batch.scans
+        self.pairs = self.pairs.faded(keep, before.counted @ weight, before.expected @ weight)
+        ids, scans, behind = self._of_targets(targets.track_id)
+        if len(ids):
+            strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** batch.scans
+            looks, count = batch.looks[strips.middle], strips.hold(batch.cells) @ batch.weight
+            behind = behind.faded(keep, count, looks * strips.sums(expected))
+            scans = keep * scans + looks[:, 0, 0]
+        self._track_id, self._scans, self._behind = ids, scans, behind
+
+    def _before(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> Excess:
+        """Detections (w, n) in front of each of these, in the strips around its bearing."""
+        counts = np.zeros(self._grid.shape)
+        np.add.at(counts, cells, weight)
+        first, left, width = np.array(0), cells.column - _WIDTHS, 2 * _WIDTHS + 1
+        counted = BlockSums(counts, self._grid.wraps).of(first, cells.row, left, width)
+        return Excess(counted, expected.of(first, cells.row, left, width))
+
+    def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:
+        """Ids of targets (n,), scans since they are known, and what is behind them."""
+        number = len(track_id)
+        scans, both = np.zeros(number), np.zeros((2, number, len(HALF_WIDTHS), 2))
+        if number and len(self._track_id):
+            _, new, old = np.intersect1d(track_id, self._track_id, return_indices=True)
+            scans[new] = self._scans[old]
+            both[0, new], both[1, new] = self._behind.counted[old], self._behind.expected[old]
+        return track_id, scans, Excess(*both)
