@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed
-from tsepm_ros.tracker.clutter.overdispersion import PredictiveDensity
+from tsepm_ros.tracker.clutter.excess import PredictiveDensity
 from tsepm_ros.tracker.clutter.seen_extent import Extent
 from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
 from tsepm_ros.tracker.detection_window import DetectionWindow

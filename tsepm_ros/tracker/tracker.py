@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
 from tsepm_ros.tracker import merging, motion, path_fit, range_rates
 from tsepm_ros.tracker.clustering import chosen
+from tsepm_ros.tracker.clutter.excess import HeldTargets
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
-from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, HeldAssociation
 from tsepm_ros.tracker.maintenance.features import Environment
@@ -408,7 +408,7 @@ class Tracker:
         reach = self._reach * REACH_SCANS
         area = math.pi * reach**2
         targets, moving = self._held_targets, self.maintenance.detections_of_moving
-        return self._clutter.learn(self._scan.stamp, self._view, weight, area, targets, moving)
+        return self._clutter.learn(self._scan.stamp, self._view(), weight, area, targets, moving)
 
     def _view(self) -> View:
         """What the scan looked at."""
