@@ -107,6 +107,8 @@ class TrackMaintenance:
         Those that almost certainly are.
     probable_detections : OwnDetections
         Those that more probably are than not: at most one of each track.
+    nearest_detections : OwnDetections
+        The detection nearest to each track that was more probably detected than not.
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
         them.
@@ -136,6 +138,7 @@ class TrackMaintenance:
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
+        self.nearest_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
 
     @property
@@ -287,6 +290,10 @@ class TrackMaintenance:
         kept = self._end(exists | ~covered, "missed")
         kept[kept] = self._end(exists[kept], "left")
         explained = np.asarray(np.bincount(near.track, of_target, len(held)), float)
+        self.nearest_detections = NO_OWN_DETECTIONS
+        if len(detections):
+            seen = np.flatnonzero(explained > PROBABLE)
+            self.nearest_detections = OwnDetections(held.tracks.track_id[seen], near.nearest[seen])
         self._end(~self._repeated(plots[kept], sigma[kept], explained[kept]), "duplicate")
         self._publish(sensor.max_range)
         return association.held_density
@@ -445,23 +452,13 @@ class TrackMaintenance:
         self._cleared |= dict.fromkeys(ids, "cleared")
         self._forget()
 
-    def keep_ended(self) -> None:
-        """Name the tracks that ended at the last step again at the next."""
-        self._cleared = self._ended | self._cleared
-
     def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
 
         See `track_merging.may_repeat_older`.
         """
-        self._begun = {}
-        self._owned.clear()
-        held = self._held
-        repeats = duplicates.may_repeat_older(held.tracks, extent, sensor_position)
-        kept = ~repeats | self._tracker.keeps(held.unlisted_since)
-        ended = held.tracks.track_id[held.announced & ~kept].tolist()
-        self._cleared |= dict.fromkeys(ended, "duplicate")
-        self._held = held.where(kept)
+        tracks = self._held.tracks
+        self._end(~duplicates.may_repeat_older(tracks, extent, sensor_position), "duplicate")
 
     def _begin(
         self, stamp: float, interval: float, detectable: Callable[[FloatArray], FloatArray]
@@ -473,6 +470,7 @@ class TrackMaintenance:
         self._ended, self._cleared = self._cleared, {}
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
+        self.nearest_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         fixed = self._held.status == Status.FIXED
