@@ -533,7 +533,7 @@ def may_repeat_older(
     (n,) ndarray of bool
     """
     range_ = np.hypot(*(tracks.state[:, 0::2] - sensor_position).T)
-    size = np.maximum(extent.along, extent.across_at(range_)) ** 2
+    size = np.maximum(extent.along, extent.across_at(range_)) ** 2 / 6.0
     covariance = tracks.covariance.copy()
     covariance[:, [0, 2], [0, 2]] += size[:, None]
     covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]

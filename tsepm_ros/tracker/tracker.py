@@ -24,12 +24,11 @@ from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, HeldAssociation
 from tsepm_ros.tracker.maintenance.features import Environment
-from tsepm_ros.tracker.maintenance.shape import Hulls, further_plots
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, major_sigma, measured_polar
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
-from tsepm_ros.tracker.plot_extraction import PlotExtraction
+from tsepm_ros.tracker.plot_extraction import PlotExtraction, further_plots
 from tsepm_ros.tracker.scan import Scan, check_scan
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
@@ -146,7 +145,6 @@ class Tracker:
         self.revised = TrackArrays.of([])
         self.learned = Learned.initial(self.sensor)
         self.plots = PlotExtraction(self.sensor, self.common)
-        self._hulls = Hulls()
         self._judged: tuple[Scan, UsableDetections] | None = None
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -158,7 +156,6 @@ class Tracker:
         """Forget the potential tracks, but not the tracks held, what was learned, nor counts."""
         self._observed: Observation | None = None
         self.window = DetectionWindow()
-        self._recent: list[Scan] = []
         self.method.forget()
 
     def with_settings(self, method: Method) -> tuple[Tracker, bool]:
@@ -221,20 +218,12 @@ class Tracker:
             If it is no `Scan`, the stamp is not later than the last one, or the scan has more than
             `max_detections` detections. The scan is then not taken and nothing has changed.
         """
-        limit, ids = TimeLimit(self.max_scan_time), []
-        again = self._scans_to_repeat(scan)  # with plots from now on; as a rule none
-        for one in (*again, scan):
-            observed = self.observe(one, limit)  # measure, associate, learn
-            room = room_for(limit, len(self.maintenance.held))
-            step = self.method.step(observed)  # split, evaluate, prune, merge, confirm
-            new, counts = self._hold(observed, step, room)
-            ids.append(new.track_id)
-            if one is not scan:
-                self.maintenance.keep_ended()
-        if again:
-            new = self.maintenance.current
-            new = new.where(np.isin(new.track_id, np.concatenate(ids)))
-            counts = changed(counts, confirmed=len(new))
+        check_scan(scan, self.stamp, self.common.max_detections)
+        limit = TimeLimit(self.max_scan_time)
+        observed = self.observe(scan, limit)  # measure, associate, learn
+        room = room_for(limit, len(self.maintenance.held))
+        step = self.method.step(observed)  # split, evaluate, prune, merge, confirm
+        new, counts = self._hold(observed, step, room)
         used = self._usable(scan)
         self.statistics = changed(
             counts,
@@ -246,45 +235,13 @@ class Tracker:
         self.totals = self.totals + self.statistics
         return new
 
-    def _scans_to_repeat(self, scan: Scan) -> list[Scan]:
-        """Learn from the next scan how closely its detections lie together.
-
-        Where that shows that targets have several, the scans before it are observed again, with
-        plots: what was learned from them is forgotten, and held tracks that are one target's become
-        one. These scans are returned, oldest first.
-
-        Raises
-        ------
-        ValueError
-            As `process` does. Nothing has changed then.
-        """
-        check_scan(scan, self.stamp, self.common.max_detections)
-        window = self.options.window
-        recent, self._recent = self._recent, [*self._recent, scan][-window:]
-        if self.common.plots == "off":
-            return []
-        seen, held = self.learned.clutter_map.seen, self.maintenance.held
-        if not self.plots.learn(self._usable(scan).scan, seen, held, self._stays):
-            return []
-        again = recent[max(len(recent) - window + 1, 0) :]
-        for one in [*again, scan]:
-            self.plots.observe(self._usable(one).scan)
-        before = recent[: len(recent) - len(again)]
-        self.stamp = before[-1].stamp if before else None
-        self.scan_index -= len(again)
-        self.window = DetectionWindow()
-        self.learned = self.learned.anew(self.sensor)
-        self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
-        if again:
-            self.method.forget()
-        return again
-
     def observe(self, scan: Scan, time_limit: TimeLimit) -> Observation:
         """Measure a scan, associate its detections with the held tracks, and learn from it.
 
         The held tracks take their detections at the density that was known before.
         """
         interval = self._count_in(scan)
+        active = self.plots.active
         detections = self._detections(scan)
         strengths = self._clutter.judge_strengths(detections, self.scan_index, self.options.window)
         in_zone, environment = self._zones(detections)
@@ -293,6 +250,7 @@ class Tracker:
         held_density, held_association = self._carry_held(scan, detections, before, environment)
         self._learn_from_held(detections, held_density < before)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
+        self._learn_plots(active)
         self._clutter.learn_strengths(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
@@ -389,6 +347,14 @@ class Tracker:
                 self.scan_index, detections["index"], detections["features"], is_clutter
             )
 
+    def _learn_plots(self, active: bool) -> None:
+        """Learn whether targets have several detections; tracks of one target become one then."""
+        own, held = self.maintenance.nearest_detections, self.maintenance.held
+        if self.method.most_tracks_true:
+            self.plots.learn(own, held, self.clutter_density)
+        if self.plots.active and not active:
+            self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
+
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
         """Learn the sensor's errors from held tracks' detections, if these have its errors."""
         track_id, row = self.maintenance.own_detections
@@ -437,7 +403,7 @@ class Tracker:
         found, rows = usable.scan, usable.rows
         if usable.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        made = self.plots.plots_of(found, self._joined if self.plots.hulls else None)
+        made = self.plots.plots_of(found, self.clutter_density, self._stays)
         measured = found if made is None else made.scan
         as_stated = found.azimuth_std is not None or not self.method.most_tracks_true
         own = np.zeros(len(measured), bool) if made is None else made.own_range_std
@@ -465,25 +431,6 @@ class Tracker:
         detections = convert(scan, self.sensor, self.scan_index)
         return self._clutter_at(scan.range, scan.azimuth, detections).is_persistent
 
-    def _joined(self, scan: Scan, label: IntArray) -> tuple[IntArray, FloatArray]:
-        """The groups of a scan, those of a hull as one; the hulls are learned first."""
-        tracks = self.maintenance.held.tracks.predicted(scan.stamp)
-        clutter = self._clutter_at(scan.range, scan.azimuth).density()
-        around = self._clutter_at(*self._poses.polar(tracks.state[:, 0::2])).known_density()
-        extent, std = self.plots.extent, self.sensor.azimuth_std
-        self._hulls.learn(scan, label, clutter, tracks, around, extent, std)
-        return self._hulls.joined(scan, label, tracks)
-
-    def _waiting(self, tracks: TrackArrays) -> BoolArray:
-        """Which newly confirmed tracks (n,) wait until it is clear that they are no older one's."""
-        extent, held = self.plots.waiting_extent, self.maintenance.held.tracks
-        if extent is None or not len(tracks):
-            return np.zeros(len(tracks), bool)
-        range_ = np.hypot(*(tracks.state[:, 0::2] - self._poses.middle[:2]).T)
-        reach = max(extent.along, float(extent.across_at(range_).max()))
-        interval = self.learned.scan_interval.median
-        return self._hulls.waiting(tracks, held, reach, interval)
-
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
         covered = looked_at(self._scan, self.sensor, self._poses, positions)
@@ -498,7 +445,9 @@ class Tracker:
         if confirmed or len(step.revised) or step.replaced:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
-            step = step.where(~self._waiting(step.tracks))
+            if self.method.most_tracks_true:
+                held, origin = self.maintenance.held.tracks, self._poses.middle[:2]
+                step = step.where(~self.plots.waits(step.tracks, held, origin))
             cut = max(len(step.tracks) - room, 0)
         if cut:
             step = step.where(best_held(step.existences, step.tracks.evaluation, room))

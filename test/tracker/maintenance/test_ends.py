@@ -60,8 +60,7 @@ def duplicate_by_extent() -> TrackMaintenance:
     aside = tracks(7)
     aside.state[:, 2] += 180.0
     hold.add(replace(aside, track_id=np.array([1])), 0.9)
-    hold.merge(PlotExtent(100.0, 100.0), np.zeros(2))
-    step(hold, 12.0)
+    hold.merge(PlotExtent(250.0, 250.0), np.zeros(2))
     return hold
 
 

@@ -109,6 +109,8 @@ class TrackMaintenance:
         Those that almost certainly are.
     probable_detections : OwnDetections
         Those that more probably are than not: at most one of each track.
+    nearest_detections : OwnDetections
+        The detection nearest to each track that was more probably detected than not.
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
         them.
@@ -138,6 +140,7 @@ class TrackMaintenance:
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
+        self.nearest_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
 
     @property
@@ -252,8 +255,12 @@ class TrackMaintenance:
         sigma = self._take_own(held, row, of_target, detections)
         # End.
         exists = held.existence >= MIN_EXISTENCE
+        explained = of_target.sum(axis=1)
+        if len(detections):
+            seen = np.flatnonzero(explained > PROBABLE)
+            self.nearest_detections = OwnDetections(held.tracks.track_id[seen], row[seen, 0])
         kept = self._end(exists, np.where(covered, "missed", "left"))
-        repeats = self._repeated(plots[kept], sigma[kept], of_target[kept].sum(axis=1))
+        repeats = self._repeated(plots[kept], sigma[kept], explained[kept])
         self._end(~repeats, "duplicate")
         self._publish(sensor.max_range)
         return found.held_density
@@ -438,20 +445,13 @@ class TrackMaintenance:
         self._drop(np.zeros(len(self.held), bool), "cleared", self._cleared)
         self._forget()
 
-    def keep_ended(self) -> None:
-        """Name the tracks that ended at the last step again at the next."""
-        self._cleared = self.ended | self._cleared
-
     def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
 
         See `merging.may_repeat_older`.
         """
-        self._begun = {}
-        self._owned.clear()
-        repeats = merging.may_repeat_older(self.held.tracks, extent, sensor_position)
-        listed = self._tracker.keeps(self.held.unlisted_since)
-        self._drop(~repeats | listed, "duplicate", self._cleared)
+        tracks = self.held.tracks
+        self._end(~merging.may_repeat_older(tracks, extent, sensor_position), "duplicate")
 
     def _begin(
         self, stamp: float, interval: float, detectable: Callable[[FloatArray], FloatArray]
@@ -463,6 +463,7 @@ class TrackMaintenance:
         self.ended, self._cleared = self._cleared, {}
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
+        self.nearest_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         fixed = self.held.status == Status.FIXED
