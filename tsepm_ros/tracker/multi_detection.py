@@ -298,9 +298,8 @@ Detections of clutter are next to others by chance, and rarely in threes.
 
 def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Sums of values (..., n) over the rows of each group (n,), (..., count)."""
-    found = np.zeros((*values.shape[:-1], count))
-    np.add.at(found, (..., group), values)
-    return found
+    rows = [np.bincount(group, one, minlength=count) for one in np.atleast_2d(values)]
+    return np.asarray(rows, float).reshape(*values.shape[:-1], count)
 
 
 @dataclass(frozen=True)
