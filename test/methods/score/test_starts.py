@@ -50,7 +50,7 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     """
     plain_scans, sensor, options = in_plain_loops(scene, seed)
     rule = AtThreshold(threshold)
-    common = CommonOptions(limit_speed=False, **AS_GIVEN)
+    common = CommonOptions(limit_speed="off", **AS_GIVEN)
     initiator = Tracker(Score(sensor, common, ScoreOptions(**options), rule))
     strong = 0
     for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):

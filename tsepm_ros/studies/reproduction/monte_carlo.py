@@ -56,7 +56,7 @@ AS_GIVEN: Mapping[str, Any] = MappingProxyType(
         "clutter_density": "given",
         "detection_probability": "given",
         "plots": "off",
-        "limit_speed": False,
+        "limit_speed": "off",
     }
 )
 """Options with which the published methods are reproduced: nothing is learned."""
