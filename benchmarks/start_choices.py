@@ -21,7 +21,7 @@ import fixed_threads  # noqa: F401
 
 from tsepm_ros.methods.score import confirmation
 from tsepm_ros.methods.score.confirmation import MIN_HIT_PROBABILITY
-from tsepm_ros.studies.reproduction.runs import share_difference
+from tsepm_ros.studies.reproduction.report import share_difference
 from tsepm_ros.tools.commands.arguments import add_runs, workers_of
 from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of, summarise
 from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table

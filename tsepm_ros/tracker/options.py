@@ -132,7 +132,7 @@ class CommonOptions:
 
         With a `target_extent`, targets have several detections: `plots` is "on" for "auto".
         """
-        automatic = {
+        automatic: dict[str, Any] = {
             "detection_probability": "estimated" if most_tracks_true else "given",
             "limit_speed": "on" if most_tracks_true else "off",
             "plots": "on" if self.target_extent else "auto",
