@@ -89,7 +89,7 @@ def test_rows_that_cannot_be_compared_are_named():
     values = near_print(1.5)
     values[0] = Estimate(0.0, 0.0, 0.1)
     values[1] = Estimate(3.0 * published.TABLE_1[1].false_after, 0.0, 1.0)
-    assert tsepm_2018._left_out(values) == "3/4, 7/9, 8/9"
+    assert set(ROWS) - set(tsepm_2018._log_ratios(values)) == {"3/4", "7/9", "8/9"}
     assert tsepm_2018._worst(values) == "3/5: 3.00"
     nothing = near_print(0.0)
     assert tsepm_2018._log_distance(nothing) == np.inf
@@ -385,6 +385,24 @@ def test_a_source_is_one_line_of_the_registry(tmp_path, monkeypatch, capsys):
     ]
     assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
     assert "toy.png" in capsys.readouterr().out
+
+
+def test_a_page_gets_the_chapters_of_the_report_and_keeps_the_others(tmp_path):
+    (tmp_path / "pictures").mkdir()
+    page, report = tmp_path / "page.md", tmp_path / "report.md"
+    page.write_text("# Page\n\nText.\n\n## Toy 1999\n\nOld.\n\n### Old\n\n## Last\n\nKept.\n")
+    (tmp_path / "toy.png").write_bytes(b"picture")
+    report.write_text("# Report\n\n## Toy 1999\n\nNew \\1.\n\n![A picture](toy.png)\n")
+    written = paired.fill_page(page, report)
+    assert page.read_text() == (
+        "# Page\n\nText.\n\n## Toy 1999\n\nNew \\1.\n\n![A picture](pictures/toy.png)\n\n"
+        "## Last\n\nKept.\n"
+    )
+    assert written == [page, tmp_path / "pictures" / "toy.png"]
+    assert written[1].read_bytes() == b"picture"
+    report.write_text("## Another 2000\n")
+    with pytest.raises(ValueError, match="no chapter 'Another 2000'"):
+        paired.fill_page(page, report)
 
 
 def test_without_matplotlib_the_report_says_that_there_are_no_pictures(tmp_path, monkeypatch):

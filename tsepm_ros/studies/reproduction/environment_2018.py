@@ -344,6 +344,7 @@ def _decision_parts(setting: Setting) -> list[Part]:
                 "encounters right, smallest J first": ".3f",
             },
             rows,
+            bounds=False,
         ),
         "J falls with the square of the number of earlier plots (u' moves by 1/(n+1) of the "
         "difference). With unequal histories the longer history attracts all plots, and no single "

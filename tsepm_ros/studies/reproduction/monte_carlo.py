@@ -251,17 +251,11 @@ def table_1_cases() -> dict[str, Table1Case]:
         return Scenario("section_5_1", window, PERIOD, sensor, targets=(target,))
 
     return {
-        "the errors as stated": Table1Case(scenario(stated)),
-        f"the errors as stated, gate margin {STATED_MARGIN:.0f} m": Table1Case(
-            scenario(stated), "fixed margin"
-        ),
-        f"errors of {sigma:g} m everywhere ({azimuth})": Table1Case(scenario(same)),
-        "the errors as stated, hits predicted from the others": Table1Case(
-            scenario(stated), "predicted"
-        ),
-        "the errors as stated, hits predicted from those before": Table1Case(
-            scenario(stated), "predicted by earlier"
-        ),
+        "as stated": Table1Case(scenario(stated)),
+        f"gate margin {STATED_MARGIN:.0f} m": Table1Case(scenario(stated), "fixed margin"),
+        f"{sigma:g} m everywhere ({azimuth})": Table1Case(scenario(same)),
+        "predicted from the others": Table1Case(scenario(stated), "predicted"),
+        "predicted from those before": Table1Case(scenario(stated), "predicted by earlier"),
     }
 
 

@@ -16,6 +16,9 @@ import dataclasses
 import inspect
 import math
 import pkgutil
+import re
+import shutil
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,6 +44,8 @@ SOURCES = {
 }
 """Title of each source, by the name of its module."""
 RUNS = 300
+PAGE_WIDTH = 120
+"""Characters of a line of a page."""
 
 Result = dict[str, list[float]]
 """Result of a run: numbers by name."""
@@ -216,20 +221,35 @@ class Table:
     columns : mapping of str to str
         Number format of each column, by its heading.
     rows : sequence of sequence of Cell
-    shown : bool
-        Whether the report has the table; else only its file is written.
+    reported : sequence of sequence of Cell, optional
+        The rows that the report shows; all if not given, and no table if there are none.
+    bounds : bool
+        Whether the report shows the intervals, as the file does.
     """
 
     name: str
     columns: Mapping[str, str]
     rows: Sequence[Sequence[Cell]]
-    shown: bool = True
+    reported: Sequence[Sequence[Cell]] | None = None
+    bounds: bool = True
 
     def markdown(self) -> str:
-        """The table in Markdown."""
-        formats = list(self.columns.values())
-        rows = [[_text(*cell) for cell in zip(row, formats, strict=True)] for row in self.rows]
-        return markdown_table(list(self.columns), rows)
+        """The table in Markdown; empty without rows."""
+        rows = self.rows if self.reported is None else self.reported
+        texts = [
+            [self._text(*cell) for cell in zip(row, self.columns.values(), strict=True)]
+            for row in rows
+        ]
+        return markdown_table(list(self.columns), texts) if texts else ""
+
+    def _text(self, cell: Cell, spec: str) -> str:
+        """Text of a cell, a dash for nan."""
+        if isinstance(cell, str):
+            return cell.replace("|", "\\|")
+        if isinstance(cell, Estimate) and self.bounds:
+            return cell.text(spec)
+        value = cell.value if isinstance(cell, Estimate) else cell
+        return "-" if math.isnan(value) else format(value, spec)
 
     def write_csv(self, path: Path) -> None:
         """Write the numbers; a number with an interval has three columns."""
@@ -241,15 +261,6 @@ class Table:
             for row in (heading, *(map(_values, row) for row in self.rows)):
                 cells = zip(row, widths, strict=True)
                 writer.writerow(value for values, width in cells for value in values[:width])
-
-
-def _text(cell: Cell, spec: str) -> str:
-    """Text of a cell, a dash for nan."""
-    if isinstance(cell, str):
-        return cell.replace("|", "\\|")
-    if isinstance(cell, Estimate):
-        return cell.text(spec)
-    return "-" if math.isnan(cell) else format(cell, spec)
 
 
 def _values(cell: Cell) -> list[Any]:
@@ -384,14 +395,14 @@ def write(parts: Sequence[Part], report: Path) -> list[Path]:
         path = report.parent / f"{part.name}.{'csv' if isinstance(part, Table) else 'png'}"
         if isinstance(part, Table):
             part.write_csv(path)
-            texts += [part.markdown()] * part.shown
+            texts.append(part.markdown())
         elif part.drawn(path):
             texts.append(f"![{part.caption}]({path.name})")
         else:
             texts.append(f"*{part.caption}: not drawn, since it needs matplotlib (the extra plot)*")
             continue
         written.append(path)
-    write_text(report, "\n\n".join(texts) + "\n")
+    write_text(report, "\n\n".join(filter(None, texts)) + "\n")
     return written
 
 
@@ -402,6 +413,11 @@ def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_runs(parser, RUNS)
     add_out(parser, "build/reproduction")
+    parser.add_argument(
+        "--page",
+        type=Path,
+        help="page whose chapters of these sources are renewed, with the pictures in pictures/",
+    )
 
 
 def run_reproduction(options: argparse.Namespace) -> None:
@@ -436,6 +452,45 @@ def run_reproduction(options: argparse.Namespace) -> None:
     for name in names:
         print(f"{name}: {SOURCES[name]}", flush=True)
         chapter = pkgutil.resolve_name(f"{__package__}.{name}:reproduce")
-        parts += [f"## {SOURCES[name]}", *chapter(setting)]
+        told = f"{options.runs} runs, seed {options.seed}, version {tsepm_ros.__version__}."
+        parts += [f"## {SOURCES[name]}", told, *chapter(setting)]
     written = write(parts, options.out / "report.md")
+    if options.page:
+        written += fill_page(options.page, options.out / "report.md")
     print("written: " + ", ".join(map(str, written)))
+
+
+def fill_page(page: Path, report: Path) -> list[Path]:
+    """Put the chapters of a report in the place of a page's chapters with the same headings.
+
+    Returns
+    -------
+    list of Path
+        The page, and its pictures.
+
+    Raises
+    ------
+    ValueError
+        If the page has no chapter of a source.
+    """
+    text, pictures = page.read_text(encoding="utf-8"), []
+    for chapter in re.split("^(?=## )", report.read_text(encoding="utf-8"), flags=re.M)[1:]:
+        heading = chapter.partition("\n")[0]
+        place = re.compile(f"^{re.escape(heading)}\n.*?(?=^## |\\Z)", re.M | re.S)
+        if not place.search(text):
+            raise ValueError(f"{page} has no chapter {heading[3:]!r}")
+        names = re.findall(r"\]\((\w+\.png)\)", chapter)
+        pictures += [page.parent / "pictures" / name for name in names]
+        linked = re.sub(r"\]\((?=\w+\.png\))", "](pictures/", chapter)
+        wrapped = "\n".join(map(_wrapped, linked.rstrip().splitlines()))
+        before, after = place.split(text, maxsplit=1)
+        text = f"{before}{wrapped}\n\n{after}"
+    write_text(page, text.rstrip() + "\n")
+    for picture in pictures:
+        shutil.copyfile(report.parent / picture.name, picture)
+    return [page, *pictures]
+
+
+def _wrapped(line: str) -> str:
+    """A line of text in several; tables, headings and pictures as they are."""
+    return line if line.startswith(("|", "#", "!")) else textwrap.fill(line, PAGE_WIDTH)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -131,12 +132,12 @@ def unmatched_false_before() -> list[str]:
 
 
 DENOMINATORS = {
-    "share of first-scan starts with a track": (
+    "share of first-scan starts": (
         Counted.STARTS_WITH_TRACK,
         Counted.FIRST_SCAN_STARTS,
     ),
-    "tracks per first-scan start": (Counted.FIRST_SCAN_TRACKS, Counted.FIRST_SCAN_STARTS),
-    "false + misplaced per start, N scans": (Counted.WRONG, Counted.STARTS),
+    "per first-scan start": (Counted.FIRST_SCAN_TRACKS, Counted.FIRST_SCAN_STARTS),
+    "per start, N scans": (Counted.WRONG, Counted.STARTS),
 }
 """Readings of P_F(2): numerator and denominator."""
 HALF_DIGIT = 0.5e-4
@@ -231,7 +232,7 @@ def _detection_parts(stated: Sequence[Result], predicted: Sequence[Result]) -> l
         "The last columns are simulated (Eq. 26 literal): true tracks in N scans, also with each "
         "hit predicted from the others in Eq. 22, and the errors of the first true track. *The "
         "larger M, the more accurate the state*: compare the rows of one N.",
-        Table("tsepm_2018_table_1_detection", columns, rows),
+        Table("tsepm_2018_table_1_detection", columns, rows, bounds=False),
     ]
 
 
@@ -265,34 +266,31 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
     near = [name for name in order if factors[name] <= MAX_RELATIVE_FACTOR * factors[order[0]]]
     published = {row.name: row.false_after for row in TABLE_1}
     readings: list[list[Cell]] = [
-        ["published", 1.0, "-", "-", len(TABLE_1), _recommended(published), _falls(published)]
+        ["published", 1.0, "-", len(TABLE_1), _recommended(published), _falls(published)]
     ]
     for name in order:
         values = after[name]
         ours = {row.name: value.value for row, value in zip(TABLE_1, values, strict=True)}
-        readings.append([name, factors[name], _worst(values), _left_out(values), _inside(values)])
+        readings.append([name, factors[name], _worst(values), _inside(values)])
         readings[-1] = [*readings[-1], _recommended(ours), _falls(ours)]
     shown = [row for row in readings if row[0] in ("published", *closest)]
     columns = {
         "reading": "",
         "factor": ".2f",
         "worst row": "",
-        "not in the factor": "",
         f"published values inside, of {len(TABLE_1)}": "d",
         f"rules with P_D > 0.85, P_F < 0.05 (text: {', '.join(sorted(RECOMMENDED))})": "",
         "P_F falls with M at each N": "",
     }
-    tables = [
-        Table(
-            f"tsepm_2018_table_1_after{suffix}",
-            {"M/N": "", "published": ".4f"} | dict.fromkeys(names, ".4f"),
-            [
-                [row.name, row.false_after, *(after[name][place] for name in names)]
-                for place, row in enumerate(TABLE_1)
-            ],
-            shown=not suffix,
-        )
-        for suffix, names in (("", closest[::2]), ("_all", list(after)))
+    names = closest[::2]
+    rows: list[list[Cell]] = [
+        [row.name, row.false_after, *(after[name][place] for name in names)]
+        for place, row in enumerate(TABLE_1)
+    ]
+    everything: list[list[Cell]] = [
+        [row.name, name, values[place]]
+        for place, row in enumerate(TABLE_1)
+        for name, values in after.items()
     ]
     return [
         "**P_F(2)** is simulated: the method with the rule, N scans, the 9 km disc, one target, "
@@ -308,10 +306,20 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
         + "; ".join(f"*{name}* ({factors[name]:.2f})" for name in near)
         + ". The closest is close by choice, too. Shown is the closest denominator of each scene "
         "and threshold; the CSV files have all readings.",
-        Table("tsepm_2018_table_1_closest", columns, shown),
-        Table("tsepm_2018_table_1_readings", columns, readings, shown=False),
+        Table("tsepm_2018_table_1_readings", columns, readings, shown),
         "P_F(2) of the closest denominators, Eq. 26 literal:",
-        *tables,
+        Table(
+            "tsepm_2018_table_1_after",
+            {"M/N": "", "published": ".4f"} | dict.fromkeys(names, ".4f"),
+            rows,
+            bounds=False,
+        ),
+        Table(
+            "tsepm_2018_table_1_after_all",
+            {"M/N": "", "reading": "", "P_F(2)": ".4f"},
+            everything,
+            reported=(),
+        ),
     ]
 
 
@@ -345,12 +353,6 @@ def _worst(values: list[Estimate]) -> str:
         return "-"
     name = max(ratios, key=lambda row: abs(ratios[row]))
     return f"{name}: {math.exp(ratios[name]):.2f}"
-
-
-def _left_out(values: list[Estimate]) -> str:
-    """Rows that are not in `_log_ratios`."""
-    ratios = _log_ratios(values)
-    return ", ".join(row.name for row in TABLE_1 if row.name not in ratios)
 
 
 def _inside(values: list[Estimate]) -> int:
@@ -476,40 +478,25 @@ class Curves:
         found = [column(runs, name, 3) for runs in self.runs]
         return [proportion(int(runs.sum()), len(runs)) for runs in found]
 
-    def all_figures(self, name: str, heading: str, spec: str) -> Table:
-        """The curves with their intervals, as a file."""
-        quantities = (self.detection, self.per_start, self.density)
-        per_curve = {curve: [values(curve) for values in quantities] for curve in CURVES}
-        columns = {"curve": "", "P_D": ".3f", "P_F per start": ".4f"}
-        rows: list[list[Cell]] = [
-            [point.value, curve, *(values[place] for values in per_curve[curve])]
-            for place, point in enumerate(self.points)
-            for curve in CURVES
-        ]
-        named = {heading: spec} | columns | {"false per scan and km²": ".4f"}
-        return Table(name, named, rows, shown=False)
-
     def figures(self, name: str, heading: str, spec: str) -> list[Part]:
-        """The curves without intervals: P_D, and false and misplaced per start and per run."""
+        """The curves: P_D, and false and misplaced tracks per start, per run and per area."""
         parts: list[Part] = []
         for suffix, text, quantity, decimals in (
-            ("p_d", "P_D", self.detection, ".2f"),
-            ("per_start", "False and misplaced tracks per start", self.per_start, ".2g"),
-            ("per_run", "False and misplaced tracks per run", self.per_run, ".3g"),
+            ("p_d", "P_D:", self.detection, ".2f"),
+            ("per_start", "False and misplaced tracks per start:", self.per_start, ".2g"),
+            ("per_run", "", self.per_run, ".3g"),
         ):
             values = {curve: quantity(curve) for curve in CURVES}
             if suffix == "p_d":
-                values |= {
-                    f"{curve}, any member": self.by_any_member(curve)
-                    for curve in CURVES
-                    if curve.startswith("tsepm")
-                }
+                published = [curve for curve in CURVES if curve.startswith("tsepm")]
+                values |= {f"{name}, any": self.by_any_member(name) for name in published}
             rows: list[list[Cell]] = [
-                [point.value, *(along[place].value for along in values.values())]
+                [point.value, *(along[place] for along in values.values())]
                 for place, point in enumerate(self.points)
             ]
             columns = {heading: spec} | dict.fromkeys(values, decimals)
-            parts += [f"{text}:", Table(f"{name}_{suffix}", columns, rows)]
+            shown = rows if text else ()
+            parts += [text, Table(f"{name}_{suffix}", columns, rows, shown, bounds=False)]
         return parts
 
     def picture(
@@ -629,23 +616,27 @@ def figure_parts(
             {"figure": "", "the text says": ""}
             | {f"{a}; {b}".replace("clutter test", "test"): "" for a, b in PAIRS},
             verdicts,
+            [
+                [figure, text, *map(_short, verdict)]
+                for figure, text, *verdict in verdicts
+                if not text.endswith("per run")
+            ],
         ),
+        "P_F per run has the same verdicts but for a point or two (CSV). "
         f"Claims that hold, of {len(verdicts)}: "
         + "; ".join(
             f"{a} and {b} {sum(row[2 + place] == report.HOLDS for row in verdicts)}"
             for place, (a, b) in enumerate(PAIRS)
         )
-        + f". Approximately equal is within {MAX_EQUAL_DIFFERENCE:g}, a choice. *Undecided*: the "
-        "95 % intervals leave it open.",
-        "**By density.** *Any member*: a merged group counts as the target's if the merged state "
+        + f". Approximately equal is within {MAX_EQUAL_DIFFERENCE:g}, a choice. *Open*: "
+        "the 95 % intervals leave it open.",
+        "**By density.** *Any*: a merged group counts as the target's if the merged state "
         "is within 3 sigma of the target and any of its members has more than half of its hits "
         "from the target; else its best member alone is judged. Tracks per start may exceed 1: "
         "splitting makes several tracks of a start. Such a figure is no probability.",
         *densities.figures("tsepm_2018_figures_5_6", "density [1/m²]", ".1e"),
         "**By error**, at " + f"{FIGURE_7_DENSITY:g} per m².",
         *errors.figures("tsepm_2018_figures_7_8", "error [m]", "g"),
-        densities.all_figures("tsepm_2018_figures_5_6", "density [1/m²]", ".1e"),
-        errors.all_figures("tsepm_2018_figures_7_8", "error [m]", "g"),
         densities.picture("tsepm_2018_figures_5_6", "Figs. 5 and 6", "clutter density [1/m²]"),
         errors.picture(
             "tsepm_2018_figures_7_8",
@@ -657,6 +648,14 @@ def figure_parts(
         *_merging_parts(densities),
         *_gate_parts(),
     ]
+
+
+def _short(verdict: str) -> str:
+    """A verdict in a word, with the points that hold."""
+    words = {report.HOLDS: "yes", report.FAILS: "no", report.OPEN: "open"}
+    word = next(word for long, word in words.items() if verdict.startswith(long))
+    found = re.search(r"(\d+) of (\d+)", verdict)
+    return f"{word}, {found[1]}/{found[2]}" if found else word
 
 
 def _merging_parts(densities: Curves) -> list[Part]:
