@@ -160,7 +160,7 @@ def test_a_hit_is_predicted_from_hits_without_it(kind, used):
     hits = detections(places, times, variance=1e4)
     ids = method.detections.append(hits.ravel()).reshape(20, 5)
     method.stamp = 90.0
-    candidates = method._estimate_block(ids)
+    candidates = method.estimated(ids)
     expected = distances_by_hand(method, hits, used)
     np.testing.assert_allclose(candidates.evaluation, expected, rtol=1e-6)
     np.testing.assert_allclose(candidates.distance, expected, rtol=1e-6)
@@ -385,24 +385,6 @@ def test_a_source_is_one_line_of_the_registry(tmp_path, monkeypatch, capsys):
     ]
     assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
     assert "toy.png" in capsys.readouterr().out
-
-
-def test_a_page_gets_the_chapters_of_the_report_and_keeps_the_others(tmp_path):
-    (tmp_path / "pictures").mkdir()
-    page, report = tmp_path / "page.md", tmp_path / "report.md"
-    page.write_text("# Page\n\nText.\n\n## Toy 1999\n\nOld.\n\n### Old\n\n## Last\n\nKept.\n")
-    (tmp_path / "toy.png").write_bytes(b"picture")
-    report.write_text("# Report\n\n## Toy 1999\n\nNew \\1.\n\n![A picture](toy.png)\n")
-    written = paired.fill_page(page, report)
-    assert page.read_text() == (
-        "# Page\n\nText.\n\n## Toy 1999\n\nNew \\1.\n\n![A picture](pictures/toy.png)\n\n"
-        "## Last\n\nKept.\n"
-    )
-    assert written == [page, tmp_path / "pictures" / "toy.png"]
-    assert written[1].read_bytes() == b"picture"
-    report.write_text("## Another 2000\n")
-    with pytest.raises(ValueError, match="no chapter 'Another 2000'"):
-        paired.fill_page(page, report)
 
 
 def test_without_matplotlib_the_report_says_that_there_are_no_pictures(tmp_path, monkeypatch):

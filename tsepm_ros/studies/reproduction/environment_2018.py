@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -86,50 +85,35 @@ class Equations:
         position = states[1, 0::2] - states[0, 0::2]
         relative = velocity[1] - velocity[0]
         x, y = (position + times[:, None] * relative).T  # Eqs. 5 and 6
-        angle = np.arctan2 if self.quadrants else _principal
         across, along = self.slope(velocity)
-        direction = angle(across, along) - angle(x, y)
+        direction = np.arctan2(across, along) - np.arctan2(x, y)
+        if not self.quadrants:
+            direction = np.arctan(across / along) - np.arctan(x / y)
         along_course = np.hypot(x, y) * np.cos(direction) / np.hypot(*relative)  # Eqs. 1 and 7
         return np.asarray(self.time(along_course))
 
 
-def _principal(across: Any, along: Any) -> Any:
-    return np.arctan(across / along)
-
-
-def _as_printed(velocity: FloatArray) -> tuple[float, float]:
-    (x1, y1), (x2, y2) = velocity
-    return y2 * y1, x2 - x1
-
-
-def _with_minus(velocity: FloatArray) -> tuple[float, float]:
-    (x1, y1), (x2, y2) = velocity
-    return y2 - y1, x2 - x1
-
-
-def _from_north(velocity: FloatArray) -> tuple[float, float]:
-    (x1, y1), (x2, y2) = velocity
-    return x2 - x1, y2 - y1
-
+SLOPES: dict[str, Callable[[FloatArray], tuple[float, float]]] = {
+    "Eq. 2 as printed": lambda v: (v[1, 1] * v[0, 1], v[1, 0] - v[0, 0]),
+    "Eq. 2 with its minus": lambda v: (v[1, 1] - v[0, 1], v[1, 0] - v[0, 0]),
+    "phi_r from y": lambda v: (v[1, 0] - v[0, 0], v[1, 1] - v[0, 1]),
+}
+"""Numerator and denominator of Eq. 2 from the velocities of both targets (2, 2)."""
+_AS_PRINTED, _WITH_MINUS, _FROM_NORTH = SLOPES.values()
 
 EQUATIONS = (
-    Equations("as printed", _as_printed, False, np.abs),
-    Equations("Eq. 2 with its minus", _with_minus, False, np.abs),
-    Equations("and phi_r from y, as theta", _from_north, False, np.abs),
-    Equations("and without the bars", _from_north, False, np.positive),
-    Equations("and with quadrants", _from_north, True, np.positive),
-    Equations("and with the other sign", _from_north, True, np.negative),
+    Equations("as printed", _AS_PRINTED, False, np.abs),
+    Equations("Eq. 2 with its minus", _WITH_MINUS, False, np.abs),
+    Equations("and phi_r from y, as theta", _FROM_NORTH, False, np.abs),
+    Equations("and without the bars", _FROM_NORTH, False, np.positive),
+    Equations("and with quadrants", _FROM_NORTH, True, np.positive),
+    Equations("and with the other sign", _FROM_NORTH, True, np.negative),
 )
 """Readings; each adds a correction to the previous reading."""
 
 
 def all_equations() -> list[Equations]:
     """Every combination of the readings of Eqs. 2, 8 and 9."""
-    slopes = {
-        "Eq. 2 as printed": _as_printed,
-        "Eq. 2 with its minus": _with_minus,
-        "phi_r from y": _from_north,
-    }
     angles = {"without quadrants": False, "with quadrants": True}
     signs = {
         "with bars": np.abs,
@@ -137,8 +121,8 @@ def all_equations() -> list[Equations]:
         "with a minus instead of bars": np.negative,
     }
     return [
-        Equations(", ".join(names), slopes[names[0]], angles[names[1]], signs[names[2]])
-        for names in itertools.product(slopes, angles, signs)
+        Equations(", ".join(names), SLOPES[names[0]], angles[names[1]], signs[names[2]])
+        for names in itertools.product(SLOPES, angles, signs)
     ]
 
 

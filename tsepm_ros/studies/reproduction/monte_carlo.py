@@ -195,8 +195,9 @@ class Predicted(Tsepm):
         """The hits that predict a hit: all others."""
         return np.delete(np.arange(number), hit)
 
-    def _estimate_block(self, ids: IntArray) -> Candidates:
-        candidates, hits = super()._estimate_block(ids), self.detections[ids]
+    def estimated(self, ids: IntArray) -> Candidates:
+        """See `Tsepm.estimated`."""
+        candidates, hits = super().estimated(ids), self.detections[ids]
         distances = [np.zeros(len(ids))]
         for place in range(hits.shape[1]):
             others = self.hits_before(place, hits.shape[1])

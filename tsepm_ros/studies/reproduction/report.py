@@ -16,9 +16,6 @@ import dataclasses
 import inspect
 import math
 import pkgutil
-import re
-import shutil
-import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,9 +40,6 @@ SOURCES = {
     "environment_2018": "Environment 2018",
 }
 """Title of each source, by the name of its module."""
-RUNS = 300
-PAGE_WIDTH = 120
-"""Characters of a line of a page."""
 
 Result = dict[str, list[float]]
 """Result of a run: numbers by name."""
@@ -411,13 +405,8 @@ def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", nargs="*", metavar="SOURCE", help=f"{', '.join(SOURCES)}; default all"
     )
-    add_runs(parser, RUNS)
+    add_runs(parser, 300)
     add_out(parser, "build/reproduction")
-    parser.add_argument(
-        "--page",
-        type=Path,
-        help="page whose chapters of these sources are renewed, with the pictures in pictures/",
-    )
 
 
 def run_reproduction(options: argparse.Namespace) -> None:
@@ -452,45 +441,7 @@ def run_reproduction(options: argparse.Namespace) -> None:
     for name in names:
         print(f"{name}: {SOURCES[name]}", flush=True)
         chapter = pkgutil.resolve_name(f"{__package__}.{name}:reproduce")
-        told = f"{options.runs} runs, seed {options.seed}, version {tsepm_ros.__version__}."
-        parts += [f"## {SOURCES[name]}", told, *chapter(setting)]
+        told = f"Measured with version {tsepm_ros.__version__}: {options.runs} runs, seed "
+        parts += [f"## {SOURCES[name]}", f"{told}{options.seed}.", *chapter(setting)]
     written = write(parts, options.out / "report.md")
-    if options.page:
-        written += fill_page(options.page, options.out / "report.md")
     print("written: " + ", ".join(map(str, written)))
-
-
-def fill_page(page: Path, report: Path) -> list[Path]:
-    """Put the chapters of a report in the place of a page's chapters with the same headings.
-
-    Returns
-    -------
-    list of Path
-        The page, and its pictures.
-
-    Raises
-    ------
-    ValueError
-        If the page has no chapter of a source.
-    """
-    text, pictures = page.read_text(encoding="utf-8"), []
-    for chapter in re.split("^(?=## )", report.read_text(encoding="utf-8"), flags=re.M)[1:]:
-        heading = chapter.partition("\n")[0]
-        place = re.compile(f"^{re.escape(heading)}\n.*?(?=^## |\\Z)", re.M | re.S)
-        if not place.search(text):
-            raise ValueError(f"{page} has no chapter {heading[3:]!r}")
-        names = re.findall(r"\]\((\w+\.png)\)", chapter)
-        pictures += [page.parent / "pictures" / name for name in names]
-        linked = re.sub(r"\]\((?=\w+\.png\))", "](pictures/", chapter)
-        wrapped = "\n".join(map(_wrapped, linked.rstrip().splitlines()))
-        before, after = place.split(text, maxsplit=1)
-        text = f"{before}{wrapped}\n\n{after}"
-    write_text(page, text.rstrip() + "\n")
-    for picture in pictures:
-        shutil.copyfile(report.parent / picture.name, picture)
-    return [page, *pictures]
-
-
-def _wrapped(line: str) -> str:
-    """A line of text in several; tables, headings and pictures as they are."""
-    return line if line.startswith(("|", "#", "!")) else textwrap.fill(line, PAGE_WIDTH)

@@ -142,7 +142,8 @@ def closest(counts: Sequence[Counts], earlier: bool = False) -> Counts:
 
 def _start_parts(counts: list[Counts]) -> list[Part]:
     nearest, shifted = closest(counts), closest(counts, earlier=True)
-    agree = [reading.name for reading in counts if _within(published.ALL_SIX, reading.at_least(6))]
+    shares = [reading.at_least(6) for reading in counts]
+    agree = sum(share.low <= published.ALL_SIX <= share.high for share in shares)
     certain = [reading for reading in counts if reading.at_least(4).value == 1.0]
     certain_in_main = _in_main(certain)
     share = same_share()
@@ -170,7 +171,7 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         f"The means of Fig. 9 are nearest to those of *{nearest.name}* (off by "
         f"{nearest.distance():.2f} tracks); with the first scan at 0 to those of *{shifted.name}* "
         f"({shifted.distance(earlier=True):.2f}). P(all six) = {published.ALL_SIX} lies in the "
-        f"interval of {len(agree)} of {len(counts)} readings (CSV). Four or more are started "
+        f"interval of {agree} of {len(counts)} readings (CSV). Four or more are started "
         f"in every run by {len(certain)} of {len(counts)} readings; with T {MAIN[0]:g} s and p_d "
         f"{MAIN[1]:g}: {_listed(certain_in_main) or 'none'}. No reading "
         "was chosen by these figures.",
@@ -191,10 +192,6 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
 
 def _listed(readings: Sequence[Counts]) -> str:
     return "; ".join(f"sigma {reading.gate}, {reading.matching}" for reading in readings)
-
-
-def _within(value: float, interval: Estimate) -> bool:
-    return interval.low <= value <= interval.high
 
 
 STARTS = {

@@ -36,21 +36,16 @@ from tsepm_ros.tools.evaluation.intervals import mean_count, proportion
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tracker import merging
 
-
-def track_ids() -> IntArray:
-    """Detection ids of Table I's tracks, (13, 5)."""
-    return np.array([[100 * scan + row for scan, row in track] for track in TABLE_I.values()])
-
-
-def confirmed_in() -> IntArray:
-    """Scan in which each track of Table I is confirmed, (13,)."""
-    return track_ids()[:, -1] // 100
-
-
-def shared_hits() -> IntArray:
-    """Number of measurements that each pair of tracks shares, (13, 13)."""
-    ids = track_ids()
-    return (ids[:, None, :, None] == ids[None, :, None, :]).sum(axis=(2, 3))
+TRACK_IDS: IntArray = np.array(
+    [[100 * scan + row for scan, row in track] for track in TABLE_I.values()]
+)
+"""Detection ids of Table I's tracks, (13, 5)."""
+CONFIRMED_IN: IntArray = TRACK_IDS[:, -1] // 100
+"""Scan in which each track of Table I is confirmed, (13,)."""
+SHARED_HITS: IntArray = (TRACK_IDS[:, None, :, None] == TRACK_IDS[None, :, None, :]).sum(
+    axis=(2, 3)
+)
+"""Number of measurements that each pair of tracks shares, (13, 13)."""
 
 
 def may_merge(first_track: int, second_track: int) -> bool:
@@ -59,18 +54,18 @@ def may_merge(first_track: int, second_track: int) -> bool:
     Condition (ii), close states, needs the positions, which are not printed.
     """
     first, second = np.array([first_track - 1]), np.array([second_track - 1])
-    same_scan = bool(np.all(confirmed_in()[first] == confirmed_in()[second]))
-    return bool(same_scan and merging.overlap(track_ids(), first, second)[0])
+    same_scan = CONFIRMED_IN[first] == CONFIRMED_IN[second]
+    return bool(same_scan[0] and merging.overlap(TRACK_IDS, first, second)[0])
 
 
 def table_i_groups() -> list[tuple[int, ...]]:
     """Groups of Table I's tracks by the package's merging, if all states are close."""
     groups = []
-    index, ids, scans = np.array(list(TABLE_I)), track_ids(), confirmed_in()
-    for scan in np.unique(scans):
-        rows = np.flatnonzero(scans == scan)
+    index = np.array(list(TABLE_I))
+    for scan in np.unique(CONFIRMED_IN):
+        rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
-        labels, _ = merging.groups(ids[rows], states, covariances, 0.9)
+        labels, _ = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
         for members in grouped.members_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
@@ -105,21 +100,20 @@ def reproduce(setting: Setting) -> list[Part]:
 
 def _table_i_parts() -> list[Part]:
     groups = table_i_groups()
-    shared, scans = shared_hits(), confirmed_in()
     claims = [*((pair, "merge") for pair in SAID_TO_MERGE)]
     claims += [(pair, "do not merge") for pair in SAID_NOT_TO_MERGE]
     rows: list[list[Cell]] = [
         [
             f"{first}, {second}",
             verdict,
-            int(shared[first - 1, second - 1]),
-            f"{scans[first - 1]}, {scans[second - 1]}",
+            int(SHARED_HITS[first - 1, second - 1]),
+            f"{CONFIRMED_IN[first - 1]}, {CONFIRMED_IN[second - 1]}",
             "may merge" if may_merge(first, second) else "do not merge",
         ]
         for (first, second), verdict in claims
     ]
     left = AFTER_SPLITTING - len(disjoint_pairs())
-    majority = [t for t in TABLE_II if 2 * shared[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
+    majority = [t for t in TABLE_II if 2 * SHARED_HITS[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
     return [
         "### Table I: thirteen tracks of one run",
         "Two tracks merge if (i) they are confirmed in the same scan, (ii) their states are close, "
@@ -185,14 +179,16 @@ def _shared_picture() -> Picture:
     return Picture(
         "split_merge_2016_table_i",
         "Table I of Split-merge 2016: measurements that its thirteen tracks share",
-        [Panel([dots], settings | {"title": "Measurements shared"}, image=shared_hits())],
+        [Panel([dots], settings | {"title": "Measurements shared"}, image=SHARED_HITS)],
         (6.0, 5.0),
     )
 
 
 def _scene_parts(runs: list[Result]) -> list[Part]:
-    split, merged = (_per_area(runs, f"{name} areas") for name in ("split", "merged"))
-    near = [_per_area(runs, f"{name} near") for name in ("split", "merged")]
+    split, merged = (
+        np.array([run[f"{name} areas"] for run in runs]) for name in ("split", "merged")
+    )
+    near = [np.array([run[f"{name} near"] for run in runs]) for name in ("split", "merged")]
     targets = split.shape[1]
     detected = [int(column(runs, name, 1).sum()) for name in ("split", "merged")]
     rows: list[list[Cell]] = []
@@ -237,10 +233,6 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
         + ".",
         _counts_picture(split, merged),
     ]
-
-
-def _per_area(runs: list[Result], name: str) -> NDArray[np.float64]:
-    return np.array([run[name] for run in runs])
 
 
 def _counts_picture(split: NDArray[np.float64], merged: NDArray[np.float64]) -> Picture:

@@ -80,9 +80,8 @@ MAX_DETECTION_DIFFERENCE = 1e-4
 MAX_FALSE_DIFFERENCE = 1e-3
 
 
-def true_margin() -> float:
-    """G from the larger axis of the error at the target, m."""
-    return GATE_FACTOR * measurement_sigma(SensorModel(), TARGET)
+TRUE_MARGIN = GATE_FACTOR * measurement_sigma(SensorModel(), TARGET)
+"""The gate margin g from the larger axis of the error at the target, m."""
 
 
 def detection(row: Table1Row) -> list[float]:
@@ -164,8 +163,9 @@ def table_1_parts(setting: Setting) -> list[Part]:
         for name, values in _after(runs).items()
     }
     closest = [
-        _closest(
-            [name for name in after if name.startswith(f"{scene};") and name.endswith(end)], after
+        min(
+            (name for name in after if name.startswith(f"{scene};") and name.endswith(end)),
+            key=lambda name: _log_distance(after[name]),
         )
         for scene in scenes
         for end in READINGS
@@ -191,11 +191,6 @@ def _after(runs: Sequence[Result]) -> dict[str, list[Estimate]]:
     }
 
 
-def _found(runs: Sequence[Result], row: Table1Row) -> Estimate:
-    found = column(runs, f"{row.name} literal", Counted.FOUND)
-    return proportion(int(found.sum()), len(runs))
-
-
 def _errors(runs: Sequence[Result], row: Table1Row) -> list[Cell]:
     """Root mean square errors of the target's first true tracks."""
     both = (Counted.POSITION_ERROR, Counted.VELOCITY_ERROR)
@@ -218,7 +213,11 @@ def _detection_parts(stated: Sequence[Result], predicted: Sequence[Result]) -> l
         cells: list[Cell] = [row.name]
         for published, computed in zip(row.detection, detection(row), strict=True):
             cells += [published, computed - published]
-        rows.append([*cells, _found(stated, row), _found(predicted, row), *_errors(stated, row)])
+        cells += [
+            proportion(int(column(runs, f"{row.name} literal", Counted.FOUND).sum()), len(runs))
+            for runs in (stated, predicted)
+        ]
+        rows.append([*cells, *_errors(stated, row)])
     missed = [row for row in TABLE_1 if row.name in unmatched_detection()]
     slips = sum(_is_near(detection_with_slip(row), row) for row in missed)
     return [
@@ -240,7 +239,7 @@ def _before_parts() -> list[Part]:
     margins = {
         f"fitted g = {FITTED_MARGIN:.1f} m": FITTED_MARGIN,
         f"sigma at 5000 m, g = {STATED_MARGIN:.2f} m": STATED_MARGIN,
-        f"sigma where the target is, g = {true_margin():.1f} m": true_margin(),
+        f"sigma where the target is, g = {TRUE_MARGIN:.1f} m": TRUE_MARGIN,
     }
     rows: list[list[Cell]] = [
         [row.name, row.false_before, *(false_before(row, margin) for margin in margins.values())]
@@ -323,11 +322,6 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
     ]
 
 
-def _closest(names: Sequence[str], after: Mapping[str, list[Estimate]]) -> str:
-    """The reading that is closest to the print."""
-    return min(names, key=lambda name: _log_distance(after[name]))
-
-
 def _log_ratios(values: list[Estimate]) -> dict[str, float]:
     """ln(ours / published) of the rows where both are above 0 and possible.
 
@@ -383,7 +377,7 @@ def _table_1_picture(after: Mapping[str, list[Estimate]], shown: Sequence[str]) 
     chains = (
         (f"chain, g = {FITTED_MARGIN:.1f} m (fitted)", FITTED_MARGIN, "o"),
         (f"chain, g = {STATED_MARGIN:.0f} m (sigma at 5000 m)", STATED_MARGIN, "s"),
-        (f"chain, g = {true_margin():.0f} m (sigma at 7071 m)", true_margin(), "^"),
+        (f"chain, g = {TRUE_MARGIN:.0f} m (sigma at 7071 m)", TRUE_MARGIN, "^"),
     )
     marks = {"color": "k", "marker": "x", "ls": ""}
     before = [Line(names, [row.false_before for row in TABLE_1], "published", marks)] + [
