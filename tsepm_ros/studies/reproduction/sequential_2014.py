@@ -145,7 +145,7 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
     shares = [reading.at_least(6) for reading in counts]
     agree = sum(share.low <= published.ALL_SIX <= share.high for share in shares)
     certain = [reading for reading in counts if reading.at_least(4).value == 1.0]
-    certain_in_main = _in_main(certain)
+    certain_in_main = "; ".join(f"sigma {r.gate}, {r.matching}" for r in _in_main(certain))
     share = same_share()
     return [
         "### Figs. 8 and 9: targets started",
@@ -164,8 +164,8 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         Table(
             "sequential_2014_starts",
             STARTS,
-            [_published_row(), *map(_row, counts)],
-            [_published_row(), *map(_row, _in_main(counts))],
+            [PUBLISHED, *map(_row, counts)],
+            [PUBLISHED, *map(_row, _in_main(counts))],
             bounds=False,
         ),
         f"The means of Fig. 9 are nearest to those of *{nearest.name}* (off by "
@@ -173,7 +173,7 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         f"({shifted.distance(earlier=True):.2f}). P(all six) = {published.ALL_SIX} lies in the "
         f"interval of {agree} of {len(counts)} readings (CSV). Four or more are started "
         f"in every run by {len(certain)} of {len(counts)} readings; with T {MAIN[0]:g} s and p_d "
-        f"{MAIN[1]:g}: {_listed(certain_in_main) or 'none'}. No reading "
+        f"{MAIN[1]:g}: {certain_in_main or 'none'}. No reading "
         "was chosen by these figures.",
         "Where the nearest pair is matched first, an echo outside its target's gate starts a "
         "second track, which is nearer to the next echoes: the hits are divided between the two, "
@@ -188,10 +188,6 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         "as all tracks.",
         _starts_picture(counts),
     ]
-
-
-def _listed(readings: Sequence[Counts]) -> str:
-    return "; ".join(f"sigma {reading.gate}, {reading.matching}" for reading in readings)
 
 
 STARTS = {
@@ -249,20 +245,19 @@ def _conventional_parts(runs: list[Result]) -> list[Part]:
     ]
 
 
-def _published_row() -> list[Cell]:
-    return [
-        "published",
-        "-",
-        "-",
-        "-",
-        published.FOUR_OR_MORE,
-        published.ALL_SIX,
-        "-",
-        "-",
-        *FORMED,
-        "-",
-        "-",
-    ]
+PUBLISHED: list[Cell] = [
+    "published",
+    "-",
+    "-",
+    "-",
+    published.FOUR_OR_MORE,
+    published.ALL_SIX,
+    "-",
+    "-",
+    *FORMED,
+    "-",
+    "-",
+]
 
 
 def _row(reading: Counts) -> list[Cell]:

@@ -622,7 +622,7 @@ def figure_parts(
             f"{a} and {b} {sum(row[2 + place] == report.HOLDS for row in verdicts)}"
             for place, (a, b) in enumerate(PAIRS)
         )
-        + f". Approximately equal is within {MAX_EQUAL_DIFFERENCE:g}, a choice. *Open*: "
+        + f". Approximately equal is within {MAX_EQUAL_DIFFERENCE:g}, a choice. *Undecided*: "
         "the 95 % intervals leave it open.",
         "**By density.** *Any*: a merged group counts as the target's if the merged state "
         "is within 3 sigma of the target and any of its members has more than half of its hits "
@@ -646,8 +646,7 @@ def figure_parts(
 
 def _short(verdict: str) -> str:
     """A verdict in a word, with the points that hold."""
-    words = {report.HOLDS: "yes", report.FAILS: "no", report.OPEN: "open"}
-    word = next(word for long, word in words.items() if verdict.startswith(long))
+    word = verdict.replace(report.HOLDS, "yes").replace(report.FAILS, "no").split()[0]
     found = re.search(r"(\d+) of (\d+)", verdict)
     return f"{word}, {found[1]}/{found[2]}" if found else word
 
