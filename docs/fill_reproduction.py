@@ -11,6 +11,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+from tsepm_ros.whole_files import write_text, written_whole
+
 PAGE = Path(__file__).parent / "reproduction.md"
 PAGE_WIDTH = 120
 """Characters of a line of the page."""
@@ -41,9 +43,10 @@ def fill_page(page: Path, report: Path) -> list[Path]:
         wrapped = "\n".join(map(_wrapped, linked.rstrip().splitlines()))
         before, after = place.split(text, maxsplit=1)
         text = f"{before}{wrapped}\n\n{after}"
-    page.write_text(text.rstrip() + "\n", encoding="utf-8")
+    write_text(page, text.rstrip() + "\n")
     for picture in pictures:
-        shutil.copyfile(report.parent / picture.name, picture)
+        with written_whole(picture) as temporary:
+            shutil.copyfile(report.parent / picture.name, temporary)
     return [page, *pictures]
 
 
