@@ -136,7 +136,7 @@ def starts_table(options: argparse.Namespace, densities: Mapping[float, float] =
         for degrees in (1, 3):
             azimuth = math.radians(degrees)
             box = scene("box", options.warm_up, clutter_density=density, azimuth_std=azimuth)
-            points = [score_at(1), score_at(10), score_at(10, limit_speed=False)]
+            points = [score_at(1), score_at(10), score_at(10, limit_speed="off")]
             [result] = evaluated(box, points, runs, options)
             for point, measures in zip(result.points, result.measures, strict=True):
                 cells = [measures.text(name, interval="detection" not in name) for name in shown]

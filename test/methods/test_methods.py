@@ -76,7 +76,7 @@ def test_no_published_speed_is_above_the_maximum(method):
     sensor = SensorModel(range_std=40.0, range_std_fraction=0.0, azimuth_std=0.02)
     published, started = [], []
     for seed in range(12):
-        made = make_initiator(method, sensor=sensor, max_speed=10.0)
+        made = make_initiator(method, sensor=sensor, max_speed=10.0, limit_speed="on")
         for scan in fast(seed):
             new = made.process(scan)
             check_output(made, new)
@@ -92,7 +92,7 @@ def test_without_the_limit_a_start_is_the_fit_to_its_hits():
     pairs = []
     for seed in range(12):
         limited, fitted = (
-            make_initiator("tsepm", sensor=sensor, limit_speed=limit) for limit in (True, False)
+            make_initiator("tsepm", sensor=sensor, limit_speed=limit) for limit in ("on", "off")
         )
         for scan in fast(seed):
             pairs += zip(limited.process(scan), fitted.process(scan), strict=True)
@@ -100,6 +100,16 @@ def test_without_the_limit_a_start_is_the_fit_to_its_hits():
     speeds = [np.hypot(*fitted.velocity) for _, fitted in pairs]
     assert max(speeds) > 10.0
     assert any(np.array_equal(one.state, other.state) for one, other in pairs)
+
+
+@EVERY_METHOD
+def test_only_the_speeds_of_score_are_limited_unless_the_user_gives_a_value(method):
+    def limit(**given):
+        return make_initiator(method, sensor=SensorModel(), **given).common.limit_speed
+
+    assert limit() == limit(limit_speed="auto") == ("on" if method == "score" else "off")
+    assert limit(limit_speed=True) == limit(limit_speed="on") == "on"
+    assert limit(limit_speed=False) == limit(limit_speed="off") == "off"
 
 
 @EVERY_METHOD

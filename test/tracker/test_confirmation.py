@@ -46,7 +46,7 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     Returns their number, and that of detections whose evidence was enough until then.
     """
     plain_scans, sensor, options = in_plain_loops(scene, seed)
-    common = CommonOptions(limit_speed=False, **AS_GIVEN)
+    common = CommonOptions(limit_speed="off", **AS_GIVEN)
     initiator = Tracker(Score(sensor, common, ScoreOptions(**options)))
     strong = 0
     for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):

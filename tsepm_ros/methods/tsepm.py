@@ -637,12 +637,12 @@ class Tsepm(WindowedMethod):
         if time_limit.finite and len(tracks) > BLOCK:
             order = np.argsort(path_cost(tracks, self.detections), kind="stable")
         begin = time_limit.elapsed
-        blocks = [self._estimate_block(tracks.hits[order[:BLOCK], :count])]
+        blocks = [self.estimated(tracks.hits[order[:BLOCK], :count])]
         for first in range(BLOCK, len(tracks), BLOCK):
             if time_limit.left < 0.5 * time_limit.seconds:
                 break
             rows = order[first : first + BLOCK]
-            blocks.append(self._estimate_block(tracks.hits[rows, :count]))
+            blocks.append(self.estimated(tracks.hits[rows, :count]))
         candidates = Candidates.joined(*blocks)
         self._seconds_per_track = (time_limit.elapsed - begin) / len(candidates)
         in_order = len(tracks) <= BLOCK
@@ -655,7 +655,8 @@ class Tsepm(WindowedMethod):
         possible = time_limit.left / (MERGING_COST * self._seconds_per_track)
         return candidates[keep_best(candidates.evaluation, max(int(possible), BLOCK))]
 
-    def _estimate_block(self, ids: IntArray) -> Candidates:
+    def estimated(self, ids: IntArray) -> Candidates:
+        """The tracks of hits with some ids (n, m): fitted and evaluated (Steps 4 and 5)."""
         hits = self.detections[ids]
         fitted = self.fit(hits)
         distance = evaluation.normalized_distance(hits, fitted)

@@ -123,7 +123,9 @@ class Hough(HitCounter):
         ids = self.begin(observed)
         image = np.concatenate([self._image, ids])
         ended = image < self.detections.first_id  # older than N scans
-        image, beyond = self._newest(image[~ended])
+        limit = min(self.common.max_potential_tracks, MAX_VOTES // self.options.angles)
+        beyond = max(int(np.count_nonzero(~ended)) - limit, 0)
+        image = image[~ended][-limit:]
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
         kept = lines[keep_best(votes, self.common.max_raw_confirmations)]
@@ -158,11 +160,6 @@ class Hough(HitCounter):
         best, estimates, _ = self.best(lines)
         tracks = self.tracks(best, estimates)
         return tracks.numbered(np.arange(len(tracks)))
-
-    def _newest(self, image: IntArray) -> tuple[IntArray, int]:
-        """The newest detections, within the limits; and how many are cut."""
-        limit = min(self.common.max_potential_tracks, MAX_VOTES // self.options.angles)
-        return image[-limit:], max(len(image) - limit, 0)
 
     def _lines(self, image: IntArray, votes: int, sensor: FloatArray) -> Paths:
         """Lines through a detection of the last scan that have at least so many votes.

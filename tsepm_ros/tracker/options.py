@@ -39,11 +39,12 @@ class CommonOptions:
         minimum=0.0,
         maximum=1e4,
     )
-    limit_speed: bool = parameter(
-        True,
-        "Limit the speed of new tracks: the state of a track that probably exceeds "
-        "max_speed is conditioned on a lower speed. false: the state as the method's "
-        "source defines it. Held tracks are limited in any case",
+    limit_speed: str = parameter(
+        "auto",
+        "Limit the speed of new tracks. on: the state of a track that probably exceeds max_speed "
+        "is conditioned on a lower speed; off: the state as the method's source defines it; auto: "
+        "on with the method score, off with the other methods. Held tracks are limited in any case",
+        choices=("auto", "on", "off"),
     )
     max_detections: int = parameter(
         200_000, "Maximum number of detections of a scan; a scan with more is refused", minimum=1
@@ -131,16 +132,17 @@ class CommonOptions:
             )
 
     def resolved(self, most_tracks_true: bool) -> CommonOptions:
-        """The options of a method: `detection_probability` is "estimated" or "given".
+        """The options of a method, without "auto": it depends on whether most tracks are true.
 
         With a `target_extent`, targets have several detections: `plots` is "on" for "auto".
         """
-        probability, plots = self.detection_probability, self.plots
-        if probability == "auto":
-            probability = "estimated" if most_tracks_true else "given"
-        if plots == "auto" and self.target_extent:
-            plots = "on"
-        return replace(self, detection_probability=probability, plots=plots)
+        automatic: dict[str, Any] = {
+            "detection_probability": "estimated" if most_tracks_true else "given",
+            "limit_speed": "on" if most_tracks_true else "off",
+            "plots": "on" if self.target_extent else "auto",
+        }
+        chosen = {name: value for name, value in automatic.items() if getattr(self, name) == "auto"}
+        return replace(self, **chosen)
 
 
 MAX_HITS = 32

@@ -486,7 +486,7 @@ class Tracker:
     def _proper(self, tracks: TrackArrays) -> TrackArrays:
         """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
         tracks = tracks.proper()  # what follows inverts the covariances
-        if not self.common.limit_speed or not len(tracks):
+        if self.common.limit_speed == "off" or not len(tracks):
             return tracks
         state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
         if state is tracks.state:

@@ -33,7 +33,7 @@ from tsepm_ros.whole_files import naming
 AddArguments = Callable[[argparse.ArgumentParser], None]
 Command = Callable[[argparse.Namespace], None]
 
-REPRODUCTION = "tsepm_ros.studies.reproduction.reproduce_command"
+REPRODUCTION = "tsepm_ros.studies.reproduction.report"
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
